@@ -1,0 +1,2 @@
+"""The front door: the command `fogwatch`, the launcher that runs a fleet as separate processes, the
+router between them, the run folder and the pictures."""

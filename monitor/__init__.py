@@ -1,0 +1,2 @@
+"""Reserved for watching a patrol from outside: it holds no code yet. What a run shows today is drawn by
+`fogwatch`: the live table, the final picture and the run folder."""
