@@ -1,0 +1,100 @@
+"""Everything about a scenario that never changes while it runs: the terrain, the starts, each body's static fields.
+
+The launcher prepares once and saves; its children load the same arrays memory-mapped, so a fleet holds one copy.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from patrol.fields import StaticFields, compute_fields
+from patrol.maps import load_terrain
+from patrol.pose import Pose
+from patrol.starts import place_starts
+from patrol.terrain import BoolGrid, Terrain, frozen_grid
+
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
+
+FACTS = "prepared.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A scenario with its terrain, the robots' starts in roster order and the static fields by robot number.
+
+    Robots of one radius share one StaticFields object.
+    """
+
+    scenario: Scenario
+    terrain: Terrain
+    starts: tuple[Pose, ...]
+    fields: Mapping[int, StaticFields]
+
+    @cached_property
+    def patrolled(self) -> BoolGrid:
+        """bool (height, width), read-only: points that some robot of the fleet can see; what MFoW counts."""
+        distinct = list({id(fields): fields for fields in self.fields.values()}.values())
+        return frozen_grid(np.logical_or.reduce([fields.patrolled for fields in distinct]))
+
+    def save(self, folder: Path) -> None:
+        """Write the arrays as .npy files and the rest as JSON into `folder`, which is made when missing."""
+        folder.mkdir(parents=True, exist_ok=True)
+        np.save(folder / "passable.npy", self.terrain.passable)
+        np.save(folder / "keep_out.npy", self.terrain.keep_out)
+        places: dict[int, str] = {}
+        for fields in self.fields.values():
+            if id(fields) not in places:
+                places[id(fields)] = f"body-{len(places) + 1}"
+                fields.save(folder / places[id(fields)])
+        facts = {
+            "name": self.terrain.name,
+            "point": self.terrain.point,
+            "origin": list(self.terrain.origin),
+            "starts": [[start.x, start.y, start.heading] for start in self.starts],
+            "fields": {str(number): places[id(fields)] for number, fields in self.fields.items()},
+        }
+        (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
+
+    @staticmethod
+    def load(scenario: Scenario, folder: Path) -> Prepared:
+        """What save() wrote for this scenario, memory-mapped and read-only."""
+        facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
+        x, y = facts["origin"]
+        terrain = Terrain(
+            name=facts["name"],
+            passable=np.load(folder / "passable.npy", mmap_mode="r"),
+            point=facts["point"],
+            origin=(x, y),
+            keep_out=np.load(folder / "keep_out.npy", mmap_mode="r"),
+        )
+        bodies = {place: StaticFields.load(folder / place) for place in sorted(set(facts["fields"].values()))}
+        return Prepared(
+            scenario=scenario,
+            terrain=terrain,
+            starts=tuple(Pose(*start) for start in facts["starts"]),
+            fields={int(number): bodies[place] for number, place in facts["fields"].items()},
+        )
+
+
+def prepare(scenario: Scenario) -> Prepared:
+    """Load the terrain, place the robots and compute each body's fields.
+
+    Raises BadInput for an unusable map, for starts that do not fit and for bodies too wide for the terrain.
+    """
+    terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
+    starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))
+    by_radius: dict[float, StaticFields] = {}
+    for radius in sorted({spec.radius for spec in scenario.roster}):
+        own = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
+        sensor = scenario.sensor
+        by_radius[radius] = compute_fields(terrain, radius, sensor.range, sensor.line_of_sight, own)
+    fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
+    return Prepared(scenario, terrain, starts, fields)

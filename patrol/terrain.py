@@ -1,0 +1,101 @@
+"""The ground: which points a body may be on and which a sensor sees through.
+
+A terrain is a grid of square points of side `point` metres, stored row by row with row 0 at the lowest y (paper section
+3: squares of 10 x 10 cm, each passable or an obstacle). Point (row, col) covers [ox + col p, ox + (col + 1) p) in x and
+likewise in y.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+BoolGrid = NDArray[np.bool_]
+
+
+def frozen_grid(mask: BoolGrid) -> BoolGrid:
+    """A read-only, row-major bool view of `mask`; copies only where its memory is laid out otherwise."""
+    grid = np.ascontiguousarray(mask, dtype=np.bool_).view()
+    grid.flags.writeable = False
+    return grid
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """The ground of one scenario.
+
+    passable: bool (height, width); False is an obstacle, which stops bodies and sight alike.
+    point: side of one point in m.
+    origin: x and y in m of the outer corner of point (0, 0).
+    keep_out: bool (height, width); True where bodies may not go although a sensor sees across. All False when omitted.
+    Both grids are read-only.
+    """
+
+    name: str
+    passable: BoolGrid
+    point: float
+    origin: tuple[float, float] = (0.0, 0.0)
+    keep_out: BoolGrid = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
+
+    def __post_init__(self) -> None:
+        passable = frozen_grid(self.passable)
+        if passable.ndim != 2 or passable.size == 0:
+            raise ValueError(f"a terrain needs a two-dimensional grid with points, not {passable.shape}")
+        keep_out = self.keep_out if self.keep_out.size else np.zeros(passable.shape, dtype=np.bool_)
+        if keep_out.shape != passable.shape:
+            raise ValueError(f"keep_out is {keep_out.shape}, passable is {passable.shape}")
+        object.__setattr__(self, "passable", passable)
+        object.__setattr__(self, "keep_out", frozen_grid(keep_out))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) in points."""
+        return self.passable.shape[0], self.passable.shape[1]
+
+    @property
+    def height(self) -> int:
+        """Number of rows."""
+        return self.passable.shape[0]
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return self.passable.shape[1]
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(xmin, ymin, xmax, ymax) in m."""
+        ox, oy = self.origin
+        return ox, oy, ox + self.width * self.point, oy + self.height * self.point
+
+    @property
+    def point_area(self) -> float:
+        """Area of one point in m2."""
+        return self.point * self.point
+
+    @cached_property
+    def free(self) -> BoolGrid:
+        """bool (height, width), read-only: where bodies may be; sight is blocked by ~passable only."""
+        return frozen_grid(self.passable & ~self.keep_out)
+
+    def point_at(self, x: float, y: float) -> tuple[int, int]:
+        """(row, col) of the point that covers (x, y) in m; it may lie outside the grid."""
+        ox, oy = self.origin
+        return math.floor((y - oy) / self.point), math.floor((x - ox) / self.point)
+
+    def centre(self, row: int, col: int) -> tuple[float, float]:
+        """(x, y) in m of the centre of point (row, col)."""
+        ox, oy = self.origin
+        return ox + (col + 0.5) * self.point, oy + (row + 0.5) * self.point
+
+    def inside(self, row: int, col: int) -> bool:
+        """Whether (row, col) is a point of this grid."""
+        return 0 <= row < self.height and 0 <= col < self.width
+
+    def contains(self, x: float, y: float) -> bool:
+        """Whether (x, y) in m lies on the terrain; False for NaN and infinities."""
+        return math.isfinite(x) and math.isfinite(y) and self.inside(*self.point_at(x, y))
