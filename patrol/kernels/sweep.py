@@ -1,0 +1,239 @@
+"""Exact swept motion of a disc against the terrain: the world moves bodies by it and minds predict by it.
+
+All lengths are metres, angles radians. `blocked` is (height, width) uint8, row 0 at the lowest y, 1 where a body may not
+be; point (row, col) covers [ox + col * point, ox + (col + 1) * point) by the same in y. Everything off the grid is blocked.
+A disc touching a square is free: only a centre nearer than radius - TOLERANCE to a blocked square overlaps it. A disc
+that already overlaps a square may only move straight away from it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, types
+
+TOLERANCE = 1e-9
+"""How much nearer than its radius (m) a disc may be to a square and still only touch it."""
+
+SAGITTA = 1e-4
+"""How far (m) a chord may lie from the arc it stands for."""
+
+_MASK = types.Array(types.uint8, 2, "C", readonly=True)
+_PATH = types.Array(types.float64, 2, "C")
+_F = types.float64
+
+
+@njit(
+    "UniTuple(float64, 3)(float64, float64, float64, float64, float64)",
+    cache=True,
+    nogil=True,
+    error_model="numpy",
+)
+def arc_end(x, y, heading, distance, curvature):  # type: ignore[no-untyped-def]
+    """Pose after driving `distance` (m, negative: backwards) along an arc of `curvature` (1/m, positive: left).
+
+    Exact: the chord has length distance * sin(u) / u and bearing heading + u with u = distance * curvature / 2, which
+    is well-conditioned down to a straight line. Returns (x, y, heading in (-pi, pi]).
+    """
+    half = 0.5 * distance * curvature
+    chord = distance * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
+    turned = heading + 2.0 * half
+    if turned > math.pi or turned <= -math.pi:
+        turned -= 2.0 * math.pi * math.ceil((turned - math.pi) / (2.0 * math.pi))
+    return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), turned
+
+
+@njit(_F(_F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _squared_distance(x, y, left, low, right, high):  # type: ignore[no-untyped-def]
+    """Squared distance (m^2) from a place to a closed rectangle."""
+    dx = max(left - x, 0.0, x - right)
+    dy = max(low - y, 0.0, y - high)
+    return dx * dx + dy * dy
+
+
+@njit(_F(_F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _entry_into_box(x0, y0, dx, dy, left, low, right, high):  # type: ignore[no-untyped-def]
+    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open rectangle; 2 when it never does."""
+    first, last = 0.0, 1.0
+    if dx != 0.0:
+        a, b = (left - x0) / dx, (right - x0) / dx
+        first, last = max(first, min(a, b)), min(last, max(a, b))
+    elif x0 <= left or x0 >= right:
+        return 2.0
+    if dy != 0.0:
+        a, b = (low - y0) / dy, (high - y0) / dy
+        first, last = max(first, min(a, b)), min(last, max(a, b))
+    elif y0 <= low or y0 >= high:
+        return 2.0
+    return first if first < last else 2.0
+
+
+@njit(_F(_F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _entry_into_circle(x0, y0, dx, dy, cx, cy, radius):  # type: ignore[no-untyped-def]
+    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open circle; 2 when it never does."""
+    a = dx * dx + dy * dy
+    b = (x0 - cx) * dx + (y0 - cy) * dy
+    c = (x0 - cx) ** 2 + (y0 - cy) ** 2 - radius * radius
+    root = b * b - a * c
+    if a == 0.0 or root <= 0.0:
+        return 2.0
+    root = math.sqrt(root)
+    first, last = max((-b - root) / a, 0.0), min((-b + root) / a, 1.0)
+    return first if first < last else 2.0
+
+
+@njit(_F(_F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _entry(x0, y0, dx, dy, left, low, right, high, radius):  # type: ignore[no-untyped-def]
+    """Fraction in [0, 1] at which a centre comes nearer than `radius` to the square; 2 when it never does."""
+    first = min(
+        _entry_into_box(x0, y0, dx, dy, left - radius, low, right + radius, high),
+        _entry_into_box(x0, y0, dx, dy, left, low - radius, right, high + radius),
+    )
+    for cx in (left, right):
+        for cy in (low, high):
+            first = min(first, _entry_into_circle(x0, y0, dx, dy, cx, cy, radius))
+    return first
+
+
+@njit(_F(_F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _free_of_square(x0, y0, dx, dy, left, low, right, high, radius):  # type: ignore[no-untyped-def]
+    """Largest fraction in [0, 1] of the move (dx, dy) that keeps a disc at (x0, y0) off one square.
+
+    Whether it hits is judged at radius - TOLERANCE, where it stops at radius: a disc stopped by a square
+    touches it and is free to slide along it.
+    """
+    inner = max(radius - TOLERANCE, 0.0)
+    if _squared_distance(x0, y0, left, low, right, high) < inner * inner:
+        away_x = x0 - min(max(x0, left), right)
+        away_y = y0 - min(max(y0, low), high)
+        return 1.0 if away_x * dx + away_y * dy > 0.0 else 0.0
+    if _entry(x0, y0, dx, dy, left, low, right, high, inner) > 1.0:
+        return 1.0
+    return min(_entry(x0, y0, dx, dy, left, low, right, high, radius), 1.0)
+
+
+@njit(_F(_F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _free_of_edge(a0, da, lowest, highest):  # type: ignore[no-untyped-def]
+    """Largest fraction in [0, 1] of a move by `da` from `a0` that stays in [lowest, highest] on one axis."""
+    if da < 0.0 and a0 + da < lowest - TOLERANCE:
+        return max((lowest - a0) / da, 0.0)
+    if da > 0.0 and a0 + da > highest + TOLERANCE:
+        return max((highest - a0) / da, 0.0)
+    if da == 0.0 and (a0 < lowest - TOLERANCE or a0 > highest + TOLERANCE):
+        return 0.0
+    return 1.0
+
+
+@njit(_F(_MASK, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
+    """Largest fraction in [0, 1] of the straight move from (x0, y0) to (x1, y1) along which a disc stays free.
+
+    Cost: the points in the swept capsule's rows and columns, each looked at once. All arguments must be finite.
+    """
+    height, width = blocked.shape
+    dx, dy = x1 - x0, y1 - y0
+    free = min(
+        _free_of_edge(x0, dx, ox + radius, ox + width * point - radius),
+        _free_of_edge(y0, dy, oy + radius, oy + height * point - radius),
+    )
+    length = math.hypot(dx, dy)
+    reach = radius + 1e-6
+    low_row = max(math.floor((min(y0, y1) - reach - oy) / point), 0)
+    high_row = min(math.floor((max(y0, y1) + reach - oy) / point), height - 1)
+    for row in range(low_row, high_row + 1):
+        low = oy + row * point
+        high = low + point
+        first, last = 0.0, 1.0
+        if dy != 0.0:
+            a, b = (low - reach - y0) / dy, (high + reach - y0) / dy
+            first = min(max(min(a, b), 0.0), 1.0)
+            last = min(max(max(a, b), 0.0), 1.0)
+        xa, xb = x0 + first * dx, x0 + last * dx
+        low_col = max(math.floor((min(xa, xb) - reach - ox) / point), 0)
+        high_col = min(math.floor((max(xa, xb) + reach - ox) / point), width - 1)
+        for col in range(low_col, high_col + 1):
+            if blocked[row, col] != 0:
+                left = ox + col * point
+                near = radius + free * length
+                if _squared_distance(x0, y0, left, low, left + point, high) > near * near:
+                    continue
+                free = min(free, _free_of_square(x0, y0, dx, dy, left, low, left + point, high, radius))
+                if free <= 0.0:
+                    return 0.0
+    return free
+
+
+@njit(types.void(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _chords(path, x, y, heading, distance, curvature):  # type: ignore[no-untyped-def]
+    """Fill `path` (n + 1, 2) with the ends of n equal chords of an arc; the last is `arc_end` of the whole."""
+    count = path.shape[0] - 1
+    path[0, 0], path[0, 1] = x, y
+    for i in range(1, count + 1):
+        path[i, 0], path[i, 1], _ = arc_end(x, y, heading, distance * (i / count), curvature)
+
+
+@njit(types.boolean(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _path_hits(path, left, low, right, high, radius):  # type: ignore[no-untyped-def]
+    """Whether a disc swept along the chords of `path` hits one square."""
+    for i in range(path.shape[0] - 1):
+        x0, y0 = path[i, 0], path[i, 1]
+        dx, dy = path[i + 1, 0] - x0, path[i + 1, 1] - y0
+        near = radius + abs(dx) + abs(dy)
+        if _squared_distance(x0, y0, left, low, right, high) >= near * near:
+            continue
+        if _free_of_square(x0, y0, dx, dy, left, low, right, high, radius) < 1.0:
+            return True
+    return False
+
+
+@njit(types.boolean(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _path_leaves(path, left, low, right, high, radius):  # type: ignore[no-untyped-def]
+    """Whether a disc swept along the chords of `path` leaves the rectangle."""
+    for i in range(path.shape[0] - 1):
+        x0, y0 = path[i, 0], path[i, 1]
+        if _free_of_edge(x0, path[i + 1, 0] - x0, left + radius, right - radius) < 1.0:
+            return True
+        if _free_of_edge(y0, path[i + 1, 1] - y0, low + radius, high - radius) < 1.0:
+            return True
+    return False
+
+
+@njit(types.uint8(_MASK, _F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def free_arc(blocked, point, ox, oy, x, y, heading, distance, curvature, radius):  # type: ignore[no-untyped-def]
+    """1 when a disc can drive the whole arc (distance in m, negative: backwards; curvature in 1/m), else 0.
+
+    The arc is swept as chords of at most half a point that lie within SAGITTA of it. A blocked square is compared with
+    the chords only when the ring that the disc sweeps on the arc's full circle reaches it. All arguments must be finite.
+    """
+    height, width = blocked.shape
+    chord = 0.5 * point
+    if curvature == 0.0:
+        chord = max(abs(distance), chord)
+    else:
+        chord = min(chord, math.sqrt(8.0 * SAGITTA / abs(curvature)))
+    path = np.empty((max(math.ceil(abs(distance) / chord), 1) + 1, 2), dtype=np.float64)
+    _chords(path, x, y, heading, distance, curvature)
+    if _path_leaves(path, ox, oy, ox + width * point, oy + height * point, radius):
+        return 0
+    ring = 1.0 / curvature if curvature != 0.0 else 0.0
+    cx, cy = x - ring * math.sin(heading), y + ring * math.cos(heading)
+    # Half a square's diagonal turns the distance of its centre into bounds on the distance of its nearest place.
+    reach = radius + SAGITTA + 0.7072 * point
+    low_row = max(math.floor((path[:, 1].min() - radius - oy) / point), 0)
+    high_row = min(math.floor((path[:, 1].max() + radius - oy) / point), height - 1)
+    low_col = max(math.floor((path[:, 0].min() - radius - ox) / point), 0)
+    high_col = min(math.floor((path[:, 0].max() + radius - ox) / point), width - 1)
+    for row in range(low_row, high_row + 1):
+        low = oy + row * point
+        for col in range(low_col, high_col + 1):
+            if blocked[row, col] == 0:
+                continue
+            left = ox + col * point
+            if ring != 0.0:
+                away = math.hypot(left + 0.5 * point - cx, low + 0.5 * point - cy)
+                if abs(away - abs(ring)) > reach:
+                    continue
+            if _path_hits(path, left, low, left + point, low + point, radius):
+                return 0
+    return 1

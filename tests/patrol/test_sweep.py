@@ -1,0 +1,50 @@
+"""Commands become poses, and walls stop them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from patrol.pose import Drive, Pose, Velocity
+from patrol.sweep import advance, free_fraction, path_is_free
+from patrol.terrain import Terrain
+
+
+@pytest.fixture
+def room() -> Terrain:
+    """10 x 10 m of half-metre points with a wall over x in [6, 6.5), open for y >= 8, and keep-out over y < 1."""
+    passable = np.ones((20, 20), dtype=np.bool_)
+    passable[:16, 12] = False
+    keep_out = np.zeros_like(passable)
+    keep_out[:2] = True
+    return Terrain("room", passable, 0.5, (0.0, 0.0), keep_out)
+
+
+def test_a_holonomic_robot_faces_the_way_it_moves() -> None:
+    assert advance(Pose(1.0, 1.0, 0.3), Velocity(0.0, -2.0), 0.5) == Pose(1.0, 0.0, -math.pi / 2)
+    assert advance(Pose(1.0, 1.0, 0.3), Velocity(0.0, 0.0), 0.5) == Pose(1.0, 1.0, 0.3)
+
+
+def test_a_car_follows_its_arc() -> None:
+    quarter = advance(Pose(0.0, 0.0, 0.0), Drive(math.pi, 0.5), 1.0)
+    assert (quarter.x, quarter.y, quarter.heading) == pytest.approx((2.0, 2.0, math.pi / 2))
+    back = advance(quarter, Drive(-math.pi, 0.5), 1.0)
+    assert (back.x, back.y, back.heading) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert advance(quarter, Drive(0.0, 0.5), 1.0) == quarter
+
+
+def test_walls_and_keep_out_stop_bodies(room: Terrain) -> None:
+    here = Pose(5.0, 5.0, 0.0)
+    assert path_is_free(room, here, Velocity(1.0, 0.0), 0.5, 0.5)
+    assert not path_is_free(room, here, Velocity(1.1, 0.0), 0.5, 0.5)
+    assert path_is_free(room, here, Drive(1.0, 0.0), 0.5, 0.5)
+    assert not path_is_free(room, here, Drive(8.0, 0.0), 0.5, 0.5)
+    assert not path_is_free(room, here, Velocity(0.0, -4.0), 1.0, 0.5)
+    assert path_is_free(room, here, Velocity(0.0, 4.0), 1.0, 0.5)
+
+
+def test_a_line_is_cut_where_it_touches(room: Terrain) -> None:
+    assert free_fraction(room, Pose(5.0, 5.0, 0.0), Pose(7.0, 5.0, 0.0), 0.5) == pytest.approx(0.25)
+    assert free_fraction(room, Pose(5.0, 9.0, 0.0), Pose(8.0, 9.0, 0.0), 0.5) == 1.0
