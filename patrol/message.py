@@ -1,0 +1,231 @@
+"""The position message: the only thing robots tell each other.
+
+A frame is one msgpack array
+
+    [version, robot, sequence, time_ms, x_cm, y_cm, heading_mrad]  +  [trail]  +  [tag]
+
+of small integers. `trail`, when there, is a flat array ``[dx1, dy1, dx2, dy2, ...]`` of centimetres: ``(dx1, dy1)`` leads
+from this position to the one before it, ``(dx2, dy2)`` from there to the one before that. `tag`, when there, is an 8-byte
+msgpack *bin*: keyed BLAKE2b over every byte before the bin's own two-byte header. An array and a bin cannot be
+confused, so no flag says which of the two a frame carries. The longest bare frame is 28 bytes, with the longest trail
+and a tag 63; no frame above `MAX_FRAME` is looked at.
+
+Numbers are rounded to the nearest unit (ties to even), headings to the nearest milliradian round the circle.
+"""
+
+from __future__ import annotations
+
+import hmac
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from hashlib import blake2b
+
+import msgpack
+
+from patrol.pose import TAU, Pose, wrap
+
+VERSION = 1
+MAX_FRAME = 64
+MAX_TRAIL = 4
+MAX_ROBOT = 0xFFFF
+MAX_SEQUENCE = 0xFFFF_FFFF
+MAX_TIME_MS = 0xFFFF_FFFF
+MAX_CM = 0x7FFF_FFFF
+MAX_STEP_CM = 0x7FFF
+MAX_HEADING_MRAD = 6283
+
+_FIELDS = 7
+_TAG_BYTES = 8
+_TAG_HEADER = b"\xc4\x08"
+_TAG_LENGTH = len(_TAG_HEADER) + _TAG_BYTES
+
+
+class RejectReason(StrEnum):
+    """Why a frame was dropped."""
+
+    MALFORMED = "malformed"
+    VERSION = "version"
+    TAG = "tag"
+    OWN = "own"
+    UNKNOWN = "unknown"
+    OUTSIDE = "outside"
+    OLD = "old"
+    AHEAD = "ahead"
+    TOO_FAST = "too_fast"
+
+
+class Rejected(Exception):
+    """A frame that must not be used, and why."""
+
+    def __init__(self, reason: RejectReason, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Where a robot says it is, in the units of the wire.
+
+    robot: 1..65535, or 0 for a *contact* (an intruder's position reported by a robot). sequence: 0..2^32-1, one more
+    each step. time_ms: 0..2^32-1, ms of the sender's clock. x_cm, y_cm: cm, signed 32 bits. heading_mrad: 0..6283.
+    trail: up to `MAX_TRAIL` pairs of cm, signed 16 bits, newest first. Raises ValueError for anything else.
+    """
+
+    robot: int
+    sequence: int
+    time_ms: int
+    x_cm: int
+    y_cm: int
+    heading_mrad: int
+    trail: tuple[tuple[int, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        _check("robot", self.robot, 0, MAX_ROBOT)
+        _check("sequence", self.sequence, 0, MAX_SEQUENCE)
+        _check("time_ms", self.time_ms, 0, MAX_TIME_MS)
+        _check("x_cm", self.x_cm, -MAX_CM - 1, MAX_CM)
+        _check("y_cm", self.y_cm, -MAX_CM - 1, MAX_CM)
+        _check("heading_mrad", self.heading_mrad, 0, MAX_HEADING_MRAD)
+        if len(self.trail) > MAX_TRAIL:
+            raise ValueError(f"trail has {len(self.trail)} positions, at most {MAX_TRAIL} fit")
+        for step in self.trail:
+            for delta in step:
+                _check("trail", delta, -MAX_STEP_CM - 1, MAX_STEP_CM)
+
+    @classmethod
+    def of(
+        cls, robot: int, sequence: int, time_s: float, pose: Pose, trail: tuple[tuple[int, int], ...] = ()
+    ) -> Position:
+        """The position to send for a pose (m, rad) at a time (s); raises ValueError when a number does not fit."""
+        return cls(
+            robot,
+            sequence,
+            _units(time_s, 1000.0),
+            _units(pose.x, 100.0),
+            _units(pose.y, 100.0),
+            _milliradians(pose.heading),
+            trail,
+        )
+
+    @property
+    def pose(self) -> Pose:
+        """The pose that receivers compute with (m, rad)."""
+        return Pose(self.x_cm / 100.0, self.y_cm / 100.0, wrap(self.heading_mrad / 1000.0))
+
+    @property
+    def time_s(self) -> float:
+        """The sender's clock, s."""
+        return self.time_ms / 1000.0
+
+    @property
+    def past(self) -> tuple[tuple[float, float], ...]:
+        """The trail as absolute (x, y) in m, newest first."""
+        places = []
+        x, y = self.x_cm, self.y_cm
+        for dx, dy in self.trail:
+            x, y = x + dx, y + dy
+            places.append((x / 100.0, y / 100.0))
+        return tuple(places)
+
+
+def encode(position: Position, key: bytes | None = None) -> bytes:
+    """The frame for a position: at most 32 bytes bare, at most `MAX_FRAME` with trail and tag.
+
+    key: 1 to 64 bytes shared by the fleet, or None for a frame without a tag.
+    """
+    body: list[object] = [
+        VERSION,
+        position.robot,
+        position.sequence,
+        position.time_ms,
+        position.x_cm,
+        position.y_cm,
+        position.heading_mrad,
+    ]
+    if position.trail:
+        body.append([delta for step in position.trail for delta in step])
+    packer = msgpack.Packer(autoreset=False)
+    packer.pack_array_header(len(body) + (key is not None))
+    for value in body:
+        packer.pack(value)
+    frame = packer.bytes()
+    if key is not None:
+        frame += _TAG_HEADER + _tag(frame, key)
+    return bytes(frame)
+
+
+def decode(frame: bytes, key: bytes | None = None) -> Position:
+    """The position in a frame. Raises `Rejected` (malformed, version or tag), and nothing else, for any bytes at all.
+
+    With a key every frame must carry its tag; without one a tag is skipped unchecked.
+    """
+    values = _unpack(frame)
+    if values[0] != VERSION:
+        raise Rejected(RejectReason.VERSION, f"version {values[0]}, this is version {VERSION}")
+    tagged = type(values[-1]) is bytes
+    rest = values[_FIELDS : len(values) - tagged]
+    if len(values) < _FIELDS + tagged or len(rest) > 1:
+        raise Rejected(RejectReason.MALFORMED, "wrong number of values")
+    try:
+        position = Position(*values[1:_FIELDS], trail=_trail(rest[0]) if rest else ())
+    except (ValueError, TypeError) as error:
+        raise Rejected(RejectReason.MALFORMED, str(error)) from None
+    if tagged and frame[-_TAG_LENGTH:-_TAG_BYTES] != _TAG_HEADER:
+        raise Rejected(RejectReason.MALFORMED, f"a tag is a bin of {_TAG_BYTES} bytes")
+    if key is not None and not (tagged and _genuine(frame, key)):
+        raise Rejected(RejectReason.TAG, "the tag is wrong" if tagged else "no tag")
+    return position
+
+
+def _unpack(frame: bytes) -> list[object]:
+    """The frame's outermost array, its first value an int; `Rejected` otherwise."""
+    if len(frame) > MAX_FRAME:
+        raise Rejected(RejectReason.MALFORMED, f"{len(frame)} bytes, at most {MAX_FRAME} are allowed")
+    try:
+        values = msgpack.unpackb(frame, raw=False, strict_map_key=True, ext_hook=_no_extension)
+    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
+        raise Rejected(RejectReason.MALFORMED, f"no msgpack ({type(error).__name__})") from None
+    if type(values) is not list or not values or type(values[0]) is not int:
+        raise Rejected(RejectReason.MALFORMED, "no array that begins with a version")
+    return values
+
+
+def _no_extension(code: int, data: bytes) -> object:
+    raise ValueError(f"extension type {code}")
+
+
+def _trail(flat: object) -> tuple[tuple[int, int], ...]:
+    if type(flat) is not list or not flat or len(flat) % 2:
+        raise ValueError("a trail is an array of pairs")
+    return tuple(zip(flat[::2], flat[1::2], strict=True))
+
+
+def _check(name: str, value: object, low: int, high: int) -> None:
+    if type(value) is not int:
+        raise ValueError(f"{name} is no integer")
+    if not low <= value <= high:
+        raise ValueError(f"{name} is {value}, outside {low}..{high}")
+
+
+def _units(value: float, per_unit: float) -> int:
+    scaled = value * per_unit
+    if not math.isfinite(scaled):
+        raise ValueError(f"{value} is not finite")
+    return round(scaled)
+
+
+def _milliradians(heading: float) -> int:
+    """The nearest of 0..6283 mrad round the circle, whose circumference is 6283.185 mrad."""
+    if not math.isfinite(heading):
+        raise ValueError(f"heading {heading} is not finite")
+    mrad = (heading % TAU) * 1000.0
+    return 0 if mrad > (MAX_HEADING_MRAD + TAU * 1000.0) / 2.0 else round(mrad)
+
+
+def _tag(body: bytes, key: bytes) -> bytes:
+    return blake2b(body, key=key, digest_size=_TAG_BYTES).digest()
+
+
+def _genuine(frame: bytes, key: bytes) -> bool:
+    return hmac.compare_digest(frame[-_TAG_BYTES:], _tag(frame[:-_TAG_LENGTH], key))

@@ -1,0 +1,51 @@
+"""Randomness without a stream: every draw is a hash of what it is for.
+
+A draw depends on its arguments alone, never on how many draws came before it, so the order in which robots, links or
+processes ask cannot change a run. The hash is splitmix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number
+generators", OOPSLA 2014) chained over the arguments:
+
+    h = 0;  for each value v:  h = finalise((h XOR v) + 0x9E3779B97F4A7C15)      (all modulo 2^64)
+
+so that ``mix(s)`` is the first output of the reference generator seeded with ``s``.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from operator import index
+from typing import SupportsIndex
+
+_MASK = (1 << 64) - 1
+_GOLDEN = 0x9E3779B97F4A7C15
+
+
+class Purpose(IntEnum):
+    """What a draw is for: the value after the seed, so that draws for different things never share arguments."""
+
+    START = 1
+    RANDOM_MOVE = 2
+    ETHER = 3
+
+
+def mix(*values: SupportsIndex) -> int:
+    """A well mixed 64-bit integer from one or more integers (any sign and size, taken modulo 2^64)."""
+    if not values:
+        raise TypeError("mix needs at least one value")
+    state = 0
+    for value in values:
+        state = _finalise(((state ^ (index(value) & _MASK)) + _GOLDEN) & _MASK)
+    return state
+
+
+def draw(*values: SupportsIndex) -> float:
+    """A float in [0, 1), uniform over the multiples of 2^-53, from one or more integers.
+
+    By convention the first value is the scenario's seed and the second a `Purpose`.
+    """
+    return (mix(*values) >> 11) * 2.0**-53
+
+
+def _finalise(z: int) -> int:
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & _MASK
+    return z ^ (z >> 31)
