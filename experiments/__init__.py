@@ -1,2 +1,4 @@
-"""Whole fleets in one process: minds and world side by side, without Zenoh, with the same trace as the
-separate processes give, bit for bit."""
+"""Whole fleets in one process.
+
+Minds and world side by side, without Zenoh, with the same trace as separate processes give, bit for bit.
+"""

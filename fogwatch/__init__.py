@@ -1,2 +1,5 @@
-"""The front door: the command `fogwatch`, the launcher that runs a fleet as separate processes, the
-router between them, the run folder and the pictures."""
+"""The front door of the project.
+
+The command `fogwatch`, the launcher that runs a fleet as separate processes, the router between them, the
+run folder and the pictures.
+"""

@@ -1,2 +1,4 @@
-"""Reserved for watching a patrol from outside: it holds no code yet. What a run shows today is drawn by
-`fogwatch`: the live table, the final picture and the run folder."""
+"""Reserved for watching a patrol from outside; it holds no code yet.
+
+What a run shows today comes from `fogwatch`: the live table, the final picture and the run folder.
+"""

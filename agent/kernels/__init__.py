@@ -1,2 +1,5 @@
-"""Compiled kernels of `agent`: every module here imports only numpy and numba, and every kernel takes
-arrays and scalars under one explicit signature and calls no kernel of another file."""
+"""Compiled kernels of `agent`.
+
+Every module here imports only numpy and numba. A kernel takes arrays and scalars, has one explicit
+signature, and calls no kernel of another file.
+"""

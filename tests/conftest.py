@@ -1,0 +1,52 @@
+"""What every test shares: how hypothesis searches, and that no process outlives the session."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+# A slow machine is no failure; in CI a run repeats exactly, elsewhere each run searches anew.
+settings.register_profile("local", deadline=None, print_blob=True)
+settings.register_profile("ci", settings.get_profile("local"), derandomize=True, database=None)
+settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+MARK = "FOGWATCH_TEST_SESSION"
+GRACE_S = 5.0
+
+
+def marked_processes(mark: str) -> dict[int, str]:
+    """Command lines of the living processes that inherited this session's mark, whoever their parent is."""
+    found = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        if int(folder.name) == os.getpid():
+            continue
+        with suppress(OSError):  # it ended meanwhile, or is somebody else's
+            if mark.encode() not in (folder / "environ").read_bytes():
+                continue
+            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+            if "multiprocessing.resource_tracker" not in command:  # lives as long as the session by design
+                found[int(folder.name)] = command
+    return found
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_process_outlives_the_session() -> Iterator[None]:
+    """Fail, and clean up, when a process that a test started is still there soon after the last test."""
+    mark = f"{MARK}={uuid.uuid4().hex}"
+    os.environ[MARK] = mark.partition("=")[2]
+    yield
+    deadline = time.monotonic() + GRACE_S
+    while (left := marked_processes(mark)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    for number in left:
+        with suppress(ProcessLookupError):
+            os.kill(number, signal.SIGKILL)
+    assert not left, f"tests left processes behind: {left}"

@@ -1,0 +1,192 @@
+"""The rules of the house that no single module can hold by itself."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("patrol", "agent", "worldsim", "monitor", "experiments", "fogwatch")
+LONGEST_FILE = 420
+
+# A folder of one machine, such as a home; and the hosts that serve Python packages.
+MACHINE_PATH = re.compile(r"(?<![\w.~$}-])/(?:work|root|home/\w[\w.-]*|Users/\w[\w.-]*)/")
+REGISTRY_HOST = re.compile(
+    r"(?:pypi|pythonhosted|anaconda)\.(?:org|com)\b|--(?:extra-)?index-url|--find-links"
+)
+
+
+def files_of_ours() -> list[Path]:
+    """Every file that git tracks or would track."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout.decode()
+    return [path for name in sorted(listed.split("\0")) if name and (path := ROOT / name).is_file()]
+
+
+def python_files() -> list[Path]:
+    return [path for path in files_of_ours() if path.suffix == ".py"]
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Absolute names of the modules that a file imports, wherever it imports them."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            yield node.module
+
+
+CHECKERS = {
+    "style": ["ruff", "check", "--quiet", "."],
+    "format": ["ruff", "format", "--check", "--quiet", "--diff", "."],
+    "types": ["mypy", "--no-error-summary"],
+    "layers": ["lint-imports", "--no-cache"],
+}
+
+
+@pytest.mark.parametrize("name", CHECKERS)
+def test_the_checkers_find_nothing(name: str) -> None:
+    program, *arguments = CHECKERS[name]
+    command = [str(Path(sys.executable).with_name(program)), *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+
+
+def test_files_are_short() -> None:
+    lengths = {path.relative_to(ROOT): len(path.read_bytes().splitlines()) for path in python_files()}
+    assert not {path: lines for path, lines in lengths.items() if lines > LONGEST_FILE}
+
+
+def test_kernels_import_only_numpy_and_numba() -> None:
+    allowed = {"__future__", "math", "numpy", "numba"}
+    strangers = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in python_files()
+        if path.parent.name == "kernels"
+        for name in imports(path)
+        if name.partition(".")[0] not in allowed or name == "numpy.random"
+    }
+    assert not strangers
+
+
+def test_no_file_names_a_machine_path_or_a_registry() -> None:
+    found = []
+    for path in files_of_ours():
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            continue  # an image
+        for number, line in enumerate(text.splitlines(), start=1):
+            if path != Path(__file__) and (MACHINE_PATH.search(line) or REGISTRY_HOST.search(line)):
+                found.append(f"{path.relative_to(ROOT)}:{number}: {line.strip()}")
+    assert not found
+
+
+def locked() -> dict[str, list[str]]:
+    """Requirement lines of the lock file by name (several where versions differ by Python)."""
+    lines = (ROOT / "requirements.lock").read_text().replace("\\\n", " ").splitlines()
+    found: dict[str, list[str]] = {}
+    for line in lines:
+        found.setdefault(canonicalize_name(Requirement(line.partition("--hash")[0]).name), []).append(line)
+    return found
+
+
+def test_lock_pins_and_hashes_everything_and_names_no_host() -> None:
+    lines = [line for several in locked().values() for line in several]
+    assert not [line for line in lines if "==" not in line or "--hash=sha256:" not in line]
+    assert "://" not in (ROOT / "requirements.lock").read_text()
+
+
+def test_lock_holds_what_the_project_asks_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    asked = [
+        *project["build-system"]["requires"],
+        *project["project"]["dependencies"],
+        *(line for extra in project["project"]["optional-dependencies"].values() for line in extra),
+    ]
+    pins = {
+        name: [Requirement(line.partition("--hash")[0]) for line in lines] for name, lines in locked().items()
+    }
+    for wanted in map(Requirement, asked):
+        if wanted.name == "fogwatch":
+            continue
+        versions = [next(iter(pin.specifier)).version for pin in pins[canonicalize_name(wanted.name)]]
+        assert all(version in wanted.specifier for version in versions), f"run make lock: {wanted}"
+
+
+def base_distributions() -> set[str]:
+    """What `pip install fogwatch` installs, without any extra."""
+    pending = ["fogwatch"]
+    found: set[str] = set()
+    while pending:
+        name = canonicalize_name(pending.pop())
+        if name in found:
+            continue
+        found.add(name)
+        for line in metadata.requires(name) or []:
+            wanted = Requirement(line)
+            if wanted.marker is None or wanted.marker.evaluate({"extra": ""}):
+                pending.append(wanted.name)
+    return found
+
+
+AGENT_ON_A_BARE_ROBOT = """
+import importlib, json, pkgutil, sys
+allowed = set(json.loads(sys.argv[1])) | set(sys.stdlib_module_names)
+
+class NothingElse:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] not in allowed:
+            raise ModuleNotFoundError(f"a robot has no {name}", name=name)
+
+sys.meta_path.insert(0, NothingElse())
+import agent
+for module in pkgutil.walk_packages(agent.__path__, "agent."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+"""
+
+
+def test_an_agent_needs_no_extra_and_none_of_the_other_packages() -> None:
+    """Import all of `agent` where only the base dependencies can be found.
+
+    Names in `sys.modules` would not do: numba loads scipy where there is one.
+    """
+    base = base_distributions()
+    modules = [
+        module
+        for module, owners in metadata.packages_distributions().items()
+        if module not in PACKAGES and any(canonicalize_name(owner) in base for owner in owners)
+    ]
+    command = [sys.executable, "-P", "-c", AGENT_ON_A_BARE_ROBOT, json.dumps([*modules, "patrol", "agent"])]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_wheel_holds_the_six_packages_and_nothing_else(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("fogwatch-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    assert {name.partition("/")[0] for name in names if ".dist-info/" not in name} == set(PACKAGES)
+    assert {f"{package}/py.typed" for package in PACKAGES} <= set(names)
+    data = {
+        str(path.relative_to(ROOT))
+        for path in files_of_ours()
+        if path.relative_to(ROOT).parts[0] in PACKAGES and path.suffix not in {".py", ".pyc"}
+    }
+    assert data <= set(names)
+    assert any(name.endswith("licenses/LICENSE") for name in names)
