@@ -1,4 +1,4 @@
-"""Where a command takes a body, and whether the way there is free: thin wrappers around the swept-motion kernels.
+"""Where a command takes a body, and whether the way there is free: wrappers of the swept-motion kernels.
 
 The world moves bodies by these functions and a mind predicts with them, so both agree to the last bit.
 """
@@ -6,11 +6,13 @@ The world moves bodies by these functions and a mind predicts with them, so both
 from __future__ import annotations
 
 import math
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from patrol.kernels import sweep as kernels
 from patrol.pose import Command, Drive, Pose, Velocity
-from patrol.terrain import Terrain
+
+if TYPE_CHECKING:
+    from patrol.terrain import Terrain
 
 
 def advance(pose: Pose, command: Command, step: float) -> Pose:
@@ -30,7 +32,7 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
 
 
 def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, radius: float) -> bool:
-    """Whether a disc of `radius` (m) that obeys `command` for `step` seconds touches at most the walls' faces."""
+    """Whether a disc of `radius` (m) can obey `command` for `step` seconds; touching a wall is free."""
     match command:
         case Velocity():
             return free_fraction(terrain, pose, advance(pose, command, step), radius) >= 1.0
@@ -43,7 +45,7 @@ def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, ra
 
 
 def free_fraction(terrain: Terrain, pose: Pose, target: Pose, radius: float) -> float:
-    """The largest fraction in [0, 1] of the straight line from `pose` to `target` free for a disc of `radius` (m)."""
+    """Largest fraction in [0, 1] of the line from `pose` to `target` that is free for a disc of `radius` (m)."""
     x, y = terrain.origin
     line = (pose.x, pose.y, target.x, target.y)
     return float(kernels.free_fraction_line(terrain.blocked, terrain.point, x, y, *line, radius))

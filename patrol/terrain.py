@@ -82,6 +82,11 @@ class Terrain:
         """bool (height, width), read-only: where bodies may be; sight is blocked by ~passable only."""
         return frozen_grid(self.passable & ~self.keep_out)
 
+    @cached_property
+    def blocked(self) -> NDArray[np.uint8]:
+        """uint8 (height, width), read-only: 1 where bodies may not be, as the kernels of swept motion want it."""
+        return frozen_grid(~self.free).view(np.uint8)
+
     def point_at(self, x: float, y: float) -> tuple[int, int]:
         """(row, col) of the point that covers (x, y) in m; it may lie outside the grid."""
         ox, oy = self.origin

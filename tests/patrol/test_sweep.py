@@ -14,7 +14,7 @@ from patrol.terrain import Terrain
 
 @pytest.fixture
 def room() -> Terrain:
-    """10 x 10 m of half-metre points with a wall over x in [6, 6.5), open for y >= 8, and keep-out over y < 1."""
+    """10 x 10 m of half-metre points; a wall over x in [6, 6.5) below y = 8, keep-out below y = 1."""
     passable = np.ones((20, 20), dtype=np.bool_)
     passable[:16, 12] = False
     keep_out = np.zeros_like(passable)
