@@ -31,7 +31,7 @@ test: install ## style, types, layers and every quick test
 
 .PHONY: accept
 accept: install ## the long checks: what the project promises, measured
-	$(BIN)/python -m pytest -m accept
+	$(BIN)/python -m pytest -m accept --timeout=3600
 
 .PHONY: bench
 bench: install ## the speed of the kernels and of a whole decision
