@@ -45,7 +45,7 @@ def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, ra
 
 
 def free_fraction(terrain: Terrain, pose: Pose, target: Pose, radius: float) -> float:
-    """Largest fraction in [0, 1] of the line from `pose` to `target` that is free for a disc of `radius` (m)."""
+    """Largest fraction in [0, 1] of the line from `pose` to `target` free for a disc of `radius` (m)."""
     x, y = terrain.origin
     line = (pose.x, pose.y, target.x, target.y)
     return float(kernels.free_fraction_line(terrain.blocked, terrain.point, x, y, *line, radius))

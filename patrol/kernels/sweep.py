@@ -1,9 +1,9 @@
 """Exact swept motion of a disc against the terrain: the world moves bodies by it and minds predict by it.
 
-All lengths are metres, angles radians. `blocked` is (height, width) uint8, row 0 at the lowest y, 1 where a body may not
-be; point (row, col) covers [ox + col * point, ox + (col + 1) * point) by the same in y. Everything off the grid is blocked.
-A disc touching a square is free: only a centre nearer than radius - TOLERANCE to a blocked square overlaps it. A disc
-that already overlaps a square may only move straight away from it.
+All lengths are metres, angles radians. `blocked` is (height, width) uint8, row 0 at the lowest y, 1 where a
+body may not be; point (row, col) covers [ox + col * point, ox + (col + 1) * point) by the same in y.
+Everything off the grid is blocked. A disc touching a square is free: only a centre nearer than radius -
+TOLERANCE to a blocked square overlaps it. A disc that already overlaps a square may only move away from it.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _F = types.float64
     nogil=True,
     error_model="numpy",
 )
-def arc_end(x, y, heading, distance, curvature):  # type: ignore[no-untyped-def]
-    """Pose after driving `distance` (m, negative: backwards) along an arc of `curvature` (1/m, positive: left).
+def arc_end(x, y, heading, distance, curvature):
+    """Pose after driving `distance` (negative: backwards) along an arc of `curvature` (1/m, positive: left).
 
-    Exact: the chord has length distance * sin(u) / u and bearing heading + u with u = distance * curvature / 2, which
-    is well-conditioned down to a straight line. Returns (x, y, heading in (-pi, pi]).
+    Exact: the chord has length distance * sin(u) / u and bearing heading + u, u = distance * curvature / 2,
+    which is well-conditioned down to a straight line. Returns (x, y, heading in (-pi, pi]).
     """
     half = 0.5 * distance * curvature
     chord = distance * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
@@ -45,7 +45,7 @@ def arc_end(x, y, heading, distance, curvature):  # type: ignore[no-untyped-def]
 
 
 @njit(_F(_F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _squared_distance(x, y, left, low, right, high):  # type: ignore[no-untyped-def]
+def _squared_distance(x, y, left, low, right, high):
     """Squared distance (m^2) from a place to a closed rectangle."""
     dx = max(left - x, 0.0, x - right)
     dy = max(low - y, 0.0, y - high)
@@ -53,8 +53,8 @@ def _squared_distance(x, y, left, low, right, high):  # type: ignore[no-untyped-
 
 
 @njit(_F(_F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _entry_into_box(x0, y0, dx, dy, left, low, right, high):  # type: ignore[no-untyped-def]
-    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open rectangle; 2 when it never does."""
+def _entry_into_box(x0, y0, dx, dy, left, low, right, high):
+    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open rectangle; 2 for never."""
     first, last = 0.0, 1.0
     if dx != 0.0:
         a, b = (left - x0) / dx, (right - x0) / dx
@@ -70,8 +70,8 @@ def _entry_into_box(x0, y0, dx, dy, left, low, right, high):  # type: ignore[no-
 
 
 @njit(_F(_F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _entry_into_circle(x0, y0, dx, dy, cx, cy, radius):  # type: ignore[no-untyped-def]
-    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open circle; 2 when it never does."""
+def _entry_into_circle(x0, y0, dx, dy, cx, cy, radius):
+    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open circle; 2 for never."""
     a = dx * dx + dy * dy
     b = (x0 - cx) * dx + (y0 - cy) * dy
     c = (x0 - cx) ** 2 + (y0 - cy) ** 2 - radius * radius
@@ -84,8 +84,8 @@ def _entry_into_circle(x0, y0, dx, dy, cx, cy, radius):  # type: ignore[no-untyp
 
 
 @njit(_F(_F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _entry(x0, y0, dx, dy, left, low, right, high, radius):  # type: ignore[no-untyped-def]
-    """Fraction in [0, 1] at which a centre comes nearer than `radius` to the square; 2 when it never does."""
+def _entry(x0, y0, dx, dy, left, low, right, high, radius):
+    """Fraction in [0, 1] at which a centre comes nearer than `radius` to the square; 2 for never."""
     first = min(
         _entry_into_box(x0, y0, dx, dy, left - radius, low, right + radius, high),
         _entry_into_box(x0, y0, dx, dy, left, low - radius, right, high + radius),
@@ -97,7 +97,7 @@ def _entry(x0, y0, dx, dy, left, low, right, high, radius):  # type: ignore[no-u
 
 
 @njit(_F(_F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _free_of_square(x0, y0, dx, dy, left, low, right, high, radius):  # type: ignore[no-untyped-def]
+def _free_of_square(x0, y0, dx, dy, left, low, right, high, radius):
     """Largest fraction in [0, 1] of the move (dx, dy) that keeps a disc at (x0, y0) off one square.
 
     Whether it hits is judged at radius - TOLERANCE, where it stops at radius: a disc stopped by a square
@@ -114,7 +114,7 @@ def _free_of_square(x0, y0, dx, dy, left, low, right, high, radius):  # type: ig
 
 
 @njit(_F(_F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _free_of_edge(a0, da, lowest, highest):  # type: ignore[no-untyped-def]
+def _free_of_edge(a0, da, lowest, highest):
     """Largest fraction in [0, 1] of a move by `da` from `a0` that stays in [lowest, highest] on one axis."""
     if da < 0.0 and a0 + da < lowest - TOLERANCE:
         return max((lowest - a0) / da, 0.0)
@@ -126,10 +126,10 @@ def _free_of_edge(a0, da, lowest, highest):  # type: ignore[no-untyped-def]
 
 
 @njit(_F(_MASK, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
-    """Largest fraction in [0, 1] of the straight move from (x0, y0) to (x1, y1) along which a disc stays free.
+def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
+    """Largest fraction in [0, 1] of the straight move (x0, y0) to (x1, y1) along which a disc stays free.
 
-    Cost: the points in the swept capsule's rows and columns, each looked at once. All arguments must be finite.
+    Each point of the swept capsule's rows and columns is looked at once. All arguments must be finite.
     """
     height, width = blocked.shape
     dx, dy = x1 - x0, y1 - y0
@@ -164,9 +164,18 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):  # type:
     return free
 
 
+@njit(types.int64(_F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def chord_count(distance, curvature, longest):
+    """How many equal chords stand for an arc: within SAGITTA of it and at most `longest`; 1 for a line."""
+    if curvature == 0.0:
+        return 1
+    chord = min(longest, math.sqrt(8.0 * SAGITTA / abs(curvature)))
+    return max(math.ceil(abs(distance) / chord), 1)
+
+
 @njit(types.void(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _chords(path, x, y, heading, distance, curvature):  # type: ignore[no-untyped-def]
-    """Fill `path` (n + 1, 2) with the ends of n equal chords of an arc; the last is `arc_end` of the whole."""
+def arc_points(path, x, y, heading, distance, curvature):
+    """Fill `path`, float64 (n + 1, 2), with the ends of n equal chords of an arc; the last is `arc_end`'s."""
     count = path.shape[0] - 1
     path[0, 0], path[0, 1] = x, y
     for i in range(1, count + 1):
@@ -174,7 +183,7 @@ def _chords(path, x, y, heading, distance, curvature):  # type: ignore[no-untype
 
 
 @njit(types.boolean(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _path_hits(path, left, low, right, high, radius):  # type: ignore[no-untyped-def]
+def _path_hits(path, left, low, right, high, radius):
     """Whether a disc swept along the chords of `path` hits one square."""
     for i in range(path.shape[0] - 1):
         x0, y0 = path[i, 0], path[i, 1]
@@ -188,7 +197,7 @@ def _path_hits(path, left, low, right, high, radius):  # type: ignore[no-untyped
 
 
 @njit(types.boolean(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _path_leaves(path, left, low, right, high, radius):  # type: ignore[no-untyped-def]
+def _path_leaves(path, left, low, right, high, radius):
     """Whether a disc swept along the chords of `path` leaves the rectangle."""
     for i in range(path.shape[0] - 1):
         x0, y0 = path[i, 0], path[i, 1]
@@ -200,25 +209,21 @@ def _path_leaves(path, left, low, right, high, radius):  # type: ignore[no-untyp
 
 
 @njit(types.uint8(_MASK, _F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def free_arc(blocked, point, ox, oy, x, y, heading, distance, curvature, radius):  # type: ignore[no-untyped-def]
-    """1 when a disc can drive the whole arc (distance in m, negative: backwards; curvature in 1/m), else 0.
+def free_arc(blocked, point, ox, oy, x, y, heading, distance, curvature, radius):
+    """1 when a disc can drive the whole arc (`distance` negative: backwards; `curvature` in 1/m), else 0.
 
-    The arc is swept as chords of at most half a point that lie within SAGITTA of it. A blocked square is compared with
-    the chords only when the ring that the disc sweeps on the arc's full circle reaches it. All arguments must be finite.
+    The arc is swept as chords of at most half a point that lie within SAGITTA of it. A blocked square is
+    compared with them only if the ring that the disc sweeps on the whole circle reaches it. All arguments
+    must be finite.
     """
     height, width = blocked.shape
-    chord = 0.5 * point
-    if curvature == 0.0:
-        chord = max(abs(distance), chord)
-    else:
-        chord = min(chord, math.sqrt(8.0 * SAGITTA / abs(curvature)))
-    path = np.empty((max(math.ceil(abs(distance) / chord), 1) + 1, 2), dtype=np.float64)
-    _chords(path, x, y, heading, distance, curvature)
+    path = np.empty((chord_count(distance, curvature, 0.5 * point) + 1, 2), dtype=np.float64)
+    arc_points(path, x, y, heading, distance, curvature)
     if _path_leaves(path, ox, oy, ox + width * point, oy + height * point, radius):
         return 0
     ring = 1.0 / curvature if curvature != 0.0 else 0.0
     cx, cy = x - ring * math.sin(heading), y + ring * math.cos(heading)
-    # Half a square's diagonal turns the distance of its centre into bounds on the distance of its nearest place.
+    # Half a square's diagonal turns its centre's distance into bounds on its nearest place's.
     reach = radius + SAGITTA + 0.7072 * point
     low_row = max(math.floor((path[:, 1].min() - radius - oy) / point), 0)
     high_row = min(math.floor((path[:, 1].max() + radius - oy) / point), height - 1)

@@ -17,7 +17,7 @@ ORIGIN = (-1.0, 2.0)
 
 
 def clearance(blocked: np.ndarray, x: float, y: float) -> float:
-    """Distance from a place to the nearest blocked square or the terrain's edge (negative beyond it), in m."""
+    """Distance (m) from a place to the nearest blocked square or the terrain's edge (negative beyond it)."""
     height, width = blocked.shape
     ox, oy = ORIGIN
     nearest = min(x - ox, ox + width * POINT - x, y - oy, oy + height * POINT - y)
@@ -83,7 +83,7 @@ def test_an_arc_is_free_when_dense_samples_are(
     if free:
         assert nearest >= radius - 2 * sweep.SAGITTA
     elif nearest >= radius:
-        # Refused although the samples are free: only within a chord's distance from the arc, or between samples.
+        # Refused although the samples are free: between samples, or by a chord that lies beside the arc.
         assert nearest < radius + 2 * sweep.SAGITTA + abs(distance) / 300
 
 
