@@ -81,6 +81,31 @@ def test_kernels_import_only_numpy_and_numba() -> None:
     assert not strangers
 
 
+def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
+    """Only the processes, and what stands between them and the machine, know that time passes."""
+    machine = {
+        "asyncio",
+        "datetime",
+        "multiprocessing",
+        "queue",
+        "signal",
+        "socket",
+        "subprocess",
+        "threading",
+        "time",
+    }
+    around = {"process.py", "__main__.py", "link.py", "warmup.py"}
+    impure = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in python_files()
+        if path.relative_to(ROOT).parts[0] in {"patrol", "agent", "worldsim"}
+        if path.name not in around and path.parent.name != "robots"
+        for name in imports(path)
+        if name.partition(".")[0] in machine
+    }
+    assert not impure
+
+
 def test_no_file_names_a_machine_path_or_a_registry() -> None:
     found = []
     for path in files_of_ours():
