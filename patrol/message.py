@@ -4,11 +4,11 @@ A frame is one msgpack array
 
     [version, robot, sequence, time_ms, x_cm, y_cm, heading_mrad]  +  [trail]  +  [tag]
 
-of small integers. `trail`, when there, is a flat array ``[dx1, dy1, dx2, dy2, ...]`` of centimetres: ``(dx1, dy1)`` leads
-from this position to the one before it, ``(dx2, dy2)`` from there to the one before that. `tag`, when there, is an 8-byte
-msgpack *bin*: keyed BLAKE2b over every byte before the bin's own two-byte header. An array and a bin cannot be
-confused, so no flag says which of the two a frame carries. The longest bare frame is 28 bytes, with the longest trail
-and a tag 63; no frame above `MAX_FRAME` is looked at.
+of small integers. `trail`, when there, is a flat array ``[dx1, dy1, dx2, dy2, ...]`` of centimetres: ``(dx1, dy1)``
+leads from this position to the one before it, ``(dx2, dy2)`` from there to the one before that. `tag`, when there, is
+an 8-byte msgpack *bin*: keyed BLAKE2b over every byte before the bin's own two-byte header. An array and a bin cannot
+be confused, so no flag says which of the two a frame carries. The longest bare frame is 28 bytes, with the longest
+trail and a tag 63; no frame above `MAX_FRAME` is looked at.
 
 Numbers are rounded to the nearest unit (ties to even), headings to the nearest milliradian round the circle.
 """
@@ -89,9 +89,9 @@ class Position:
         _check("heading_mrad", self.heading_mrad, 0, MAX_HEADING_MRAD)
         if len(self.trail) > MAX_TRAIL:
             raise ValueError(f"trail has {len(self.trail)} positions, at most {MAX_TRAIL} fit")
-        for step in self.trail:
-            for delta in step:
-                _check("trail", delta, -MAX_STEP_CM - 1, MAX_STEP_CM)
+        for dx, dy in self.trail:
+            _check("trail", dx, -MAX_STEP_CM - 1, MAX_STEP_CM)
+            _check("trail", dy, -MAX_STEP_CM - 1, MAX_STEP_CM)
 
     @classmethod
     def of(
@@ -168,8 +168,10 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
     if len(values) < _FIELDS + tagged or len(rest) > 1:
         raise Rejected(RejectReason.MALFORMED, "wrong number of values")
     try:
-        position = Position(*values[1:_FIELDS], trail=_trail(rest[0]) if rest else ())
-    except (ValueError, TypeError) as error:
+        trail = _trail(rest[0]) if rest else ()
+        # The constructor checks every type and range.
+        position = Position(*values[1:_FIELDS], trail)  # type: ignore[arg-type]
+    except ValueError as error:
         raise Rejected(RejectReason.MALFORMED, str(error)) from None
     if tagged and frame[-_TAG_LENGTH:-_TAG_BYTES] != _TAG_HEADER:
         raise Rejected(RejectReason.MALFORMED, f"a tag is a bin of {_TAG_BYTES} bytes")
@@ -191,7 +193,7 @@ def _unpack(frame: bytes) -> list[object]:
     return values
 
 
-def _no_extension(code: int, data: bytes) -> object:
+def _no_extension(code: int, _data: bytes) -> object:
     raise ValueError(f"extension type {code}")
 
 

@@ -1,0 +1,136 @@
+"""What is wrong with a scenario, in one line that a person can act on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from patrol.scenario_model import (
+    PatrolSpec,
+    RadioSpec,
+    RobotEntry,
+    RobotGroup,
+    Scenario,
+    Section,
+    SensorSpec,
+    TerrainSpec,
+)
+
+_SECTIONS: dict[str, type[Section]] = {
+    "terrain": TerrainSpec,
+    "sensor": SensorSpec,
+    "patrol": PatrolSpec,
+    "radio": RadioSpec,
+}
+_UNKNOWN = ("extra_forbidden", "invalid_key")
+_LONGEST = 60
+
+
+def one_line(error: ValidationError, source: str, overridden: Collection[str]) -> str:
+    """The first problem as ``source: field = value: problem``, unknown keys first, and how many more there are.
+
+    overridden: dotted fields that were given as overrides and not by the source.
+    """
+    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] not in _UNKNOWN)
+    line = _describe(problems[0], source, overridden)
+    more = len(problems) - 1
+    return f"{line} (and {more} more {'problem' if more == 1 else 'problems'})" if more else line
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """'did you mean X?' for the nearest known word, otherwise the list of them."""
+    near = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+
+
+def show(value: Any) -> str:
+    """A value as a scenario file would spell it, cut to a readable length."""
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=repr)
+    except (ValueError, TypeError, RecursionError):
+        text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def _describe(problem: ErrorDetails, source: str, overridden: Collection[str]) -> str:
+    context = problem.get("ctx", {})
+    location = [part for part in problem["loc"] if not str(part).startswith("=")]
+    if problem["type"] == "crossed" and context["field"]:
+        location += context["field"].split(".")
+    field = ".".join(str(part) for part in location)
+    where = f"override {field}" if _is_overridden(field, overridden) else f"{source}: {field}"
+    section, note = _known_at(problem["loc"])
+    match problem["type"]:
+        case "extra_forbidden" | "invalid_key":
+            return f"{where}: unknown key; {_nearest_key(str(location[-1]), section)}"
+        case "missing":
+            return f"{where}: missing; give {note or 'it'}"
+        case "crossed":
+            value = _value_at(problem["input"], context["field"])
+            return f"{where}{value}: {context['problem']}"
+    value = f" = {show(problem['input'])}"
+    match problem["type"]:
+        case "expected":
+            what = context["what"]
+        case "literal_error":
+            what = context["expected"].replace("'", "")
+        case "model_type" | "model_attributes_type" | "dict_type":
+            what = f"keys and values ({', '.join(section.model_fields)})"
+        case "too_short":
+            what = f"{context['min_length']} or more of them"
+        case "too_long":
+            what = f"at most {context['max_length']} of them"
+        case "tuple_type" | "list_type":
+            what = "a list"
+        case _:
+            return f"{where}{value}: {problem['msg']}"
+    return f"{where}{value}: expected {what}{f' ({note})' if note and note != what else ''}"
+
+
+def _is_overridden(field: str, overridden: Collection[str]) -> bool:
+    return any(field == name or field.startswith(f"{name}.") or name.startswith(f"{field}.") for name in overridden)
+
+
+def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
+    """The innermost section on the way to a location, and the description of the field that leads to the location."""
+    section: type[Section] = Scenario
+    note = ""
+    in_robots = False
+    for part in location:
+        if in_robots and part in ("=mapping", "=list"):
+            section = RobotGroup if part == "=mapping" else RobotEntry
+            in_robots = False
+        elif isinstance(part, str) and not part.startswith("="):
+            known = section.model_fields.get(part)
+            note = (known.description or "") if known else ""
+            if section is Scenario:
+                in_robots = part == "robots"
+                section = _SECTIONS.get(part, Scenario)
+    return section, note
+
+
+def _nearest_key(key: str, section: type[Section]) -> str:
+    known = list(section.model_fields)
+    if get_close_matches(key.lower(), known, n=1, cutoff=0.6):
+        return did_you_mean(key, known)
+    everywhere = {"": Scenario, "robots": RobotGroup, **_SECTIONS}
+    homes = [name for name, other in everywhere.items() if key in other.model_fields and other is not section]
+    if homes:
+        return f"it belongs under {homes[0]}" if homes[0] else "it belongs at the top level"
+    return did_you_mean(key, known)
+
+
+def _value_at(value: Any, field: str) -> str:
+    """' = value' of a dotted field inside a validated model; nothing when it has none of its own."""
+    for part in field.split(".") if field else []:
+        value = value[int(part)] if isinstance(value, list | tuple) else _member(value, part)
+    return "" if value is None or not isinstance(value, str | int | float) else f" = {show(value)}"
+
+
+def _member(value: Any, name: str) -> Any:
+    return value.get(name) if isinstance(value, dict) else getattr(value, name, None)

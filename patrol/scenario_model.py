@@ -1,0 +1,366 @@
+"""The scenario's fields, their units, limits and defaults.
+
+Frozen pydantic models. Unknown keys are refused, numbers must be finite, and a boolean or a text is never taken for a
+number. `patrol.scenario` reads and writes scenario files and is what other modules import.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from patrol.message import MAX_STEP_CM, MAX_TIME_MS, MAX_TRAIL
+from patrol.pose import Pose, wrap
+
+MAX_ROBOTS = 65_000
+MAX_TICKS = 2**31 - 2
+MAX_SEED = 2**63 - 1
+
+Kind = Literal["car", "holonomic"]
+Builtin = Literal["open", "yards", "clutter", "site"]
+BUILTINS: tuple[str, ...] = get_args(Builtin)
+
+# --- what a value may be ---------------------------------------------------------------------------------------------
+
+
+def _expecting(what: str) -> WrapValidator:
+    """Replace whatever the inner checks say by one message: what was expected."""
+
+    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return handler(value)
+        except ValidationError:
+            raise PydanticCustomError("expected", "{what}", {"what": what}) from None
+
+    return WrapValidator(check)
+
+
+def _wrong(field: str, problem: str) -> PydanticCustomError:
+    """A check over several fields failed; `field` is the one to change, dotted from the model that checks."""
+    return PydanticCustomError("crossed", "{problem}", {"field": field, "problem": problem})
+
+
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False), _expecting("a finite number")]
+Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False), _expecting("a finite number above 0")]
+NotNegative = Annotated[float, Strict(), Field(ge=0, allow_inf_nan=False), _expecting("a finite number, 0 or more")]
+Probability = Annotated[float, Strict(), Field(ge=0, le=1), _expecting("a number from 0 to 1")]
+Share = Annotated[float, Strict(), Field(gt=0, le=1), _expecting("a number above 0 and at most 1")]
+Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _expecting("a number above 0 and at most 360")]
+Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _expecting("a number from 0 to below 1")]
+Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _expecting("a whole number from 0 to 2^63 - 1")]
+Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _expecting(f"a whole number from 1 to {MAX_ROBOTS}")]
+Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _expecting("a whole number from 3 to 3600")]
+Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _expecting(f"a whole number from 0 to {MAX_TRAIL}")]
+Flag = Annotated[bool, Strict(), _expecting("true or false")]
+PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), _expecting("the path of a file")]
+Name = Annotated[
+    str,
+    Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"),
+    _expecting("text of at most 64 letters, digits, '.', '_' and '-' that begins with a letter or digit"),
+]
+RobotName = Annotated[
+    str,
+    Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"),
+    _expecting("text of at most 32 letters, digits, '_' and '-' that begins with a letter or digit"),
+]
+Corner = Annotated[tuple[Number, Number], _expecting("[x, y] in m")]
+Polygon = Annotated[tuple[Corner, ...], Field(min_length=3)]
+Place = Annotated[
+    tuple[Number, Number] | tuple[Number, Number, Number], _expecting("[x, y] in m or [x, y, heading] in m and rad")
+]
+Pace = Annotated[
+    Literal["lockstep", "realtime"] | Positive, _expecting("lockstep, realtime or a finite factor of real time above 0")
+]
+
+
+def _shape(value: Any) -> str:
+    """Which of a field's alternatives a value is meant to be."""
+    if isinstance(value, list | tuple):
+        return "=list"
+    return "=mapping" if isinstance(value, Mapping | BaseModel) else "=single"
+
+
+def _increasing(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    if any(later[0] <= earlier[0] for earlier, later in pairwise(points)):
+        raise PydanticCustomError("expected", "{what}", {"what": "distances that increase along the list"})
+    return points
+
+
+_RANDOM_OR_PLACE = "random, [x, y] in m or [x, y, heading] in m and rad"
+Start = Annotated[
+    Annotated[Literal["random"], _expecting(_RANDOM_OR_PLACE), Tag("=single")]
+    | Annotated[Place, _expecting(_RANDOM_OR_PLACE), Tag("=list")],
+    Discriminator(_shape, "expected", "{what}", {"what": _RANDOM_OR_PLACE}),
+]
+_RANDOM_OR_PLACES = "random or a list of [x, y] or [x, y, heading]"
+Starts = Annotated[
+    Annotated[Literal["random"], _expecting(_RANDOM_OR_PLACES), Tag("=single")]
+    | Annotated[tuple[Place, ...], Tag("=list")],
+    Discriminator(_shape, "expected", "{what}", {"what": _RANDOM_OR_PLACES}),
+]
+_SHARE_OR_LIST = "a number above 0 and at most 1, or a list of [distance in m, quality]"
+QualityPoint = Annotated[tuple[NotNegative, Share], _expecting("[distance in m, quality above 0 and at most 1]")]
+Quality = Annotated[
+    Annotated[Share, _expecting(_SHARE_OR_LIST), Tag("=single")]
+    | Annotated[tuple[QualityPoint, ...], Field(min_length=1), AfterValidator(_increasing), Tag("=list")],
+    Discriminator(_shape, "expected", "{what}", {"what": _SHARE_OR_LIST}),
+]
+
+# --- the sections ----------------------------------------------------------------------------------------------------
+
+
+class Section(BaseModel):
+    """A mapping of the scenario file: frozen, and strict about its keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class TerrainSpec(Section):
+    """Where the robots patrol: a built-in terrain by name, or a map_server YAML file."""
+
+    builtin: Builtin | None = Field(None, description="a built-in terrain, instead of a map")
+    map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
+    keep_out: tuple[Polygon, ...] = Field((), description="m, polygons [[x, y], ...] that no body may enter")
+
+    @field_validator("map")
+    @classmethod
+    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
+        return _absolute(value, info)
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.builtin is None) == (self.map is None):
+            raise _wrong("", "exactly one is needed: {builtin: NAME} or {map: FILE.yaml}")
+        return self
+
+
+class Body(Section):
+    """What one kind of robot is."""
+
+    model: Kind = Field("car", description="car | holonomic")
+    speed: Positive = Field(4.4, description="m/s, top speed")
+    radius: Positive = Field(1.0, description="m, of the circle that a body is")
+    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (holonomic robots have none)")
+
+
+class RobotGroup(Body):
+    """Robots that are all alike."""
+
+    count: Count = Field(5, description="how many")
+    starts: Starts = Field("random", description="random, or [x, y] or [x, y, heading] (m, rad) of the first robots")
+
+    @model_validator(mode="after")
+    def _no_more_starts_than_robots(self) -> Self:
+        if self.starts != "random" and len(self.starts) > self.count:
+            raise _wrong("starts", f"{len(self.starts)} starts for {self.count} robots; raise count or drop some")
+        return self
+
+
+class RobotEntry(Body):
+    """One robot of a list."""
+
+    name: RobotName | None = Field(None, description="r1, r2, ... unless given")
+    start: Start = Field("random", description="random, [x, y] or [x, y, heading] (m, rad; heading 0 unless given)")
+
+
+RobotList = Annotated[tuple[RobotEntry, ...], Field(min_length=1, max_length=MAX_ROBOTS)]
+_GROUP_OR_LIST = "robots alike, {count: 5, model: car, ...}, or a list with one entry a robot"
+Robots = Annotated[
+    Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")],
+    Discriminator(_shape, "expected", "{what}", {"what": _GROUP_OR_LIST}),
+]
+
+
+class SensorSpec(Section):
+    """What a robot sees."""
+
+    range: Positive = Field(10.0, description="m")
+    angle: Degrees = Field(360.0, description="degrees, centred on the heading")
+    line_of_sight: Flag = Field(True, description="obstacles block the view")
+    quality: Quality = Field(1.0, description="share of a point's age that a look removes, or [[m, share], ...]")
+
+    def quality_at(self, distance: float) -> float:
+        """The quality at a distance in m: linear between the listed distances, constant before and after them."""
+        if isinstance(self.quality, float):
+            return self.quality
+        points = self.quality
+        for (d0, q0), (d1, q1) in pairwise(points):
+            if d0 <= distance <= d1:
+                return q0 + (q1 - q0) * (distance - d0) / (d1 - d0)
+        return points[0][1] if distance < points[0][0] else points[-1][1]
+
+
+class PatrolSpec(Section):
+    """How a robot decides where to go."""
+
+    policy: Literal["potential-field"] = Field("potential-field", description="the rule that turns fog into a goal")
+    fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
+    distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
+    alpha: Positive = Field(40.0, description="weight of staleness in f")
+    beta: Positive = Field(4000.0, description="spread of g4, in points of 0.1 m (squared) whatever the point is")
+    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m whatever the point is")
+    paths: Literal["wave", "straight"] = Field("wave", description="wave (round obstacles) | straight")
+    direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
+    sectors: Sectors = Field(8, description="sectors that mode chooses from")
+    dilatation: NotNegative = Field(5.0, description="m, half-width of the window that spreads staleness; 0: none")
+    avoidance: Literal["none", "goal-refinement"] = Field("goal-refinement", description="none | goal-refinement")
+    separation: Literal["none"] = Field("none", description="how robots keep apart beyond sharing positions")
+    random_move: Probability = Field(0.1, description="probability of a random step (holonomic robots only)")
+    goal_distance: Positive = Field(5.5, description="m, from the robot to its goal")
+    refine_side: Positive = Field(2.0, description="m, side of the square in which the goal is refined")
+    refine_reach: Positive = Field(10.0, description="m, reach of the obstacle field psi that refines the goal")
+    tolerance: Tolerance = Field(1e-16, description="relative error at which far points are left out; 0: none are")
+
+    @model_validator(mode="after")
+    def _goal_stays_ahead(self) -> Self:
+        if self.refine_side > 2.0 * self.goal_distance:
+            limit = f"patrol.goal_distance is {self.goal_distance:g} m, so at most {2.0 * self.goal_distance:g}"
+            raise _wrong("refine_side", f"the square must not reach behind the robot: {limit}")
+        return self
+
+
+class RadioSpec(Section):
+    """What the radio adds to a position, and when a silent robot's claim ends."""
+
+    trail: Trail = Field(0, description="past positions sent along")
+    key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
+    forget_after: Positive = Field(10.0, description="s of silence after which a robot is no longer counted on")
+
+    @field_validator("key")
+    @classmethod
+    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
+        return _absolute(value, info)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """One robot of the roster. number: 1..N. speed: m/s. radius, turning_radius: m. start: None for a random one."""
+
+    number: int
+    name: str
+    model: Kind
+    speed: float
+    radius: float
+    turning_radius: float
+    start: Pose | None
+
+
+class Scenario(Section):
+    """Everything that decides how a run goes."""
+
+    name: Name = Field("scenario", description="the file's or the terrain's name unless given")
+    terrain: TerrainSpec = Field(description="{builtin: open | yards | clutter | site} or {map: FILE.yaml}")
+    point: Positive = Field(0.1, description="m, side of one point of the grid")
+    step: Positive = Field(0.5, description="s per tick")
+    duration: Positive = Field(5000.0, description="simulated s")
+    seed: Seed = Field(7, description="of all randomness")
+    pace: Pace = Field("lockstep", description="lockstep | realtime | a factor of real time")
+    watchdog: Positive = Field(2.0, description="s without a command after which a robot stops")
+    robots: Robots = Field(default_factory=RobotGroup, description="robots alike, or a list with one entry a robot")
+    sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
+    patrol: PatrolSpec = Field(default_factory=PatrolSpec, description="how a robot decides where to go")
+    radio: RadioSpec = Field(default_factory=RadioSpec, description="what robots send")
+    faults: tuple[Any, ...] = Field((), description="must be empty")
+
+    @property
+    def roster(self) -> tuple[RobotSpec, ...]:
+        """The robots in the order of their numbers, 1..N."""
+        return tuple(_roster(self.robots))
+
+    @property
+    def ticks(self) -> int:
+        """How many steps the run takes."""
+        return round(self.duration / self.step)
+
+    @property
+    def factor(self) -> float | None:
+        """Simulated seconds per wall second, or None in lockstep."""
+        if isinstance(self.pace, float):
+            return self.pace
+        return 1.0 if self.pace == "realtime" else None
+
+    @property
+    def base(self) -> Path:
+        """What relative paths are relative to: the current folder. A scenario read from a file has absolute ones."""
+        return Path()
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        if self.faults:
+            raise _wrong("faults", "faults are not available in this version; leave the list empty")
+        if self.step > self.duration:
+            raise _wrong("duration", f"shorter than one step of {self.step:g} s; give at least that")
+        if self.duration / self.step > MAX_TICKS or self.duration * 1000.0 > MAX_TIME_MS:
+            raise _wrong("duration", f"too long: at most {MAX_TIME_MS // 1000} s and {MAX_TICKS} steps fit")
+        for field, least in (("watchdog", self.step), ("radio.forget_after", self.step)):
+            if _at(self, field) < least:
+                raise _wrong(field, f"shorter than one step of {least:g} s, so it would end between two messages")
+        for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
+            if _at(self, field) < self.point:
+                raise _wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point")
+        self._check_roster()
+        return self
+
+    def _check_roster(self) -> None:
+        names: dict[str, int] = {}
+        for spec in self.roster:
+            field = "robots" if isinstance(self.robots, RobotGroup) else f"robots.{spec.number - 1}"
+            if names.setdefault(spec.name, spec.number) != spec.number:
+                raise _wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
+            if self.radio.trail and spec.speed * self.step * 100.0 >= MAX_STEP_CM:
+                raise _wrong(
+                    f"{field}.speed", f"a trail holds steps below {MAX_STEP_CM / 100:g} m; set radio.trail to 0"
+                )
+
+
+def _roster(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
+    if isinstance(robots, RobotGroup):
+        given = () if robots.starts == "random" else robots.starts
+        starts = [*given, *["random"] * (robots.count - len(given))]
+        entries = [(robots, None, start) for start in starts]
+    else:
+        entries = [(entry, entry.name, entry.start) for entry in robots]
+    return [
+        RobotSpec(number, name or f"r{number}", body.model, body.speed, body.radius, body.turning_radius, _pose(start))
+        for number, (body, name, start) in enumerate(entries, start=1)
+    ]
+
+
+def _pose(start: Literal["random"] | tuple[float, ...]) -> Pose | None:
+    if start == "random":
+        return None
+    x, y, heading = (*start, 0.0)[:3]
+    return Pose(x, y, wrap(heading))
+
+
+def _at(model: BaseModel, field: str) -> float:
+    value: Any = model
+    for part in field.split("."):
+        value = getattr(value, part)
+    return float(value)
+
+
+def _absolute(value: str | None, info: ValidationInfo) -> str | None:
+    """A path resolved against the folder that the validation's context names; unchanged without one."""
+    base = info.context.get("base") if isinstance(info.context, dict) else None
+    return value if value is None or base is None else str((Path(base) / value).absolute())
