@@ -20,6 +20,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 from hashlib import blake2b
+from typing import Any
 
 import msgpack
 
@@ -169,8 +170,8 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
         raise Rejected(RejectReason.MALFORMED, "wrong number of values")
     try:
         trail = _trail(rest[0]) if rest else ()
-        # The constructor checks every type and range.
-        position = Position(*values[1:_FIELDS], trail)  # type: ignore[arg-type]
+        _, robot, sequence, time_ms, x_cm, y_cm, heading_mrad = values[:_FIELDS]
+        position = Position(robot, sequence, time_ms, x_cm, y_cm, heading_mrad, trail)
     except ValueError as error:
         raise Rejected(RejectReason.MALFORMED, str(error)) from None
     if tagged and frame[-_TAG_LENGTH:-_TAG_BYTES] != _TAG_HEADER:
@@ -180,7 +181,7 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
     return position
 
 
-def _unpack(frame: bytes) -> list[object]:
+def _unpack(frame: bytes) -> list[Any]:
     """The frame's outermost array, its first value an int; `Rejected` otherwise."""
     if len(frame) > MAX_FRAME:
         raise Rejected(RejectReason.MALFORMED, f"{len(frame)} bytes, at most {MAX_FRAME} are allowed")

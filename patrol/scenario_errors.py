@@ -118,7 +118,7 @@ def _nearest_key(key: str, section: type[Section]) -> str:
     known = list(section.model_fields)
     if get_close_matches(key.lower(), known, n=1, cutoff=0.6):
         return did_you_mean(key, known)
-    everywhere = {"": Scenario, "robots": RobotGroup, **_SECTIONS}
+    everywhere: dict[str, type[Section]] = {"": Scenario, "robots": RobotGroup, **_SECTIONS}
     homes = [name for name, other in everywhere.items() if key in other.model_fields and other is not section]
     if homes:
         return f"it belongs under {homes[0]}" if homes[0] else "it belongs at the top level"

@@ -336,20 +336,21 @@ class Scenario(Section):
 def _roster(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
     if isinstance(robots, RobotGroup):
         given = () if robots.starts == "random" else robots.starts
-        starts = [*given, *["random"] * (robots.count - len(given))]
-        entries = [(robots, None, start) for start in starts]
-    else:
-        entries = [(entry, entry.name, entry.start) for entry in robots]
+        poses = [*map(_pose, given), *[None] * (robots.count - len(given))]
+        return [_spec(number, None, robots, pose) for number, pose in enumerate(poses, start=1)]
     return [
-        RobotSpec(number, name or f"r{number}", body.model, body.speed, body.radius, body.turning_radius, _pose(start))
-        for number, (body, name, start) in enumerate(entries, start=1)
+        _spec(number, entry.name, entry, None if entry.start == "random" else _pose(entry.start))
+        for number, entry in enumerate(robots, start=1)
     ]
 
 
-def _pose(start: Literal["random"] | tuple[float, ...]) -> Pose | None:
-    if start == "random":
-        return None
-    x, y, heading = (*start, 0.0)[:3]
+def _spec(number: int, name: str | None, body: Body, start: Pose | None) -> RobotSpec:
+    name = name or f"r{number}"
+    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start)
+
+
+def _pose(place: tuple[float, ...]) -> Pose:
+    x, y, heading = (*place, 0.0)[:3]
     return Pose(x, y, wrap(heading))
 
 
