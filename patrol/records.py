@@ -24,7 +24,7 @@ class RobotTick:
     """One robot in one tick.
 
     x, y, heading: the true pose when the tick began (m, rad). c0, c1: the command that it obeyed, speed (m/s) and
-    curvature (1/m) of a car, velocity along x and y (m/s) of a holonomic robot. bumped: its last move was cancelled.
+    curvature (1/m) of a car, velocity along x and y (m/s) of a holonomic robot. bumped: that move was cancelled.
     state, goal (m), decision_ms, rejected (frames so far): what its mind reported, empty or None without a report.
     """
 
