@@ -118,15 +118,25 @@ def scenario_hash(scenario: Scenario) -> str:
 
 
 def map_digest(path: Path) -> str:
-    """SHA-256 (hex) of a map_server map: what its YAML says and its image's bytes, wherever the two files lie."""
-    says = _read_mapping(path)
-    image = path.parent / str(says.pop("image", ""))
+    """SHA-256 (hex) of a map_server map: what its YAML means and its image's bytes, wherever the two files lie."""
+    from patrol.maps import read_map_file  # here, so that a scenario without a map needs no image library
+
+    says = read_map_file(path)
     try:
-        content = image.read_bytes()
+        image = says.image.read_bytes()
     except OSError as error:
-        raise BadInput(f"{path}: image = {image}: cannot be read ({error.strerror}); correct 'image'") from None
-    numbers = {key: float(value) if isinstance(value, int) else value for key, value in says.items()}
-    return _digest({"image": hashlib.sha256(content).hexdigest(), "says": numbers})
+        raise BadInput(f"{path}: image = {says.image}: cannot be read ({error.strerror}); correct 'image'") from None
+    return _digest(
+        {
+            "image": hashlib.sha256(image).hexdigest(),
+            "resolution": says.resolution,
+            "origin": says.origin,
+            "negate": says.negate,
+            "occupied_thresh": says.occupied_thresh,
+            "free_thresh": says.free_thresh,
+            "mode": says.mode,
+        }
+    )
 
 
 def _resolve(raw: dict[str, Any], overrides: Overrides, source: str, base: Path, name: str | None) -> Scenario:
@@ -169,6 +179,8 @@ def _override(raw: dict[str, Any], field: str, value: object) -> None:
 def _set(node: Any, parts: list[str], value: object, field: str) -> None:
     head, rest = parts[0], parts[1:]
     if isinstance(node, dict):
+        if head.isdecimal():
+            raise BadInput(f"override {field}: there is no list to take entry {head} of; leave .{head} out")
         if not rest:
             node[head] = value
             return
@@ -198,8 +210,5 @@ def _robot_meaning(spec: RobotSpec) -> list[Any]:
 
 
 def _digest(meaning: Mapping[str, Any]) -> str:
-    try:
-        text = json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise BadInput(f"map: holds a value that cannot be compared ({error})") from None
+    text = json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 from typing import Any
@@ -73,23 +74,29 @@ def _describe(problem: ErrorDetails, source: str, overridden: Collection[str]) -
         case "crossed":
             value = _value_at(problem["input"], context["field"])
             return f"{where}{value}: {context['problem']}"
-    value = f" = {show(problem['input'])}"
+    what = _expected(problem, section)
+    if context.get("bare") and note:
+        what = f"{what} ({note})"
+    return f"{where} = {show(problem['input'])}: {what}"
+
+
+def _expected(problem: ErrorDetails, section: type[Section]) -> str:
+    context = problem.get("ctx", {})
     match problem["type"]:
         case "expected":
-            what = context["what"]
+            return f"expected {context['what']}"
         case "literal_error":
-            what = context["expected"].replace("'", "")
-        case "model_type" | "model_attributes_type" | "dict_type":
-            what = f"keys and values ({', '.join(section.model_fields)})"
-        case "too_short":
-            what = f"{context['min_length']} or more of them"
+            known = context["expected"].replace("'", "")
+            near = get_close_matches(str(problem["input"]).lower(), re.split(r", | or ", known), n=1, cutoff=0.6)
+            return f"expected {known}{f'; did you mean {near[0]}?' if near else ''}"
+        case "model_type":
+            return f"expected keys and values ({', '.join(section.model_fields)})"
         case "too_long":
-            what = f"at most {context['max_length']} of them"
-        case "tuple_type" | "list_type":
-            what = "a list"
+            return f"expected at most {context['max_length']} of them"
+        case "tuple_type":
+            return "expected a list"
         case _:
-            return f"{where}{value}: {problem['msg']}"
-    return f"{where}{value}: expected {what}{f' ({note})' if note and note != what else ''}"
+            return problem["msg"]
 
 
 def _is_overridden(field: str, overridden: Collection[str]) -> bool:
@@ -115,14 +122,11 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
 
 
 def _nearest_key(key: str, section: type[Section]) -> str:
-    known = list(section.model_fields)
-    if get_close_matches(key.lower(), known, n=1, cutoff=0.6):
-        return did_you_mean(key, known)
     everywhere: dict[str, type[Section]] = {"": Scenario, "robots": RobotGroup, **_SECTIONS}
     homes = [name for name, other in everywhere.items() if key in other.model_fields and other is not section]
     if homes:
         return f"it belongs under {homes[0]}" if homes[0] else "it belongs at the top level"
-    return did_you_mean(key, known)
+    return did_you_mean(key, list(section.model_fields))
 
 
 def _value_at(value: Any, field: str) -> str:

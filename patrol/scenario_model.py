@@ -35,6 +35,8 @@ from patrol.pose import Pose, wrap
 MAX_ROBOTS = 65_000
 MAX_TICKS = 2**31 - 2
 MAX_SEED = 2**63 - 1
+# Larger numbers mean nothing in metres, seconds or points, and overflow the arithmetic of grids.
+LARGEST = 1e9
 
 Kind = Literal["car", "holonomic"]
 Builtin = Literal["open", "yards", "clutter", "site"]
@@ -43,16 +45,38 @@ BUILTINS: tuple[str, ...] = get_args(Builtin)
 # --- what a value may be ---------------------------------------------------------------------------------------------
 
 
-def _expecting(what: str) -> WrapValidator:
-    """Replace whatever the inner checks say by one message: what was expected."""
+def _expecting(what: str, bare: bool = False) -> WrapValidator:
+    """Replace whatever the inner checks say by one message: what was expected.
+
+    bare: `what` says nothing about the field, so that the message should add the field's description.
+    """
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
             return handler(value)
         except ValidationError:
-            raise PydanticCustomError("expected", "{what}", {"what": what}) from None
+            raise _unexpected(what, bare) from None
 
     return WrapValidator(check)
+
+
+def _bare(what: str) -> WrapValidator:
+    return _expecting(what, bare=True)
+
+
+def _unexpected(what: str, bare: bool = False) -> PydanticCustomError:
+    return PydanticCustomError("expected", "{what}", {"what": what, "bare": bare})
+
+
+def _at_least(count: int, what: str) -> AfterValidator:
+    """At least so many items; checked after the items, so that a wrong item is not counted as missing too."""
+
+    def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
+        if len(items) < count:
+            raise _unexpected(f"{count} or more {what}")
+        return items
+
+    return AfterValidator(check)
 
 
 def _wrong(field: str, problem: str) -> PydanticCustomError:
@@ -60,18 +84,19 @@ def _wrong(field: str, problem: str) -> PydanticCustomError:
     return PydanticCustomError("crossed", "{problem}", {"field": field, "problem": problem})
 
 
-Number = Annotated[float, Strict(), Field(allow_inf_nan=False), _expecting("a finite number")]
-Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False), _expecting("a finite number above 0")]
-NotNegative = Annotated[float, Strict(), Field(ge=0, allow_inf_nan=False), _expecting("a finite number, 0 or more")]
-Probability = Annotated[float, Strict(), Field(ge=0, le=1), _expecting("a number from 0 to 1")]
-Share = Annotated[float, Strict(), Field(gt=0, le=1), _expecting("a number above 0 and at most 1")]
-Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _expecting("a number above 0 and at most 360")]
-Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _expecting("a number from 0 to below 1")]
-Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _expecting("a whole number from 0 to 2^63 - 1")]
-Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _expecting(f"a whole number from 1 to {MAX_ROBOTS}")]
-Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _expecting("a whole number from 3 to 3600")]
-Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _expecting(f"a whole number from 0 to {MAX_TRAIL}")]
-Flag = Annotated[bool, Strict(), _expecting("true or false")]
+Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST), _bare("a number from -1e9 to 1e9")]
+Positive = Annotated[float, Strict(), Field(gt=0, le=LARGEST), _bare("a number above 0 and at most 1e9")]
+NotNegative = Annotated[float, Strict(), Field(ge=0, le=LARGEST), _bare("a number from 0 to 1e9")]
+Exponent = Annotated[float, Strict(), Field(gt=0, le=600), _bare("a number above 0 and at most 600")]
+Probability = Annotated[float, Strict(), Field(ge=0, le=1), _bare("a number from 0 to 1")]
+Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare("a number above 0 and at most 1")]
+Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _bare("a number above 0 and at most 360")]
+Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _bare("a number from 0 to below 1")]
+Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _bare("a whole number from 0 to 2^63 - 1")]
+Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _bare(f"a whole number from 1 to {MAX_ROBOTS}")]
+Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare("a whole number from 3 to 3600")]
+Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare(f"a whole number from 0 to {MAX_TRAIL}")]
+Flag = Annotated[bool, Strict(), _bare("true or false")]
 PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), _expecting("the path of a file")]
 Name = Annotated[
     str,
@@ -84,12 +109,12 @@ RobotName = Annotated[
     _expecting("text of at most 32 letters, digits, '_' and '-' that begins with a letter or digit"),
 ]
 Corner = Annotated[tuple[Number, Number], _expecting("[x, y] in m")]
-Polygon = Annotated[tuple[Corner, ...], Field(min_length=3)]
+Polygon = Annotated[tuple[Corner, ...], Field(json_schema_extra={"minItems": 3}), _at_least(3, "corners")]
 Place = Annotated[
     tuple[Number, Number] | tuple[Number, Number, Number], _expecting("[x, y] in m or [x, y, heading] in m and rad")
 ]
 Pace = Annotated[
-    Literal["lockstep", "realtime"] | Positive, _expecting("lockstep, realtime or a finite factor of real time above 0")
+    Literal["lockstep", "realtime"] | Positive, _expecting("lockstep, realtime or a factor of real time above 0")
 ]
 
 
@@ -102,7 +127,7 @@ def _shape(value: Any) -> str:
 
 def _increasing(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     if any(later[0] <= earlier[0] for earlier, later in pairwise(points)):
-        raise PydanticCustomError("expected", "{what}", {"what": "distances that increase along the list"})
+        raise _unexpected("distances that increase along the list")
     return points
 
 
@@ -110,20 +135,20 @@ _RANDOM_OR_PLACE = "random, [x, y] in m or [x, y, heading] in m and rad"
 Start = Annotated[
     Annotated[Literal["random"], _expecting(_RANDOM_OR_PLACE), Tag("=single")]
     | Annotated[Place, _expecting(_RANDOM_OR_PLACE), Tag("=list")],
-    Discriminator(_shape, "expected", "{what}", {"what": _RANDOM_OR_PLACE}),
+    Discriminator(_shape, "expected", "{what}", {"what": _RANDOM_OR_PLACE, "bare": False}),
 ]
 _RANDOM_OR_PLACES = "random or a list of [x, y] or [x, y, heading]"
 Starts = Annotated[
     Annotated[Literal["random"], _expecting(_RANDOM_OR_PLACES), Tag("=single")]
     | Annotated[tuple[Place, ...], Tag("=list")],
-    Discriminator(_shape, "expected", "{what}", {"what": _RANDOM_OR_PLACES}),
+    Discriminator(_shape, "expected", "{what}", {"what": _RANDOM_OR_PLACES, "bare": False}),
 ]
 _SHARE_OR_LIST = "a number above 0 and at most 1, or a list of [distance in m, quality]"
 QualityPoint = Annotated[tuple[NotNegative, Share], _expecting("[distance in m, quality above 0 and at most 1]")]
 Quality = Annotated[
     Annotated[Share, _expecting(_SHARE_OR_LIST), Tag("=single")]
-    | Annotated[tuple[QualityPoint, ...], Field(min_length=1), AfterValidator(_increasing), Tag("=list")],
-    Discriminator(_shape, "expected", "{what}", {"what": _SHARE_OR_LIST}),
+    | Annotated[tuple[QualityPoint, ...], _at_least(1, "points"), AfterValidator(_increasing), Tag("=list")],
+    Discriminator(_shape, "expected", "{what}", {"what": _SHARE_OR_LIST, "bare": False}),
 ]
 
 # --- the sections ----------------------------------------------------------------------------------------------------
@@ -183,11 +208,15 @@ class RobotEntry(Body):
     start: Start = Field("random", description="random, [x, y] or [x, y, heading] (m, rad; heading 0 unless given)")
 
 
-RobotList = Annotated[tuple[RobotEntry, ...], Field(min_length=1, max_length=MAX_ROBOTS)]
+RobotList = Annotated[
+    tuple[RobotEntry, ...],
+    Field(max_length=MAX_ROBOTS, json_schema_extra={"minItems": 1}),
+    _at_least(1, "robots"),
+]
 _GROUP_OR_LIST = "robots alike, {count: 5, model: car, ...}, or a list with one entry a robot"
 Robots = Annotated[
     Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")],
-    Discriminator(_shape, "expected", "{what}", {"what": _GROUP_OR_LIST}),
+    Discriminator(_shape, "expected", "{what}", {"what": _GROUP_OR_LIST, "bare": False}),
 ]
 
 
@@ -216,7 +245,7 @@ class PatrolSpec(Section):
     policy: Literal["potential-field"] = Field("potential-field", description="the rule that turns fog into a goal")
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
-    alpha: Positive = Field(40.0, description="weight of staleness in f")
+    alpha: Exponent = Field(40.0, description="weight of staleness in f")
     beta: Positive = Field(4000.0, description="spread of g4, in points of 0.1 m (squared) whatever the point is")
     length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m whatever the point is")
     paths: Literal["wave", "straight"] = Field("wave", description="wave (round obstacles) | straight")
@@ -307,7 +336,7 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         if self.faults:
-            raise _wrong("faults", "faults are not available in this version; leave the list empty")
+            raise _wrong("faults", "not available in this version; leave the list empty")
         if self.step > self.duration:
             raise _wrong("duration", f"shorter than one step of {self.step:g} s; give at least that")
         if self.duration / self.step > MAX_TICKS or self.duration * 1000.0 > MAX_TIME_MS:
@@ -329,7 +358,8 @@ class Scenario(Section):
                 raise _wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
             if self.radio.trail and spec.speed * self.step * 100.0 >= MAX_STEP_CM:
                 raise _wrong(
-                    f"{field}.speed", f"a trail holds steps below {MAX_STEP_CM / 100:g} m; set radio.trail to 0"
+                    f"{field}.speed",
+                    f"a trail holds steps below {MAX_STEP_CM / 100:g} m per tick; set radio.trail to 0",
                 )
 
 
