@@ -1,0 +1,102 @@
+"""What one robot believes: the fog, rebuilt from positions alone, and where the others are (paper, steps 2 and 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.ground import Disc
+from agent.kernels.dilate import dilate
+from patrol.fog import Box, Fog
+from patrol.footprint import Footprint
+from patrol.inbox import Inbox
+from patrol.message import Position
+from patrol.pose import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Another robot, as last heard: its sequence, its pose (m, rad), and the tick it was heard at."""
+
+    sequence: int
+    pose: Pose
+    tick: int
+
+
+class Belief:
+    """The believed fog of the points this robot could see, with dilatation, and its peers.
+
+    seen: int32 (h, w), the tick at which each point was last seen, made worse by dilatation; what the forces use.
+    """
+
+    def __init__(
+        self, patrolled: NDArray[np.bool_], passable: NDArray[np.bool_], footprint: Footprint, inbox: Inbox, reach: int
+    ) -> None:
+        """patrolled, passable: bool (h, w). reach: half-width of the dilatation's window, points; 0 for none."""
+        self.fog = Fog(patrolled)
+        self.inbox = inbox
+        self.peers: dict[int, Peer] = {}
+        self._footprint = footprint
+        self._passable = np.ascontiguousarray(passable).view(np.uint8)
+        self._reach = reach
+        self.seen = self.fog.last_seen
+        if reach > 0:
+            self.seen = np.empty_like(self.fog.last_seen)
+            height, width = self.seen.shape
+            self._refresh((0, height - 1, 0, width - 1), 0)
+
+    def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
+        """Take in the own pose (as encoded on the wire) and what was heard at ``tick``; ``step`` in s.
+
+        A position counts at the tick it arrives: robots' clocks need not agree.
+        """
+        boxes = [self.fog.observe(self._footprint.visible(own), tick)]
+        for frame in frames:
+            position = self.inbox.accept(frame, tick * step)
+            if position is not None:
+                boxes += self._hear(position, tick)
+        for box in boxes:
+            if box is not None and self._reach > 0:
+                self._refresh(box, tick)
+
+    def silent(self, tick: int, patience: int, radii: dict[int, float], margin: float) -> list[Disc]:
+        """The last places of peers unheard for more than ``patience`` ticks, with their radius plus ``margin`` (m).
+
+        A dead robot is still in the way; nothing else is believed of a silent one.
+        """
+        return [
+            (peer.pose.x, peer.pose.y, radii[number] + margin)
+            for number, peer in sorted(self.peers.items())
+            if tick - peer.tick > patience
+        ]
+
+    def _hear(self, position: Position, tick: int) -> Sequence[Box | None]:
+        before = self.peers.get(position.robot)
+        self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
+        boxes = [self.fog.observe(self._footprint.visible(position.pose), tick)]
+        # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
+        missed = position.sequence - before.sequence - 1 if before is not None else len(position.past)
+        for ago, (x, y) in enumerate(position.past[: max(0, missed)], start=1):
+            if ago > tick:
+                break
+            past = Pose(x, y, position.pose.heading)
+            boxes.append(self.fog.observe(self._footprint.visible(past), tick - ago))
+        return boxes
+
+    def _refresh(self, box: Box, tick: int) -> None:
+        """Dilate anew wherever a point of ``box`` is within the window."""
+        dilate(
+            self.fog.last_seen,
+            self.fog.patrolled,
+            self._passable,
+            self.seen,
+            box[0] - self._reach,
+            box[1] + self._reach,
+            box[2] - self._reach,
+            box[3] + self._reach,
+            self._reach,
+            tick,
+        )

@@ -1,0 +1,38 @@
+"""From forces to a direction: the mode and vector-sum methods (paper, "direction decision methods")."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.pose import TAU, wrap
+
+
+def sector_table(sectors: int, reach: int) -> NDArray[np.uint16]:
+    """The sector of every bearing, uint16 (2 * reach + 1, same), by offset in rows and columns plus ``reach``.
+
+    Sector s is centred on the bearing s * 2 pi / sectors; a bearing on the border belongs to the later one.
+    """
+    up, across = np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64)
+    table: NDArray[np.uint16] = (np.floor(np.arctan2(up, across) / (TAU / sectors) + 0.5) % sectors).astype(np.uint16)
+    return table
+
+
+def bearings_by_force(sums: NDArray[np.float64]) -> list[float]:
+    """Mode: the bisectors of the sectors that exert force, rad, strongest first (of equals the lowest sector)."""
+    order = np.argsort(-sums, kind="stable")
+    return [wrap(int(sector) * TAU / sums.size) for sector in order if sums[sector] > 0.0]
+
+
+def bearings_by_vector(x: float, y: float, turns: int) -> list[float]:
+    """Vector sum: its bearing, rad, then alternatives turned ever further to either side, ``turns`` in all.
+
+    The alternatives are for a robot that cannot move where the sum points. Empty when the sum is zero.
+    """
+    if x == 0.0 and y == 0.0:
+        return []
+    bearing = math.atan2(y, x)
+    sides = (((index + 1) // 2) * (1 if index % 2 else -1) for index in range(turns))
+    return [wrap(bearing + side * TAU / turns) for side in sides]

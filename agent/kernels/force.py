@@ -1,0 +1,128 @@
+"""Kernels of the force: what the points of the terrain exert on a robot (paper, formula (1) and Table 1).
+
+The modulus of a point's force is ``pull[age] * decay[length]``: f of the fog of war and g of the path's length,
+tabulated for every age in ticks and every length in hundredths of a point. Its direction is the bearing of the path's
+first bend.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit, types
+
+INTS = types.Array(types.int32, 1, "C", readonly=True)
+GRID = types.Array(types.int32, 2, "C", readonly=True)
+STATE = types.Array(types.uint8, 2, "C", readonly=True)
+SECTORS = types.Array(types.uint16, 2, "C", readonly=True)
+TABLE = types.Array(types.float64, 1, "C", readonly=True)
+SUMS = types.Array(types.float64, 1, "C")
+ROWS = types.Array(types.int32, 2, "C", readonly=True)
+int64 = types.int64
+boolean = types.boolean
+
+
+# fmt: off
+@njit(
+    types.void(
+        STATE, GRID, GRID, int64, int64, int64, int64, int64, int64, int64,
+        GRID, int64, TABLE, TABLE, SECTORS, boolean, SUMS,
+    ),
+    cache=True,
+    nogil=True,
+)
+def gather(
+    state, length, bend, first, last, span, start_row, start_col, row0, col0,
+    seen, tick, pull, decay, sector, as_vector, sums,
+):
+    """Add to ``sums`` the forces of the settled points whose path is longer than ``first`` and at most ``last``.
+
+    state, length, bend: the wave's grids over its window, whose element (0, 0) lies over the terrain's point
+    (row0, col0); the robot's own point (start_row, start_col) in it exerts no force. Lengths in hundredths of a point;
+    only points within ``span`` rows and columns of the robot are looked at.
+    seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above ``tick``
+    means that nothing there has an age.
+    pull: float64, f by age in ticks. decay: float64, g by length in hundredths of a point.
+    sector: uint16 (2 m + 1, same), the sector of a bearing by its offset in rows and columns plus m.
+    sums: float64, the sum of moduli in each sector; with ``as_vector`` the vector sum's x and y and the sum of moduli.
+    """
+    rows, cols = state.shape
+    middle = sector.shape[0] // 2
+    for row in range(max(0, start_row - span), min(rows, start_row + span + 1)):
+        for col in range(max(0, start_col - span), min(cols, start_col + span + 1)):
+            if state[row, col] & 3 != 3:
+                continue
+            far = length[row, col]
+            if far <= first or far > last:
+                continue
+            when = seen[row0 + row, col0 + col]
+            if when > tick:
+                continue
+            force = pull[tick - max(when, 0)] * decay[far]
+            turn = bend[row, col]
+            up = row - start_row
+            across = col - start_col
+            if turn != row * cols + col:
+                up = turn // cols - start_row
+                across = turn % cols - start_col
+            if as_vector:
+                scale = force / math.sqrt(up * up + across * across)
+                sums[0] += scale * across
+                sums[1] += scale * up
+                sums[2] += force
+            else:
+                sums[sector[middle + up, middle + across]] += force
+
+
+@njit(
+    types.void(
+        ROWS, STATE, GRID, GRID, int64, int64, int64, int64, int64, int64,
+        GRID, int64, TABLE, TABLE, SECTORS, boolean, SUMS,
+    ),
+    cache=True,
+    nogil=True,
+)
+def gather_from_posts(
+    posts, state, length, bend, first, last, start_row, start_col, row0, col0,
+    seen, tick, pull, decay, sector, as_vector, sums,
+):
+    """Add to ``sums`` the forces of patrolled points on which no body fits.
+
+    Such a point pulls through its post, the nearest reachable point that sees it: the path leads to the post, and its
+    length is the post's plus the gap between the two. A point whose post is where the robot stands pulls towards
+    itself.
+
+    posts: int32 (n, 5), row and column of the point, of its post, and the gap in hundredths of a point; rows sorted so
+    that the caller may pass the slice whose posts can be near. The rest as in `gather`.
+    """
+    rows, cols = state.shape
+    middle = sector.shape[0] // 2
+    for index in range(posts.shape[0]):
+        row = posts[index, 2] - row0
+        col = posts[index, 3] - col0
+        if row < 0 or row >= rows or col < 0 or col >= cols or state[row, col] & 3 != 3:
+            continue
+        far = length[row, col] + posts[index, 4]
+        if far <= first or far > last:
+            continue
+        when = seen[posts[index, 0], posts[index, 1]]
+        if when > tick:
+            continue
+        force = pull[tick - max(when, 0)] * decay[far]
+        turn = bend[row, col]
+        if row == start_row and col == start_col:
+            up = posts[index, 0] - row0 - row
+            across = posts[index, 1] - col0 - col
+        else:
+            up = turn // cols - start_row
+            across = turn % cols - start_col
+        if as_vector:
+            scale = force / math.sqrt(up * up + across * across)
+            sums[0] += scale * across
+            sums[1] += scale * up
+            sums[2] += force
+        else:
+            sums[sector[middle + up, middle + across]] += force
+
+
+# fmt: on

@@ -1,0 +1,181 @@
+"""One robot's mind: from what it knows to what it does, once a tick (paper, "Final algorithm").
+
+Pure: no clock, no I/O, no randomness but draws from (seed, robot, incarnation, tick).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.belief import Belief
+from agent.decision import Decision, State
+from agent.direction import bearings_by_force, bearings_by_vector
+from agent.field import Field
+from agent.goal import Goal, GoalFinder
+from agent.ground import Ground
+from agent.paths.window import Window
+from agent.steering import CarSteering, HolonomicSteering
+from agent.unstuck import Unstuck
+from patrol.fields import StaticFields
+from patrol.footprint import Footprint
+from patrol.inbox import Inbox
+from patrol.message import Position, encode
+from patrol.pose import TAU, Command, Drive, Pose, Velocity
+from patrol.random import Purpose, draw
+from patrol.scenario import RobotSpec, Scenario
+from patrol.terrain import Terrain
+
+BLOCKED_SHARE = 0.1
+"""A holonomic robot that can make less than this share of a step in any direction is in a dead end."""
+
+CLEAR_SHARE = 0.5
+"""A direction in which a holonomic robot can make at least this share of a step is good enough to take."""
+
+
+@dataclass(frozen=True, slots=True)
+class MindSetup:
+    """What a mind is made of.
+
+    number: of the robot. incarnation: 1 for the first process, one more for each restart. fields: of the robot's body.
+    psi: float32 (h, w) of `agent.refine.psi_field`, needed for goal refinement. key: of the fleet, or None.
+    footprint, scratch: shared by the minds of one process, to save time and memory; each mind makes its own otherwise.
+    """
+
+    scenario: Scenario
+    number: int
+    terrain: Terrain
+    fields: StaticFields
+    psi: NDArray[np.float32] | None = None
+    incarnation: int = 1
+    key: bytes | None = None
+    footprint: Footprint | None = None
+    scratch: dict[str, Window] = field(default_factory=dict)
+
+
+def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
+    """The footprint of the scenario's sensor."""
+    sensor = scenario.sensor
+    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
+
+
+class Mind:
+    """Call `frame` with the pose of tick k, then `step` with what was heard; once each, k counting up."""
+
+    def __init__(self, setup: MindSetup) -> None:
+        scenario, terrain = setup.scenario, setup.terrain
+        self.spec: RobotSpec = scenario.roster[setup.number - 1]
+        self._setup = setup
+        self._step = scenario.step
+        self._patience = math.ceil(scenario.radio.forget_after / scenario.step)
+        self._radii = {spec.number: spec.radius for spec in scenario.roster}
+        self._margin = self.spec.radius + 0.5 * scenario.point
+        self._trail: deque[tuple[int, int]] = deque(maxlen=scenario.radio.trail + 1)
+        fastest = max(spec.speed for spec in scenario.roster)
+        inbox = Inbox(setup.number, self._radii, terrain.bounds, fastest, setup.key, scenario.step)
+        footprint = setup.footprint or sensor_footprint(scenario, terrain)
+        reach = round(scenario.patrol.dilatation / scenario.point)
+        self.belief = Belief(setup.fields.patrolled, terrain.passable, footprint, inbox, reach)
+        self._ground = Ground(terrain, setup.fields.reach)
+        self._field = Field(scenario.patrol, setup.fields, scenario.point, scenario.sensor.range, setup.scratch)
+        refined = scenario.patrol.avoidance == "goal-refinement"
+        if refined and setup.psi is None:
+            raise ValueError("goal refinement needs psi")
+        self._goals = GoalFinder(scenario.patrol, self._ground, setup.psi if refined else None)
+        self._holonomic = HolonomicSteering(self.spec, terrain, scenario.step)
+        self._car = CarSteering(self.spec, terrain, scenario.step)
+        self._unstuck = Unstuck(self._car, self.spec.speed)
+
+    def frame(self, k: int, pose: Pose) -> bytes:
+        """The position message of tick k."""
+        position = Position.of(self.spec.number, k, k * self._step, pose)
+        self._trail.appendleft((position.x_cm, position.y_cm))
+        places = list(self._trail)
+        trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in itertools.pairwise(places))
+        return encode(Position.of(self.spec.number, k, k * self._step, pose, trail), self._setup.key)
+
+    def step(self, k: int, pose: Pose, heard: Sequence[bytes], bumped: bool) -> Decision:
+        """Decide at tick k.
+
+        pose: the robot's own. heard: the frames that reach it, by sender and sequence. bumped: whether its last move
+        was cancelled by a collision.
+        """
+        as_heard = Position.of(self.spec.number, k, k * self._step, pose).pose
+        self.belief.update(k, as_heard, heard, self._step)
+        silent = self.belief.silent(k, self._patience, self._radii, self._margin)
+        self._ground.obstruct([disc for disc in silent if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]])
+        start = self._ground.join(pose.x, pose.y)
+        mfow = self.belief.fog.mfow(k)
+        sums = np.zeros(0)
+        bearings: list[float] = []
+        if start is not None:
+            sums = self._field.sums(self._ground, *start, self.belief.seen, k, mfow)
+            patrol = self._setup.scenario.patrol
+            if patrol.direction == "vector":
+                bearings = bearings_by_vector(float(sums[0]), float(sums[1]), patrol.sectors)
+            else:
+                bearings = bearings_by_force(sums)
+        if self.spec.model == "holonomic":
+            choice = self._go(k, pose, start, bearings)
+        else:
+            choice = self._drive(k, pose, start, bearings, bumped)
+        command, state, bearing, goal = choice
+        return Decision(
+            command=command,
+            state=state,
+            direction=bearing,
+            sector_sums=tuple(sums.tolist()),
+            goal=None if goal is None else goal.goal,
+            refined=None if goal is None else goal.refined,
+            mfow=mfow,
+            rejected=self.belief.inbox.rejected,
+        )
+
+    def _go(
+        self, k: int, pose: Pose, start: tuple[int, int] | None, bearings: list[float]
+    ) -> tuple[Command, State, float | None, Goal | None]:
+        """A holonomic robot's choice: the strongest direction in which it can move, or now and then a random one."""
+        identity = (self._setup.scenario.seed, Purpose.RANDOM_MOVE, self.spec.number, self._setup.incarnation, k)
+        if draw(*identity, 0) < self._setup.scenario.patrol.random_move:
+            bearing = TAU * draw(*identity, 1)
+            return self._holonomic.heading(pose, bearing)[0], State.PATROLLING, bearing, None
+        if start is None or not bearings:
+            return Velocity(0.0, 0.0), State.HOLDING, None, None
+        best: tuple[Velocity, float, float, Goal] | None = None
+        for bearing in bearings:
+            goal = self._goals.along(bearing, *start)
+            velocity, way = self._holonomic.towards(pose, goal.refined)
+            if best is None or way > best[1]:
+                best = velocity, way, bearing, goal
+            if way >= CLEAR_SHARE * self._holonomic.stride:
+                best = velocity, way, bearing, goal
+                break
+        assert best is not None
+        velocity, way, bearing, goal = best
+        blocked = way < BLOCKED_SHARE * self._holonomic.stride
+        return velocity, State.DEAD_END if blocked else State.PATROLLING, bearing, goal
+
+    def _drive(
+        self, k: int, pose: Pose, start: tuple[int, int] | None, bearings: list[float], bumped: bool
+    ) -> tuple[Command, State, float | None, Goal | None]:
+        """A car's choice: towards the goal, or whatever leads out of a dead end."""
+        goal = self._goals.along(bearings[0], *start) if start is not None and bearings else None
+        if self._unstuck.active:
+            drive = self._unstuck.step(k, pose, bumped)
+            if drive is not None:
+                return drive, State.DEAD_END, None, goal
+            bumped = False
+        if goal is None:
+            return Drive(0.0, 0.0), State.HOLDING, None, None
+        drive = self._car.towards(pose, goal.refined)
+        if not bumped and self._car.is_free(pose, drive):
+            return drive, State.PATROLLING, bearings[0], goal
+        self._unstuck.begin(k, bearings[0])
+        drive = self._unstuck.step(k, pose, bumped=False)
+        return drive or Drive(0.0, 0.0), State.DEAD_END, bearings[0], goal

@@ -1,0 +1,18 @@
+"""Straight paths, for terrains without obstacles (paper, scenario 1)."""
+
+from __future__ import annotations
+
+from agent.kernels.straight import rays
+from agent.paths.window import Window
+
+
+class Straight(Window):
+    """The path to every point is the line to it, whatever lies between."""
+
+    def _begin(self) -> None:
+        """Nothing is kept between calls: a longer limit simply overwrites."""
+
+    def extend(self, limit: int) -> None:
+        """Settle every path of at most ``limit`` hundredths of a point."""
+        span = min(self.span, -(-limit // 100))
+        rays(self.state, self.length, self.bend, self.start_row, self.start_col, span, limit)

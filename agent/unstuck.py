@@ -1,0 +1,74 @@
+"""The unstuck algorithm: how a car leaves a dead end (paper, five steps)."""
+
+from __future__ import annotations
+
+import math
+
+from agent.steering import CarSteering
+from patrol.pose import Drive, Pose, wrap
+
+ORIENTED = math.pi / 8
+"""How near to the desired orientation counts as oriented, rad: half of one of eight sectors."""
+
+CALM = 20
+"""Ticks between two dead ends that make the second one a new one."""
+
+LONGEST_RETREAT = 6
+"""Most steps that a robot must back before it tries again."""
+
+EASIER = (1.0, 0.5, 0.25, 0.125)
+"""Shares of the full speed that are tried in turn where a full step does not fit."""
+
+
+class Unstuck:
+    """Back out, turning towards the direction in which most forces pulled when the robot got stuck.
+
+    Where it cannot go on backing it drives forward, still turning; where it cannot go on driving forward it backs
+    again; and it is done as soon as it faces the desired direction. The paper stops there; a robot whose nose is
+    against a wall right in that direction would be done at once and stuck again, for ever. So it backs at least one
+    step, and one more for each time that it gets stuck again within `CALM` ticks.
+    """
+
+    def __init__(self, steering: CarSteering, speed: float) -> None:
+        """speed: m/s."""
+        self._steering = steering
+        self._speed = speed
+        self._desired: float | None = None
+        self._backing = True
+        self._retreat = 0
+        self._in_a_row = 0
+        self._ended = -CALM - 1
+
+    @property
+    def active(self) -> bool:
+        """Whether the robot is in a dead end."""
+        return self._desired is not None
+
+    def begin(self, tick: int, desired: float) -> None:
+        """The robot is stuck at ``tick`` and wants to leave facing ``desired`` (rad)."""
+        again = tick - self._ended <= CALM
+        self._in_a_row = min(self._in_a_row + 1, LONGEST_RETREAT) if again else 1
+        self._retreat = self._in_a_row
+        self._desired = desired
+        self._backing = True
+
+    def step(self, tick: int, pose: Pose, bumped: bool) -> Drive | None:
+        """The next command, or None when the robot has left the dead end. ``bumped``: its last move was cancelled."""
+        if self._desired is None:
+            return None
+        if bumped:
+            self._backing = not self._backing
+        if self._retreat <= 0 and abs(wrap(self._desired - pose.heading)) <= ORIENTED:
+            self._desired = None
+            self._ended = tick
+            return None
+        for _ in range(2):
+            for share in EASIER:
+                speed = share * self._speed * (-1.0 if self._backing else 1.0)
+                drive = self._steering.turning(pose, self._desired, speed)
+                if self._steering.is_free(pose, drive):
+                    self._retreat -= 1
+                    return drive
+            self._backing = not self._backing
+        self._retreat -= 1
+        return Drive(0.0, 0.0)

@@ -1,0 +1,122 @@
+"""Kernels of the footprint: which points a robot sees from where it stands.
+
+Each kernel writes a window of points; its element (0, 0) lies over the point (row0, col0) of the grid, which may lie
+outside.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit, types
+
+GRID = types.Array(types.uint8, 2, "C", readonly=True)
+VIEW = types.Array(types.uint8, 2, "C")
+int64 = types.int64
+float64 = types.float64
+
+
+@njit(types.void(GRID, int64, int64, float64, VIEW, int64, int64), cache=True, nogil=True)
+def cast(passable, row, col, radius, view, row0, col0):
+    """Symmetric shadow casting: mark in ``view`` the passable points in sight of (row, col).
+
+    A point is in sight when the line between the two centres crosses no impassable point, each of which blocks the
+    full width of its own row (or, sideways, column). If a sees b then b sees a. Slopes are ratios of integers, so that
+    nothing is rounded.
+
+    passable: uint8 (h, w), 0 blocks. radius: in points; centres farther than this are out of sight.
+    view: uint8, overwritten with 1 in sight, 0 not; it holds every point within ``radius`` that lies on the grid, and
+    the robot's own.
+    """
+    height, width = passable.shape
+    reach = int(radius + 1e-9)
+    view[:, :] = 0
+    view[row - row0, col - col0] = 1
+    limit = radius * radius + 1e-9
+    # Wedges of the current and of the next line: start and end slope as numerator and denominator.
+    now = [(0, 0, 0, 0)] * (4 * reach + 8)
+    after = [(0, 0, 0, 0)] * (4 * reach + 8)
+    for quadrant in range(4):
+        now[0] = (-1, 1, 1, 1)
+        wedges = 1
+        depth = 1
+        while wedges > 0 and depth <= reach:
+            widest = int(math.sqrt(max(0.0, limit - depth * depth)))
+            coming = 0
+            for wedge in range(wedges):
+                start_up, start_down, end_up, end_down = now[wedge]
+                first = (2 * depth * start_up + start_down) // (2 * start_down)
+                last = -((end_down - 2 * depth * end_up) // (2 * end_down))
+                first = max(first, -widest - 1)
+                last = min(last, widest + 1)
+                before = -1
+                for across in range(first, last + 1):
+                    if quadrant == 0:
+                        dr, dc = depth, across
+                    elif quadrant == 1:
+                        dr, dc = -depth, across
+                    elif quadrant == 2:
+                        dr, dc = across, depth
+                    else:
+                        dr, dc = across, -depth
+                    r = row + dr
+                    c = col + dc
+                    is_open = 0
+                    if 0 <= r < height and 0 <= c < width and passable[r, c] != 0:
+                        is_open = 1
+                    if is_open == 1:
+                        if before == 0:
+                            start_up = 2 * across - 1
+                            start_down = 2 * depth
+                        if (
+                            across * start_down >= depth * start_up
+                            and across * end_down <= depth * end_up
+                            and depth * depth + across * across <= limit
+                        ):
+                            view[r - row0, c - col0] = 1
+                    elif before == 1:
+                        after[coming] = (start_up, start_down, 2 * across - 1, 2 * depth)
+                        coming += 1
+                    before = is_open
+                if before == 1:
+                    after[coming] = (start_up, start_down, end_up, end_down)
+                    coming += 1
+            now, after = after, now
+            wedges = coming
+            depth += 1
+
+
+@njit(types.void(GRID, int64, int64, float64, VIEW, int64, int64), cache=True, nogil=True)
+def disc(passable, row, col, radius, view, row0, col0):
+    """Mark in ``view`` every passable point within ``radius`` points of (row, col), walls or no walls.
+
+    Arrays as in `cast`.
+    """
+    height, width = passable.shape
+    limit = radius * radius + 1e-9
+    for i in range(view.shape[0]):
+        r = row0 + i
+        for j in range(view.shape[1]):
+            c = col0 + j
+            near = (r - row) * (r - row) + (c - col) * (c - col) <= limit
+            inside = 0 <= r < height and 0 <= c < width
+            view[i, j] = 1 if near and inside and passable[r, c] != 0 else 0
+
+
+@njit(types.void(VIEW, float64, float64), cache=True, nogil=True)
+def keep_sector(view, heading, angle):
+    """Unmark the points of ``view`` outside the sector of ``angle`` radians centred on ``heading`` (rad).
+
+    The robot's own point, at the centre of the square ``view``, stays.
+    """
+    reach = view.shape[0] // 2
+    ahead_c = math.cos(heading)
+    ahead_r = math.sin(heading)
+    narrowest = math.cos(0.5 * angle)
+    for dr in range(-reach, reach + 1):
+        for dc in range(-reach, reach + 1):
+            if view[reach + dr, reach + dc] == 0 or (dr == 0 and dc == 0):
+                continue
+            along = dc * ahead_c + dr * ahead_r
+            if along < narrowest * math.sqrt(dr * dr + dc * dc) - 1e-9:
+                view[reach + dr, reach + dc] = 0
