@@ -11,7 +11,7 @@ import copy
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,7 @@ __all__ = [
     "load_scenario",
     "map_digest",
     "open_scenario",
+    "parse_overrides",
     "scenario_hash",
     "scenario_schema",
 ]
@@ -86,6 +87,18 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
     if "image" in raw and "terrain" not in raw:
         return load_scenario({"terrain": {"map": str(path)}}, overrides)
     return load_scenario(path, overrides)
+
+
+def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
+    """Overrides for `load_scenario` from command-line texts ``FIELD=VALUE``, the later of two for one field winning."""
+    overrides: dict[str, object] = {}
+    for setting in settings:
+        field, equals, value = setting.partition("=")
+        if not equals or not field.strip():
+            raise BadInput(f"--set {setting}: expected FIELD=VALUE, for example patrol.dilatation=0")
+        overrides.pop(field.strip(), None)
+        overrides[field.strip()] = value
+    return overrides
 
 
 def as_mapping(scenario: Scenario) -> dict[str, Any]:

@@ -1,0 +1,65 @@
+"""``fogwatch scenario``: look at a scenario before anything runs. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from patrol.errors import BadInput
+from patrol.scenario import RobotSpec, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
+
+app = typer.Typer(help="Show, check and describe scenario files.", no_args_is_help=True)
+
+What = Annotated[
+    str, typer.Argument(metavar="SCENARIO|MAP.yaml|BUILTIN", help="A scenario file, a map or a built-in terrain.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="FIELD=VALUE", help="Override a field, e.g. patrol.dilatation=0. Repeatable."),
+]
+
+
+@app.command()
+def show(what: What, settings: Settings = None) -> None:
+    """Print the scenario with every default filled in, as a scenario file with units beside the fields."""
+    typer.echo(dump_scenario(open_scenario(what, parse_overrides(settings or []))), nl=False)
+
+
+@app.command()
+def check(what: What, settings: Settings = None) -> None:
+    """Say whether the scenario can run: every value, the terrain, and room for every robot."""
+    scenario = open_scenario(what, parse_overrides(settings or []))
+    digest = scenario_hash(scenario)
+    from patrol.prepare import prepare  # here: needs the simulator's libraries, which `show` does without
+
+    prepared = prepare(scenario)
+    area = float(prepared.patrolled.sum()) * scenario.point**2
+    typer.echo(f"{what}: can run")
+    typer.echo(
+        f"  robots     {len(scenario.roster)}, of which {_with_start(scenario.roster)} start where they are told"
+    )
+    typer.echo(f"  terrain    {prepared.terrain.name}, {area:.0f} m² to patrol in points of {scenario.point:g} m")
+    typer.echo(f"  duration   {scenario.duration:g} s, {scenario.ticks} ticks of {scenario.step:g} s")
+    typer.echo(f"  hash       {digest}")
+
+
+@app.command()
+def schema(
+    out: Annotated[Path | None, typer.Option(help="File to write, instead of the terminal.")] = None,
+) -> None:
+    """Print the JSON schema of scenario files, for editors that check as one types."""
+    text = f"{json.dumps(scenario_schema(), indent=2)}\n"
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
+
+
+def _with_start(roster: tuple[RobotSpec, ...]) -> int:
+    return sum(spec.start is not None for spec in roster)
