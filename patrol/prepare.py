@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.fields import StaticFields, compute_fields
+from patrol.fields import StaticFields, compute_fields, load_grid
 from patrol.maps import load_terrain
 from patrol.pose import Pose
 from patrol.starts import place_starts
@@ -70,10 +70,10 @@ class Prepared:
         x, y = facts["origin"]
         terrain = Terrain(
             name=facts["name"],
-            passable=np.load(folder / "passable.npy", mmap_mode="r"),
+            passable=load_grid(folder / "passable.npy"),
             point=facts["point"],
             origin=(x, y),
-            keep_out=np.load(folder / "keep_out.npy", mmap_mode="r"),
+            keep_out=load_grid(folder / "keep_out.npy"),
         )
         bodies = {place: StaticFields.load(folder / place) for place in sorted(set(facts["fields"].values()))}
         return Prepared(

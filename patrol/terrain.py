@@ -17,6 +17,15 @@ from numpy.typing import NDArray
 BoolGrid = NDArray[np.bool_]
 
 
+MAX_POINTS = 50_000_000
+"""The largest terrain: 700 x 700 m of 0.1 m points. Flat indices are int32 and every robot keeps several grids."""
+
+
+def whole_points(length: float, point: float) -> int:
+    """How many whole points of `point` m lie along `length` m (MAX_POINTS + 1 at most); a millionth may be missing."""
+    return math.floor(min(length / point + 1e-6, MAX_POINTS + 1.0))
+
+
 def frozen_grid(mask: BoolGrid) -> BoolGrid:
     """A read-only, row-major bool view of `mask`; copies only where its memory is laid out otherwise."""
     grid = np.ascontiguousarray(mask, dtype=np.bool_).view()
@@ -54,17 +63,17 @@ class Terrain:
     @property
     def shape(self) -> tuple[int, int]:
         """(height, width) in points."""
-        return self.passable.shape[0], self.passable.shape[1]
+        return int(self.passable.shape[0]), int(self.passable.shape[1])
 
     @property
     def height(self) -> int:
         """Number of rows."""
-        return self.passable.shape[0]
+        return self.shape[0]
 
     @property
     def width(self) -> int:
         """Number of columns."""
-        return self.passable.shape[1]
+        return self.shape[1]
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

@@ -1,0 +1,95 @@
+"""Kernels of distance: how far each point is from the nearest obstacle, and which marked point is nearest.
+
+Distances are exact and integer: squares of half points in `square_clearance`, squares of points in `nearest`. Each is
+found in two passes, along the rows and then along the columns; both stop at the cap, so that their cost grows with the
+cap and not with the distances.
+"""
+
+from __future__ import annotations
+
+from numba import njit, types
+
+GRID = types.Array(types.uint8, 2, "C", readonly=True)
+SPANS = types.Array(types.int32, 2, "C")
+int32 = types.int32
+int64 = types.int64
+
+
+@njit(types.void(GRID, int64, SPANS, SPANS), cache=True, nogil=True)
+def square_clearance(free, cap, along, clearance):
+    """Distance from each point's centre to the nearest blocked square, or to the grid's edge.
+
+    free: uint8 (h, w), 0 blocked. cap: in points; a distance of more than cap - 1/2 points reads as that.
+    along: int32 (h, w), scratch. clearance: int32 (h, w), overwritten with the square of the distance in half points:
+    0 on a blocked point, 1 beside one, (2 cap - 1)^2 at most.
+    """
+    height, width = free.shape
+    for row in range(height):
+        since = 0
+        for col in range(width):
+            since = 0 if free[row, col] == 0 else min(since + 1, cap)
+            along[row, col] = since
+        since = 0
+        for col in range(width - 1, -1, -1):
+            since = 0 if free[row, col] == 0 else min(since + 1, cap)
+            along[row, col] = min(along[row, col], since)
+    for row in range(height):
+        for col in range(width):
+            aside = along[row, col]
+            best = 0 if aside == 0 else (2 * aside - 1) * (2 * aside - 1)
+            away = 1
+            while (2 * away - 1) * (2 * away - 1) < best:
+                straight = (2 * away - 1) * (2 * away - 1)
+                if row - away < 0 or row + away >= height:
+                    best = straight
+                    break
+                aside = min(along[row - away, col], along[row + away, col])
+                sideways = 0 if aside == 0 else (2 * aside - 1) * (2 * aside - 1)
+                best = min(best, straight + sideways)
+                away += 1
+            clearance[row, col] = best
+
+
+@njit(types.void(GRID, GRID, int64, int64, SPANS, SPANS), cache=True, nogil=True)
+def nearest(marked, wanted, cap, limit, along, found):
+    """The marked point nearest to each wanted point, walls or no walls.
+
+    marked, wanted: uint8 (h, w), non-zero where so. cap: whole points to look away. limit: square of the largest
+    distance in points. along: int32 (h, w), scratch. found: int32 (h, w), overwritten with the flat index of the
+    nearest marked point (the lowest of several) at most sqrt(limit) away, or -1, and -1 where not wanted.
+    """
+    height, width = marked.shape
+    none = 2 * cap + 2
+    for row in range(height):
+        last = -none
+        for col in range(width):
+            if marked[row, col] != 0:
+                last = col
+            along[row, col] = max(last - col, -none)
+        ahead = width + none
+        for col in range(width - 1, -1, -1):
+            if marked[row, col] != 0:
+                ahead = col
+            if ahead - col < -along[row, col]:
+                along[row, col] = ahead - col
+    for row in range(height):
+        for col in range(width):
+            found[row, col] = -1
+            if wanted[row, col] == 0:
+                continue
+            best = limit + 1
+            index = int64(-1)
+            away = 0
+            while away <= cap and away * away <= best:
+                for turn in range(2):
+                    r = row - away if turn == 0 else row + away
+                    if r < 0 or r >= height or (turn == 1 and away == 0):
+                        continue
+                    aside = along[r, col]
+                    square = away * away + aside * aside
+                    at = r * width + col + aside
+                    if square < best or (square == best and index >= 0 and at < index):
+                        best = square
+                        index = at
+                away += 1
+            found[row, col] = index

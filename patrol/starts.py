@@ -1,0 +1,155 @@
+"""Where the robots of a scenario start: where they are told to, or at random places that make sense.
+
+Random starts all lie in one part of the free space, the largest. Free space outside a building is no place to patrol
+although it is often the largest, so a part that the map's border bounds gives way to an enclosed one, unless that is
+less than a tenth of its size.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+from patrol.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
+from patrol.pose import TAU, Pose, wrap
+from patrol.random import Purpose, draw
+from patrol.terrain import BoolGrid, Terrain
+
+if TYPE_CHECKING:
+    from patrol.scenario import RobotSpec
+
+ENCLOSED_SHARE = 0.1
+"""An enclosed part is preferred when it has at least this share of the largest part at the border."""
+
+DRAWS = 200
+"""Places drawn for a robot before all places that are left are looked at."""
+
+SPACING = 2.0
+"""Points that bodies at random starts keep between them."""
+
+
+def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> list[Pose]:
+    """Starts for the robots in roster order.
+
+    Explicit starts are checked: the body on the terrain, clear of walls and of the other bodies. The others are drawn,
+    headings too, from one part of the widest body's C-space, with two points to spare between bodies: the part that
+    holds the first explicit start, or else the preferred one. A draw depends on the seed and the robot's number.
+    Raises BadInput for an explicit start that does not fit and where no place is left.
+    """
+    placed: dict[int, tuple[Pose, float]] = {}
+    for spec in roster:
+        if spec.start is not None:
+            _check_explicit(terrain, spec, spec.start, placed)
+            placed[spec.number] = (spec.start, spec.radius)
+    waiting = [spec for spec in roster if spec.start is None]
+    if waiting:
+        widest = max(spec.radius for spec in waiting)
+        first = next((spec.start for spec in roster if spec.start is not None), None)
+        places = np.flatnonzero(starting_part(terrain, widest, first))
+        for spec in sorted(waiting, key=lambda spec: (-spec.radius, spec.number)):
+            pose = _place(terrain, spec, seed, places, list(placed.values()))
+            if pose is None:
+                raise BadInput(
+                    f"robots: {len(roster)} robots do not fit on {terrain.name}: no place is left for a body of radius "
+                    f"{spec.radius:g} m after {len(placed)}; use fewer or smaller robots"
+                )
+            placed[spec.number] = (pose, spec.radius)
+    return [placed[spec.number][0] for spec in roster]
+
+
+def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) -> BoolGrid:
+    """bool (height, width): the part of the C-space of a body of `radius` m that random starts are drawn from.
+
+    first: a place whose part it is to be, where the body has one there. Raises BadInput where the body fits nowhere.
+    """
+    cspace = cspace_of(terrain, radius)
+    if not cspace.any():
+        raise BadInput(
+            f"robots.radius = {radius:g}: a body this wide fits nowhere on {terrain.name}; use a smaller radius"
+        )
+    labels, count = parts_of(cspace)
+    at = None if first is None else anchor(terrain, cspace, first.x, first.y)
+    part = preferred_part(terrain, labels, count, radius) if at is None else int(labels[at])
+    mask: BoolGrid = labels == part
+    return mask
+
+
+def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radius: float) -> int:
+    """The part, of `count` numbered from 1 in `labels`, where robots start if nobody says otherwise."""
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    bounded = np.zeros(count + 1, dtype=np.bool_)
+    # A part at the border comes as near to it as a centre may.
+    nearest = math.ceil((planning_radius(radius, terrain.point) - TOLERANCE) / terrain.point - 0.5)
+    for line in (labels[nearest], labels[-1 - nearest], labels[:, nearest], labels[:, -1 - nearest]):
+        bounded[line] = True
+    outer = int(np.argmax(np.where(bounded, sizes, 0)))
+    inner = int(np.argmax(np.where(bounded, 0, sizes)))
+    return inner if sizes[inner] > 0 and sizes[inner] >= ENCLOSED_SHARE * sizes[outer] else outer
+
+
+def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: dict[int, tuple[Pose, float]]) -> None:
+    where = f"robots: start ({start.x:g}, {start.y:g}) of {spec.name}"
+    if not terrain.contains(start.x, start.y):
+        xmin, ymin, xmax, ymax = terrain.bounds
+        raise BadInput(
+            f"{where}: not on {terrain.name}, which spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+        )
+    clear = clearance_at(terrain, start.x, start.y, spec.radius)
+    if clear < spec.radius - TOLERANCE:
+        raise BadInput(
+            f"{where}: a wall or the edge is {clear:.3g} m away, nearer than the radius of {spec.radius:g} m; move it"
+        )
+    for number, (other, radius) in placed.items():
+        gap = math.hypot(other.x - start.x, other.y - start.y)
+        if gap < radius + spec.radius - TOLERANCE:
+            raise BadInput(f"{where}: overlaps robot {number}, {gap:.3g} m away; move one")
+
+
+def clearance_at(terrain: Terrain, x: float, y: float, limit: float) -> float:
+    """Distance in m from (x, y) to the nearest blocked square or the terrain's edge, or `limit` where that is less."""
+    xmin, ymin, xmax, ymax = terrain.bounds
+    clear = min(limit, x - xmin, y - ymin, xmax - x, ymax - y)
+    row0, col0 = terrain.point_at(x - limit, y - limit)
+    row1, col1 = terrain.point_at(x + limit, y + limit)
+    row0, col0 = max(row0, 0), max(col0, 0)
+    rows, cols = np.nonzero(~terrain.free[row0 : row1 + 1, col0 : col1 + 1])
+    if rows.size == 0:
+        return clear
+    half = 0.5 * terrain.point
+    across = np.maximum(np.abs(xmin + (cols + col0) * terrain.point + half - x) - half, 0.0)
+    along = np.maximum(np.abs(ymin + (rows + row0) * terrain.point + half - y) - half, 0.0)
+    return min(clear, float(np.hypot(across, along).min()))
+
+
+def _place(
+    terrain: Terrain, spec: RobotSpec, seed: int, places: NDArray[np.int64], placed: Sequence[tuple[Pose, float]]
+) -> Pose | None:
+    """A random start that keeps clear of the bodies placed so far, or None when no place is left."""
+    heading = wrap(TAU * draw(seed, Purpose.START, spec.number, 0))
+    for attempt in range(1, DRAWS + 1):
+        index = places[int(draw(seed, Purpose.START, spec.number, attempt) * places.size)]
+        x, y = terrain.centre(*divmod(int(index), terrain.width))
+        if all(_apart(x, y, spec.radius, other, radius, terrain.point) for other, radius in placed):
+            return Pose(x, y, heading)
+    left = np.ones(places.size, dtype=np.bool_)
+    xs = terrain.origin[0] + (places % terrain.width + 0.5) * terrain.point
+    ys = terrain.origin[1] + (places // terrain.width + 0.5) * terrain.point
+    for other, radius in placed:
+        spaced = radius + spec.radius + SPACING * terrain.point
+        left &= np.hypot(xs - other.x, ys - other.y) >= spaced - TOLERANCE
+    open_places = np.flatnonzero(left)
+    if open_places.size == 0:
+        return None
+    chosen = open_places[int(draw(seed, Purpose.START, spec.number, DRAWS + 1) * open_places.size)]
+    return Pose(float(xs[chosen]), float(ys[chosen]), heading)
+
+
+def _apart(x: float, y: float, radius: float, other: Pose, other_radius: float, point: float) -> bool:
+    gap = math.hypot(x - other.x, y - other.y)
+    return gap >= radius + other_radius + SPACING * point - TOLERANCE
