@@ -1,0 +1,246 @@
+"""The verdict's checks: each goes through a journal's ticks once and says at the end what it found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from patrol.journal import Status, TickRecord, TraceHash
+from patrol.pose import Pose
+from patrol.sweep import free_fraction
+from worldsim.record import COMPLETED, INTERRUPTED
+
+if TYPE_CHECKING:
+    from patrol.terrain import Terrain
+    from worldsim.record import RunRecord
+    from worldsim.truth import Truth
+
+SLACK = 1e-6
+"""How deep (m) a body may be in a wall or another body before a check calls it an overlap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One check's result; the detail says what was found, first of all where it went wrong."""
+
+    name: str
+    ok: bool
+    detail: str
+
+
+class Tally(Protocol):
+    """A check at work."""
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        ...
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        ...
+
+
+class Complete:
+    """Every tick is there, in order, and the run ended by its end record."""
+
+    def __init__(self, journal: RunRecord) -> None:
+        self._journal = journal
+        self._next = 0
+        self._gap = ""
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        if record.k != self._next and not self._gap:
+            self._gap = f"tick {record.k} follows tick {self._next - 1}"
+        self._next = record.k + 1
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        scenario = self._journal.header.scenario
+        due = round(scenario["duration"] / scenario["step"])
+        problem = self._gap
+        end = self._journal.end
+        if self._journal.truncated:
+            problem = problem or f"the journal is damaged after tick {self._next - 1}"
+        elif end is None:
+            problem = problem or f"the journal stops after tick {self._next - 1} without an end"
+        elif end.reason not in (COMPLETED, INTERRUPTED):
+            problem = problem or f"the run ended after {self._next} ticks: {end.reason}"
+        elif end.reason == COMPLETED and self._next != due:
+            problem = problem or f"{self._next} of {due} ticks"
+        done = f"{self._next} of {due} ticks" + (", interrupted" if self._next < due else "")
+        return Check("complete", not problem, problem or done)
+
+
+class TraceAgrees:
+    """The trace hash recomputed from the ticks is the recorded one."""
+
+    def __init__(self, journal: RunRecord) -> None:
+        self._journal = journal
+        self._trace = TraceHash()
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        self._trace.tick(record)
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        found = self._trace.hexdigest()
+        end = self._journal.end
+        recorded = end.trace_hash if end else "nothing"
+        ok = found == recorded
+        return Check("trace", ok, found if ok else f"the ticks hash to {found}, recorded is {recorded}")
+
+
+class NobodyLost:
+    """No robot died unasked."""
+
+    def __init__(self, journal: RunRecord) -> None:
+        self._names = _names(journal)
+        self._lost = {
+            event.robot: f"{self._names[event.robot]} at tick {event.k} ({event.detail})"
+            for event in journal.events
+            if event.kind == Status.LOST.name.lower() and event.robot in self._names
+        }
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        for robot in record.robots:
+            if robot.status is Status.LOST and robot.number not in self._lost:
+                self._lost[robot.number] = f"{self._names[robot.number]} at tick {record.k}"
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        details = "; ".join(self._lost.values())
+        return Check("nobody lost", not details, f"lost: {details}" if details else "nobody")
+
+
+class ExitCodes:
+    """Every process ended with 0, but for robots that were killed or lost."""
+
+    def __init__(self, journal: RunRecord, exit_codes: Mapping[str, int | None]) -> None:
+        names = _names(journal)
+        self._codes = exit_codes
+        self._excused = {
+            names[event.robot]
+            for event in journal.events
+            if event.robot in names and event.kind in (Status.LOST.name.lower(), Status.DEAD.name.lower())
+        }
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        wrong = [
+            f"{name} ended with {code}" if code is not None else f"{name} did not end"
+            for name, code in self._codes.items()
+            if code != 0 and name not in self._excused
+        ]
+        judged = [name for name in self._codes if name not in self._excused]
+        return Check("exit codes", not wrong, "; ".join(wrong) or f"{len(judged)} processes ended with 0")
+
+
+class BodiesApart:
+    """No body is over a wall or overlaps another in any tick, recomputed from the poses."""
+
+    def __init__(self, journal: RunRecord, terrain: Terrain | None) -> None:
+        self._names = _names(journal)
+        self._terrain = terrain
+        self._radii = {robot.number: robot.radius for robot in journal.header.robots}
+        self._problem = ""
+        self._looked = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        if self._problem:
+            return
+        here = [robot for robot in record.robots if robot.status not in (Status.ABSENT, Status.LEFT)]
+        self._looked += len(here)
+        places = np.array([(robot.x, robot.y) for robot in here], dtype=np.float64).reshape(-1, 2)
+        radii = np.array([self._radii[robot.number] for robot in here], dtype=np.float64)
+        apart = np.hypot(*(places[:, None] - places[None, :]).transpose(2, 0, 1))
+        deep = np.triu(apart < radii[:, None] + radii[None, :] - SLACK, k=1)
+        for i, j in np.argwhere(deep)[:1]:
+            pair = f"{self._names[here[i].number]} and {self._names[here[j].number]}"
+            self._problem = f"{pair} overlap at tick {record.k}, centres {apart[i, j]:.3f} m apart"
+        if self._terrain is not None:
+            for robot, radius in zip(here, radii, strict=True):
+                pose = Pose(robot.x, robot.y, robot.heading)
+                if free_fraction(self._terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
+                    where = f"({robot.x:.3f}, {robot.y:.3f})"
+                    self._problem = f"{self._names[robot.number]} is over a wall at tick {record.k}, at {where}"
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        what = "clear of each other" + (" and of walls" if self._terrain is not None else "; walls not looked at")
+        return Check("bodies apart", not self._problem, self._problem or f"{self._looked} poses {what}")
+
+
+class LinksAddUp:
+    """On every directed link each frame sent was delivered or dropped once, and nothing else was."""
+
+    def __init__(self, journal: RunRecord) -> None:
+        self._names = _names(journal)
+        self._sent = self._settled = 0
+        self._open: Counter[tuple[int, int, int]] = Counter()
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        here = [robot.number for robot in record.robots if robot.status not in (Status.ABSENT, Status.LEFT)]
+        for source, _ in record.frames:
+            for destination in here:
+                if destination != source:
+                    self._open[source, destination, record.k] += 1
+                    self._sent += 1
+        for link in [*record.deliveries, *(dropped[:3] for dropped in record.dropped)]:
+            self._settled += 1
+            self._open[link] -= 1
+            if self._open[link] == 0:
+                del self._open[link]
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        if not self._open:
+            return Check("links add up", True, f"{self._sent} frames sent over links, {self._settled} accounted for")
+        (source, destination, sequence), left = min(self._open.items())
+        link = f"{self._names.get(source, source)} to {self._names.get(destination, destination)}"
+        what = "neither delivered nor dropped" if left > 0 else "delivered or dropped but not sent"
+        detail = f"frame {sequence} from {link} was {what} ({len(self._open)} such frames)"
+        return Check("links add up", False, detail)
+
+
+class FogIsTrue:
+    """MFoW, mean fog and points seen are what the poses give, recomputed from the beginning."""
+
+    def __init__(self, journal: RunRecord, truth: Truth) -> None:
+        self._truth = truth
+        self._step = float(journal.header.scenario["step"])
+        self._problem = ""
+        self._ticks = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        if self._problem:
+            return
+        poses = [(r.number, Pose(r.x, r.y, r.heading)) for r in record.robots if r.status is Status.ALIVE]
+        self._truth.observe(record.k, poses)
+        self._ticks += 1
+        fog = self._truth.fog
+        found = (fog.mfow(record.k), fog.mean(record.k), fog.seen)
+        recorded = (record.mfow, record.fog_mean, record.seen)
+        if found != recorded:
+            shown = [f"MFoW {m * self._step:g} s, mean {a * self._step:g} s, {n} seen" for m, a, n in (found, recorded)]
+            self._problem = f"tick {record.k}: the poses give {shown[0]}; recorded is {shown[1]}"
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        return Check("fog", not self._problem, self._problem or f"recomputed over {self._ticks} ticks")
+
+
+def _names(journal: RunRecord) -> dict[int, str]:
+    return {robot.number: robot.name for robot in journal.header.robots}

@@ -1,0 +1,75 @@
+"""Which moves are cancelled because two bodies would meet: all bodies swept at once, in closed form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, types
+
+TOLERANCE = 1e-9
+"""How much nearer than the sum of their radii (m) two bodies may be and still only touch."""
+
+_PATHS = types.Array(types.float64, 3, "C", readonly=True)
+_RADII = types.Array(types.float64, 1, "C", readonly=True)
+_FLAGS = types.Array(types.uint8, 1, "C")
+_F = types.float64
+
+
+@njit(types.boolean(_F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _meet(ax, ay, bx, by, limit):
+    """Whether a body moving from (ax, ay) to (bx, by) relative to another comes nearer to it than `limit` (m).
+
+    Two that are nearer than that from the start meet unless they move apart.
+    """
+    dx, dy = bx - ax, by - ay
+    along = ax * dx + ay * dy
+    if ax * ax + ay * ay < limit * limit:
+        return along <= 0.0
+    square = dx * dx + dy * dy
+    if along >= 0.0 or square == 0.0:
+        return False
+    part = min(-along / square, 1.0)
+    nearest_x, nearest_y = ax + part * dx, ay + part * dy
+    return nearest_x * nearest_x + nearest_y * nearest_y < limit * limit
+
+
+@njit(types.void(_PATHS, _RADII, _FLAGS), cache=True, nogil=True, error_model="numpy")
+def cancel_meeting(paths, radii, stands):
+    """Let every body that would meet another stand still, again and again until nobody meets anybody.
+
+    paths: float64 (n, m + 1, 2), where each body would be at m + 1 equal steps of time. radii: float64 (n,), m.
+    stands: uint8 (n,), 1 for a body that stays at the start of its path; changed in place. All pairs are judged
+    before any of them is stopped, so the outcome does not depend on the order of the bodies.
+    """
+    count, places = paths.shape[0], paths.shape[1]
+    spread = np.empty(count, dtype=np.float64)
+    for i in range(count):
+        farthest = 0.0
+        for k in range(1, places):
+            dx, dy = paths[i, k, 0] - paths[i, 0, 0], paths[i, k, 1] - paths[i, 0, 1]
+            farthest = max(farthest, dx * dx + dy * dy)
+        spread[i] = math.sqrt(farthest) + radii[i]
+    stopped = np.zeros(count, dtype=np.uint8)
+    while True:
+        changed = False
+        for i in range(count):
+            for j in range(i + 1, count):
+                if stands[i] != 0 and stands[j] != 0:
+                    continue
+                x, y = paths[i, 0, 0] - paths[j, 0, 0], paths[i, 0, 1] - paths[j, 0, 1]
+                if math.hypot(x, y) > spread[i] + spread[j]:
+                    continue
+                limit = radii[i] + radii[j] - TOLERANCE
+                for k in range(1, places):
+                    ki, kj = (0 if stands[i] != 0 else k), (0 if stands[j] != 0 else k)
+                    next_x, next_y = paths[i, ki, 0] - paths[j, kj, 0], paths[i, ki, 1] - paths[j, kj, 1]
+                    if _meet(x, y, next_x, next_y, limit):
+                        stopped[i] = stopped[j] = 1
+                        changed = True
+                        break
+                    x, y = next_x, next_y
+        if not changed:
+            return
+        for i in range(count):
+            stands[i] |= stopped[i]

@@ -1,0 +1,72 @@
+"""The run: ticks in lockstep, the same over processes and in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Protocol
+
+from patrol.journal import Event, Status, TickRecord
+
+if TYPE_CHECKING:
+    from worldsim.world import Reply, Report, World
+
+
+class Fleet(Protocol):
+    """All robots' minds, wherever they are."""
+
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
+        """Tell the living robots where they are; returns their position frames, None from one that stays silent.
+
+        A robot missing from the answer has died.
+        """
+        ...
+
+    def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
+        """Tell the living robots what they hear; returns their replies. A robot missing from the answer has died."""
+        ...
+
+    def lost(self) -> Iterable[tuple[int, Status, str]]:
+        """Between ticks: (number, status, reason) of each robot that has left the living since the last call."""
+        ...
+
+    def finish(self, k: int) -> None:
+        """There will be no tick k, nor any later one, whatever the reason."""
+        ...
+
+
+def run_ticks(
+    world: World,
+    fleet: Fleet,
+    sink: Callable[[TickRecord], None],
+    events: Callable[[Event], None],
+    stop: Callable[[], bool] = lambda: False,
+) -> bool:
+    """Run the ticks that are left, waiting for every living robot in each phase; False when stopped early.
+
+    sink: takes each tick's record. events: takes what happens between ticks. stop: asked between ticks.
+    """
+    try:
+        while world.tick < world.ticks:
+            if stop():
+                return False
+            _run_tick(world, fleet, sink, events)
+        return True
+    finally:
+        fleet.finish(world.tick)
+
+
+def _run_tick(
+    world: World, fleet: Fleet, sink: Callable[[TickRecord], None], events: Callable[[Event], None]
+) -> None:
+    k = world.tick
+    reports = world.begin_tick()
+    frames = fleet.phase_a(k, reports)
+    replies = fleet.phase_b(k, world.exchange(frames))
+    sink(world.end_tick(replies))
+    gone = {number: (status, reason) for number, status, reason in fleet.lost() if number in reports}
+    for number in reports:
+        if number not in frames or number not in replies:
+            phase = "A" if number not in frames else "B"
+            gone.setdefault(number, (Status.LOST, f"no answer in phase {phase} of tick {k}"))
+    for number, (status, reason) in sorted(gone.items()):
+        events(world.lose(number, status, reason))

@@ -1,0 +1,100 @@
+"""Motion of all bodies in one step: nobody enters a wall or another body, however fast and whatever is commanded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.kernels.sweep import arc_points, chord_count
+from patrol.pose import Command, Drive, Velocity
+from patrol.sweep import advance, path_is_free
+from worldsim.kernels.collide import cancel_meeting
+
+if TYPE_CHECKING:
+    from patrol.scenario import RobotSpec
+    from patrol.terrain import Terrain
+    from worldsim.bodies import Body
+
+
+def within_limits(spec: RobotSpec, command: Command) -> Command | None:
+    """The nearest command that this robot can obey; None when it makes no sense for it.
+
+    Speeds are cut to the robot's speed, a car's curvature to 1 / turning radius. Numbers that are not finite, and one
+    kind of robot's command for the other, make no sense.
+    """
+    match command:
+        case Velocity(vx, vy) if spec.model == "holonomic" and math.isfinite(vx) and math.isfinite(vy):
+            fastest = max(abs(vx), abs(vy))
+            if fastest == 0.0:
+                return Velocity(0.0, 0.0)
+            # Scaled by the larger component first, so that no finite velocity overflows.
+            share = math.hypot(vx / fastest, vy / fastest)
+            cut = min(fastest, spec.speed / share)
+            return command if cut == fastest else Velocity(vx / fastest * cut, vy / fastest * cut)
+        case Drive(speed, curvature) if spec.model == "car" and math.isfinite(speed) and math.isfinite(curvature):
+            tightest = 1.0 / spec.turning_radius
+            return Drive(min(max(speed, -spec.speed), spec.speed), min(max(curvature, -tightest), tightest))
+        case _:
+            return None
+
+
+def length(command: Command, step: float) -> float:
+    """How far (m) a body drives that obeys `command` for `step` seconds."""
+    match command:
+        case Velocity(vx, vy):
+            return math.hypot(vx, vy) * step
+        case Drive(speed, _):
+            return abs(speed) * step
+
+
+def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
+    """Move the bodies present by their commands for one step (s), all at once.
+
+    A move is cancelled when the swept body would enter a wall, or come nearer to another body than the sum of their
+    radii at any time of the step: every robot involved then stays exactly where it is, which may cancel further moves
+    (paper, "Simulation": collided robots cancel their moves). Bodies nobody drives are obstacles. Sets each body's
+    pose, bumped, collisions and distance_m.
+    """
+    present = [body for body in bodies if body.present]
+    moving = [body.alive and length(body.command, step) > 0.0 for body in present]
+    stands = np.array(
+        [
+            not moves or not path_is_free(terrain, body.pose, body.command, step, body.spec.radius)
+            for body, moves in zip(present, moving, strict=True)
+        ],
+        dtype=np.uint8,
+    )
+    radii = np.array([body.spec.radius for body in present], dtype=np.float64)
+    cancel_meeting(_paths(present, moving, step), radii, stands)
+    for body, moves, stood in zip(present, moving, stands, strict=True):
+        body.bumped = moves and bool(stood)
+        if body.bumped:
+            body.collisions += 1
+        elif moves:
+            body.pose = advance(body.pose, body.command, step)
+            body.distance_m += length(body.command, step)
+
+
+def _paths(bodies: Sequence[Body], moving: Sequence[bool], step: float) -> NDArray[np.float64]:
+    """float64 (n, m + 1, 2): where each body would be at m + 1 equal steps of time, arcs as chords."""
+    chords = 1
+    for body, moves in zip(bodies, moving, strict=True):
+        if moves and isinstance(body.command, Drive):
+            chords = max(chords, chord_count(body.command.speed * step, body.command.curvature, math.inf))
+    paths = np.empty((len(bodies), chords + 1, 2), dtype=np.float64)
+    share = np.linspace(0.0, 1.0, chords + 1)[:, None]
+    for path, body, moves in zip(paths, bodies, moving, strict=True):
+        start, command = body.pose, body.command
+        if not moves:
+            path[:] = (start.x, start.y)
+        elif isinstance(command, Drive):
+            arc_points(path, start.x, start.y, start.heading, command.speed * step, command.curvature)
+        else:
+            end = advance(start, command, step)
+            path[:] = (start.x, start.y) + share * (end.x - start.x, end.y - start.y)
+            path[-1] = (end.x, end.y)
+    return paths

@@ -1,0 +1,158 @@
+"""The summary of a run, as `summary.json` has it: from the journal's records, the verdict and the wall time alone."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from patrol.journal import RobotTick, Status, TickRecord
+from patrol.pose import Drive, Velocity
+from worldsim.motion import length
+
+if TYPE_CHECKING:
+    from worldsim.record import RunRecord
+    from worldsim.verdict import Verdict
+
+DEAD_END = "dead-end"
+"""The state of a mind that is getting out of a dead end."""
+
+
+@dataclass(slots=True)
+class _Robot:
+    """What one robot's rows add up to; sent, delivered and dropped are of its own frames, counted per receiver."""
+
+    model: str
+    distance_m: float = 0.0
+    collisions: int = 0
+    dead_ends: int = 0
+    living: int = 0
+    frames: int = 0
+    frame_bytes: int = 0
+    delivered: int = 0
+    rejected: int = 0
+    status: Status = Status.ABSENT
+    decision_ms: list[float] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def sent(self) -> int:
+        return self.delivered + self.dropped.total()
+
+    def take(self, row: RobotTick, step: float) -> None:
+        """Add one tick's row."""
+        self.status = row.status
+        self.living += row.status is Status.ALIVE
+        self.collisions += row.bumped
+        if not row.bumped:
+            command = Drive(row.c0, row.c1) if self.model == "car" else Velocity(row.c0, row.c1)
+            self.distance_m += length(command, step)
+        if row.decision_ms is not None:
+            self.decision_ms.append(row.decision_ms)
+            self.dead_ends += row.state == DEAD_END
+        if row.rejected is not None:
+            self.rejected = row.rejected
+
+    def facts(self) -> dict[str, Any]:
+        """This robot's part of the summary."""
+        decisions = len(self.decision_ms)
+        return {
+            "status": self.status.name.lower(),
+            "distance_m": self.distance_m,
+            "dead_end_share": self.dead_ends / decisions if decisions else 0.0,
+            "collisions": self.collisions,
+            "decisions": decisions,
+            "missed": self.living - decisions,
+            "decision_ms_p50": _percentile(self.decision_ms, 50),
+            "decision_ms_p99": _percentile(self.decision_ms, 99),
+            "sent": self.sent,
+            "delivered": self.delivered,
+            "dropped": self.dropped.total(),
+            "rejected": self.rejected,
+        }
+
+
+def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
+    """The run's summary, ready for JSON.
+
+    Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first. A
+    message is counted once per receiver: sent = delivered + dropped; `frames` counts it once. `bytes_per_robot_s`:
+    bytes that a living robot sends per second. `missed`: ticks in which no command came in time. wall_s: wall time of
+    the ticks, s, or None when unknown.
+    """
+    header = journal.header
+    step = float(header.scenario["step"])
+    robots = {robot.number: _Robot(robot.model) for robot in header.robots}
+    mfow: list[int] = []
+    fog: list[float] = []
+    seen = 0
+    for record in journal.ticks:
+        mfow.append(record.mfow)
+        fog.append(record.fog_mean)
+        seen = record.seen
+        _take(robots, record, step)
+    ticks = len(mfow)
+    for event in journal.events:
+        if event.k >= ticks and event.robot in robots and event.kind.upper() in Status.__members__:
+            robots[event.robot].status = Status[event.kind.upper()]
+    patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
+    return {
+        "name": header.scenario["name"],
+        "scenario_hash": header.scenario_hash,
+        "trace_hash": journal.end.trace_hash if journal.end else None,
+        "ended": journal.end.reason if journal.end else None,
+        "ticks": ticks,
+        "simulated_s": ticks * step,
+        "wall_s": wall_s,
+        "realtime_factor": ticks * step / wall_s if wall_s else None,
+        "mfow_mean_s": float(np.mean(mfow)) * step if ticks else None,
+        "mfow_max_s": max(mfow) * step if ticks else None,
+        "mfow_end_s": mfow[-1] * step if ticks else None,
+        "fog_mean_s": float(np.mean(fog)) * step if ticks else None,
+        "seen_share": seen / patrolled,
+        "bound_s": header.bound_s,
+        "patrolled_area_m2": header.patrolled_area_m2,
+        "point_m": header.terrain.point,
+        "sensor_range_m": float(header.scenario["sensor"]["range"]),
+        "messages": _messages(list(robots.values()), step),
+        "robots": {facts.name: robots[facts.number].facts() for facts in header.robots},
+        "verdict": {
+            "valid": verdict.valid,
+            "outcome": verdict.outcome,
+            "checks": [{"name": check.name, "ok": check.ok, "detail": check.detail} for check in verdict.checks],
+        },
+    }
+
+
+def _take(robots: dict[int, _Robot], record: TickRecord, step: float) -> None:
+    for row in record.robots:
+        robots[row.number].take(row, step)
+    for source, frame in record.frames:
+        robots[source].frames += 1
+        robots[source].frame_bytes += len(frame)
+    for source, _, _ in record.deliveries:
+        robots[source].delivered += 1
+    for source, _, _, cause in record.dropped:
+        robots[source].dropped[cause] += 1
+
+
+def _messages(robots: list[_Robot], step: float) -> dict[str, Any]:
+    causes: Counter[str] = Counter()
+    for robot in robots:
+        causes.update(robot.dropped)
+    living_s = sum(robot.living for robot in robots) * step
+    return {
+        "frames": sum(robot.frames for robot in robots),
+        "sent": sum(robot.sent for robot in robots),
+        "delivered": sum(robot.delivered for robot in robots),
+        "dropped": causes.total(),
+        "dropped_by_cause": dict(sorted(causes.items())),
+        "rejected": sum(robot.rejected for robot in robots),
+        "bytes_per_robot_s": sum(robot.frame_bytes for robot in robots) / living_s if living_s else 0.0,
+    }
+
+
+def _percentile(values: list[float], percent: float) -> float | None:
+    return float(np.percentile(values, percent)) if values else None

@@ -1,0 +1,54 @@
+"""The true fog: what the whole fleet has really seen, from the poses of all living bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.fog import Fog
+from patrol.footprint import Footprint
+from patrol.message import Position
+from patrol.pose import Pose
+
+if TYPE_CHECKING:
+    from patrol.fields import StaticFields
+    from patrol.scenario import Scenario
+    from patrol.terrain import Terrain
+
+
+def as_sent(number: int, tick: int, step: float, pose: Pose) -> Pose:
+    """A pose as others hear it (cm, mrad). Every footprint is computed from it, so truth and belief agree."""
+    return Position.of(number, tick, tick * step, pose).pose
+
+
+def patrolled_area(fields: Mapping[int, StaticFields]) -> NDArray[np.bool_]:
+    """The points that count: bool (height, width), all that some robot of the fleet can observe."""
+    distinct = {id(one.patrolled): one.patrolled for one in fields.values()}
+    area: NDArray[np.bool_] = np.logical_or.reduce(list(distinct.values()))
+    return area
+
+
+def footprint_of(scenario: Scenario, terrain: Terrain) -> Footprint:
+    """The scenario's sensor on its terrain."""
+    sensor = scenario.sensor
+    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
+
+
+class Truth:
+    """The fog over the patrolled area as it really is.
+
+    patrolled: bool (height, width). All ages are in ticks of `step` seconds.
+    """
+
+    def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_], step: float) -> None:
+        self.footprint = footprint
+        self.fog = Fog(patrolled)
+        self._step = step
+
+    def observe(self, tick: int, poses: Iterable[tuple[int, Pose]]) -> None:
+        """Everyone in `poses` (robot number, pose) looks around once, in that order."""
+        for number, pose in poses:
+            self.fog.observe(self.footprint.visible(as_sent(number, tick, self._step, pose)), tick)

@@ -1,0 +1,90 @@
+"""The verdict: whether a run can be believed, judged from its journal and the exit codes of its processes alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from worldsim.checks import (
+    BodiesApart,
+    Check,
+    Complete,
+    ExitCodes,
+    FogIsTrue,
+    LinksAddUp,
+    NobodyLost,
+    Tally,
+    TraceAgrees,
+)
+
+if TYPE_CHECKING:
+    from patrol.terrain import Terrain
+    from worldsim.record import RunRecord
+    from worldsim.truth import Truth
+
+Outcome = Literal["valid", "invalid", "unknown"]
+
+EXIT_CODES: Mapping[Outcome, int] = {"valid": 0, "invalid": 1, "unknown": 3}
+"""What a command that judged a run ends with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What became of a run's checks; unknown when the journal does not reach its end, so that nobody can tell."""
+
+    outcome: Outcome
+    checks: tuple[Check, ...]
+
+    @property
+    def valid(self) -> bool:
+        """Whether the run can be believed."""
+        return self.outcome == "valid"
+
+    @property
+    def exit_code(self) -> int:
+        """0 valid, 1 invalid, 3 unknown."""
+        return EXIT_CODES[self.outcome]
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(check for check in self.checks if not check.ok)
+
+
+def judge(
+    journal: RunRecord | None,
+    exit_codes: Mapping[str, int | None],
+    *,
+    terrain: Terrain | None = None,
+    truth: Truth | None = None,
+) -> Verdict:
+    """Judge a run.
+
+    journal: its records, or None when there is no journal. exit_codes: of the processes by name, robots by theirs;
+    None for one that was never seen to end; empty for a run in one process. terrain: the run's, to check bodies
+    against walls as well as against each other. truth: the run's, fresh, to recompute the fog from the poses.
+    """
+    if journal is None:
+        return Verdict("unknown", (Check("journal", False, "there is no journal"),))
+    tallies: list[Tally] = [
+        Complete(journal),
+        TraceAgrees(journal),
+        NobodyLost(journal),
+        ExitCodes(journal, exit_codes),
+        BodiesApart(journal, terrain),
+        LinksAddUp(journal),
+    ]
+    if truth is not None:
+        tallies.append(FogIsTrue(journal, truth))
+    for record in journal.ticks:
+        for tally in tallies:
+            tally.tick(record)
+    checks = tuple(tally.check() for tally in tallies)
+    return Verdict(_outcome(journal, checks), checks)
+
+
+def _outcome(journal: RunRecord, checks: Iterable[Check]) -> Outcome:
+    if journal.end is None or journal.truncated:
+        return "unknown"
+    return "valid" if all(check.ok for check in checks) else "invalid"

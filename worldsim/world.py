@@ -1,0 +1,172 @@
+"""The world: one tick in two phases, from the poses of all bodies to their next ones, with somebody honest counting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from patrol.journal import Event, RobotTick, Status, TickRecord
+from patrol.pose import Command, Drive, Pose
+from worldsim.bodies import Body, standstill
+from worldsim.ether import Delivery, Ether, Rule
+from worldsim.motion import move, within_limits
+from worldsim.truth import Truth, footprint_of, patrolled_area
+
+if TYPE_CHECKING:
+    from patrol.fields import StaticFields
+    from patrol.footprint import Footprint
+    from patrol.scenario import Scenario
+    from patrol.terrain import Terrain
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Phase A, world to robot: its own pose, and whether its last move was cancelled."""
+
+    pose: Pose
+    bumped: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Phase B, robot to world: its command, and diagnostics that change nothing.
+
+    state: patrolling, dead-end or holding. goal: x and y in m, or None. decision_ms: wall time of the decision.
+    rejected: frames its inbox refused, so far.
+    """
+
+    command: Command
+    state: str
+    goal: tuple[float, float] | None
+    decision_ms: float
+    rejected: int
+
+
+class World:
+    """The ground truth of one run.
+
+    Tick k goes begin_tick (all living bodies observe; poses for phase A), exchange (the ether carries phase A's frames;
+    what each robot hears for phase B), end_tick (phase B's commands move the bodies; the tick's record). Who is living
+    changes between ticks only, by `lose`. Nothing here knows whether robots are processes, or looks at a clock.
+
+    In lockstep a robot without a command stops at once. At any other pace the world waits for nobody: the last command
+    holds, until none has come for `watchdog` seconds.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        terrain: Terrain,
+        starts: Sequence[Pose],
+        fields: Mapping[int, StaticFields],
+        *,
+        footprint: Footprint | None = None,
+        rules: Sequence[Rule] = (),
+    ) -> None:
+        """Put the roster's bodies on their starts.
+
+        starts: in roster order. fields: by robot number; the patrolled area is the union of theirs. footprint: the
+        scenario's sensor on this terrain, when somebody else holds one that remembers. rules: the ether's.
+        """
+        self.scenario = scenario
+        self.terrain = terrain
+        self.step = scenario.step
+        self.ticks = scenario.ticks
+        self.tick = 0
+        self.bodies = {
+            spec.number: Body(spec, pose, standstill(spec)) for spec, pose in zip(scenario.roster, starts, strict=True)
+        }
+        self.truth = Truth(footprint or footprint_of(scenario, terrain), patrolled_area(fields), self.step)
+        self.ether = Ether(tuple(self.bodies), rules)
+        self._waits = scenario.factor is None
+        self._frames: tuple[tuple[int, bytes], ...] = ()
+        self._delivery = Delivery({}, (), ())
+
+    @property
+    def living(self) -> list[int]:
+        """Numbers of the robots that take part in this tick, ascending."""
+        return [number for number, body in self.bodies.items() if body.alive]
+
+    def begin_tick(self) -> dict[int, Report]:
+        """Everyone alive observes; returns phase A's messages to the living robots."""
+        self._frames, self._delivery = (), Delivery({}, (), ())
+        living = {number: self.bodies[number] for number in self.living}
+        self.truth.observe(self.tick, ((number, body.pose) for number, body in living.items()))
+        return {number: Report(body.pose, body.bumped) for number, body in living.items()}
+
+    def exchange(self, frames: Mapping[int, bytes | None]) -> dict[int, list[bytes]]:
+        """The ether carries the frames of the living; returns what each living robot hears, by sender and sequence."""
+        living = self.living
+        sent = {number: frame for number in living if (frame := frames.get(number)) is not None}
+        present = [number for number, body in self.bodies.items() if body.present]
+        self._frames = tuple(sent.items())
+        self._delivery = self.ether.carry(self.tick, sent, present, living)
+        return self._delivery.heard
+
+    def end_tick(self, replies: Mapping[int, Reply]) -> TickRecord:
+        """The living obey their commands for one step; returns the record of the tick that ends by it."""
+        for number in self.living:
+            self._obey(self.bodies[number], replies.get(number))
+        before = {number: body.pose for number, body in self.bodies.items()}
+        move(list(self.bodies.values()), self.terrain, self.step)
+        robots = tuple(_robot_tick(body, before[number], replies.get(number)) for number, body in self.bodies.items())
+        fog = self.truth.fog
+        record = TickRecord(
+            k=self.tick,
+            robots=robots,
+            frames=self._frames,
+            deliveries=self._delivery.arrived,
+            dropped=self._delivery.dropped,
+            mfow=fog.mfow(self.tick),
+            fog_mean=fog.mean(self.tick),
+            seen=fog.seen,
+        )
+        self.tick += 1
+        return record
+
+    def lose(self, number: int, status: Status, reason: str) -> Event:
+        """Between ticks: nobody drives this robot any more (DEAD: killed on purpose; LOST: it died unasked).
+
+        Its body stays where it is, in everyone's way. Returns the event for the journal.
+        """
+        body = self.bodies[number]
+        body.status = status
+        body.command = standstill(body.spec)
+        body.bumped = False
+        return Event(self.tick, status.name.lower(), number, reason)
+
+    def _obey(self, body: Body, reply: Reply | None) -> None:
+        """Take over a reply's command, or deal with its absence."""
+        if reply is None:
+            body.missed += 1
+            body.silent_s += self.step
+            if self._waits or body.silent_s >= self.scenario.watchdog:
+                body.command = standstill(body.spec)
+            return
+        body.silent_s = 0.0
+        command = within_limits(body.spec, reply.command)
+        if command is None:
+            body.refused += 1
+            command = standstill(body.spec)
+        body.command = command
+
+
+def _robot_tick(body: Body, pose: Pose, reply: Reply | None) -> RobotTick:
+    """What happened to one robot in this tick; `pose` is where it was when the tick began."""
+    command = body.command
+    c0, c1 = (command.speed, command.curvature) if isinstance(command, Drive) else (command.vx, command.vy)
+    return RobotTick(
+        number=body.spec.number,
+        status=body.status,
+        x=pose.x,
+        y=pose.y,
+        heading=pose.heading,
+        c0=c0,
+        c1=c1,
+        bumped=body.bumped,
+        state=reply.state if reply else "",
+        goal=reply.goal if reply else None,
+        decision_ms=reply.decision_ms if reply else None,
+        rejected=reply.rejected if reply else None,
+    )
