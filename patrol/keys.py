@@ -1,0 +1,101 @@
+"""Where messages go: the key expressions of a fleet, and the secret that tags its positions.
+
+    fogwatch/<fleet>/position/<robot>            positions, when robots talk directly
+    fogwatch/<fleet>/robot/<robot>/tick|reply    phases A and B of a simulated robot
+    fogwatch/<fleet>/telemetry/<robot>           what a robot decided, for eyes; agents never read it
+    fogwatch/<fleet>/truth/<topic>               what the world knows, for eyes; may be dropped
+    fogwatch/<fleet>/control/<what>              what an operator asks of the world
+    fogwatch/<fleet>/alive/<robot>               liveliness tokens
+
+A robot's name has no dot (`patrol.scenario`), so that `WORLD` can never be one.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from patrol.errors import BadInput
+
+ROOT = "fogwatch"
+WORLD = ".world"
+_FLEET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
+_LOCATOR = re.compile(r"(?:tcp|udp|tls|quic|ws)/[^\s/]+:\d{1,5}")
+_HEX = re.compile(r"(?:[0-9a-fA-F]{2}){16,64}")
+
+
+@dataclass(frozen=True, slots=True)
+class FleetKeys:
+    """The keys of one fleet; fleets of different names share a router and never meet."""
+
+    fleet: str
+
+    def tick(self, robot: str) -> str:
+        """Phases A and B, world to robot."""
+        return f"{ROOT}/{self.fleet}/robot/{robot}/tick"
+
+    def reply(self, robot: str) -> str:
+        """The answers, robot to world; ``*`` for those of all robots."""
+        return f"{ROOT}/{self.fleet}/robot/{robot}/reply"
+
+    def position(self, robot: str) -> str:
+        """Position frames, robot to robots."""
+        return f"{ROOT}/{self.fleet}/position/{robot}"
+
+    def telemetry(self, robot: str) -> str:
+        """Diagnostics, robot to eyes."""
+        return f"{ROOT}/{self.fleet}/telemetry/{robot}"
+
+    def truth(self, topic: str) -> str:
+        """What the world knows, world to eyes."""
+        return f"{ROOT}/{self.fleet}/truth/{topic}"
+
+    def control(self, what: str) -> str:
+        """Faults asked for, operator to world."""
+        return f"{ROOT}/{self.fleet}/control/{what}"
+
+    def alive(self, who: str) -> str:
+        """The liveliness token of a robot or of `WORLD`; ``*`` for all of them."""
+        return f"{ROOT}/{self.fleet}/alive/{who}"
+
+
+def fleet_keys(fleet: str) -> FleetKeys:
+    """The keys of the fleet of that name; BadInput when it cannot be a part of a key."""
+    if not _FLEET.fullmatch(fleet):
+        raise BadInput(
+            f"--fleet {fleet!r}: no name of a fleet; give at most 128 letters, digits, '.', '_' and '-', "
+            "the first a letter or digit"
+        )
+    return FleetKeys(fleet)
+
+
+def robot_of(key: str) -> str:
+    """The name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key."""
+    parts = key.split("/")
+    if len(parts) == 5 and parts[2] == "robot":
+        return parts[3]
+    return parts[3] if len(parts) == 4 else ""
+
+
+def check_locator(locator: str, option: str) -> str:
+    """A router's address as Zenoh writes it, ``tcp/HOST:PORT``; BadInput for anything else."""
+    port = locator.rpartition(":")[2]
+    if not _LOCATOR.fullmatch(locator) or not 0 < int(port) < 65536:
+        raise BadInput(f"{option} {locator!r}: no address of a router; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
+    return locator
+
+
+def read_tag_key(path: Path) -> bytes:
+    """The key of the positions' tags: a file with 16 to 64 bytes as hexadecimal digits, blanks around them ignored.
+
+    Raises BadInput, which never shows what the file holds.
+    """
+    try:
+        text = path.read_text(encoding="ascii").strip()
+    except (OSError, ValueError) as error:
+        problem = getattr(error, "strerror", None) or "no text"
+        raise BadInput(f"{path}: the key of the positions' tags cannot be read ({problem})") from None
+    if not _HEX.fullmatch(text):
+        raise BadInput(f"{path}: holds no key; write 16 to 64 bytes as hexadecimal digits (openssl rand -hex 32)")
+    return bytes.fromhex(text)
