@@ -29,6 +29,7 @@ from patrol.pose import TAU, Pose, wrap
 VERSION = 1
 MAX_FRAME = 64
 MAX_TRAIL = 4
+MAX_KEY = 64
 MAX_ROBOT = 0xFFFF
 MAX_SEQUENCE = 0xFFFF_FFFF
 MAX_TIME_MS = 0xFFFF_FFFF
@@ -135,6 +136,7 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
 
     key: 1 to 64 bytes shared by the fleet, or None for a frame without a tag.
     """
+    _check_key(key)
     body: list[object] = [
         VERSION,
         position.robot,
@@ -159,8 +161,10 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
 def decode(frame: bytes, key: bytes | None = None) -> Position:
     """The position in a frame. Raises `Rejected` (malformed, version or tag), and nothing else, for any bytes at all.
 
-    With a key every frame must carry its tag; without one a tag is skipped unchecked.
+    With a key every frame must carry its tag; without one a tag is skipped unchecked. A key of another length than 1 to
+    64 bytes is a ValueError.
     """
+    _check_key(key)
     values = _unpack(frame)
     if values[0] != VERSION:
         raise Rejected(RejectReason.VERSION, f"version {values[0]}, this is version {VERSION}")
@@ -209,6 +213,11 @@ def _check(name: str, value: object, low: int, high: int) -> None:
         raise ValueError(f"{name} is no integer")
     if not low <= value <= high:
         raise ValueError(f"{name} is {value}, outside {low}..{high}")
+
+
+def _check_key(key: bytes | None) -> None:
+    if key is not None and not 1 <= len(key) <= MAX_KEY:
+        raise ValueError(f"a key has 1 to {MAX_KEY} bytes, this one {len(key)}")
 
 
 def _units(value: float, per_unit: float) -> int:

@@ -1,0 +1,7 @@
+from __future__ import annotations
+
+from patrol.errors import BadInput
+
+
+def test_an_error_is_one_line_whatever_it_quotes() -> None:
+    assert str(BadInput("yards.yaml: name = 'a\nb\r\nc': no")) == "yards.yaml: name = 'a b c': no"

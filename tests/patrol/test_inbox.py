@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from patrol.inbox import Inbox
+from patrol.message import Position, RejectReason, encode
+from patrol.pose import Pose
+
+SPEED = 4.0
+STEP = 0.5
+BOUNDS = (0.0, 0.0, 100.0, 88.0)
+KEY = b"fleet"
+
+
+def inbox(key: bytes | None = None) -> Inbox:
+    return Inbox(own=1, roster=range(1, 6), bounds=BOUNDS, max_speed=SPEED, key=key, step=STEP)
+
+
+def frame(sequence: int, x: float, y: float = 40.0, robot: int = 2, key: bytes | None = None) -> bytes:
+    return encode(Position.of(robot, sequence, sequence * STEP, Pose(x, y, 0.0)), key)
+
+
+def reasons(box: Inbox) -> dict[RejectReason, int]:
+    return {reason: count for reason, count in box.counts.items() if count}
+
+
+def test_a_robot_at_full_speed_is_believed() -> None:
+    box = inbox()
+    believed = [box.accept(frame(k, 10.0 + SPEED * STEP * k), k * STEP) for k in range(40)]
+    assert [position and (position.robot, position.sequence) for position in believed] == [(2, k) for k in range(40)]
+    assert box.accepted == 40
+    assert box.rejected == 0
+    assert box.last(2) == (believed[-1], 39 * STEP)
+    assert box.last(3) is None
+
+
+@given(st.lists(st.tuples(st.floats(-math.pi, math.pi), st.floats(0.0, 1.0)), min_size=1, max_size=30))
+def test_rounding_never_makes_an_honest_robot_too_fast(moves: list[tuple[float, float]]) -> None:
+    box = inbox()
+    x, y = 50.0, 44.0
+    for k, (heading, share) in enumerate(moves):
+        x = min(max(x + SPEED * STEP * share * math.cos(heading), 0.0), 100.0)
+        y = min(max(y + SPEED * STEP * share * math.sin(heading), 0.0), 88.0)
+        # Arrives together with the one before, or half a step late.
+        box.accept(frame(k, x, y), k * STEP + 0.25 * (k % 2))
+    assert box.rejected == 0
+
+
+def test_what_cannot_be_decoded_is_counted_by_reason() -> None:
+    box = inbox(KEY)
+    assert box.accept(b"rubbish", 0.0) is None
+    assert box.accept(b"x" * 1000, 0.0) is None
+    assert box.accept(bytes([0x97, 9, 1, 2, 3, 4, 5, 6]), 0.0) is None
+    assert box.accept(frame(0, 10.0), 0.0) is None
+    assert box.accept(frame(0, 10.0, key=b"other"), 0.0) is None
+    assert reasons(box) == {RejectReason.MALFORMED: 2, RejectReason.VERSION: 1, RejectReason.TAG: 2}
+    assert box.accept(frame(0, 10.0, key=KEY), 0.0) is not None
+
+
+@pytest.mark.parametrize(("robot", "reason"), [(1, "own"), (0, "unknown"), (6, "unknown"), (65535, "unknown")])
+def test_only_other_robots_of_the_roster_are_heard(robot: int, reason: str) -> None:
+    box = inbox()
+    assert box.accept(frame(0, 10.0, robot=robot), 0.0) is None
+    assert reasons(box) == {RejectReason(reason): 1}
+
+
+def test_a_frame_is_believed_once_and_in_order() -> None:
+    box = inbox()
+    assert box.accept(frame(5, 10.0), 2.5) is not None
+    for sequence in (5, 4, 0):
+        assert box.accept(frame(sequence, 10.0), 3.0) is None
+    assert reasons(box) == {RejectReason.OLD: 3}
+    assert box.accept(frame(6, 10.0), 3.0) is not None
+
+
+def test_each_sender_has_a_sequence_of_its_own() -> None:
+    box = inbox()
+    assert box.accept(frame(5, 10.0, robot=2), 2.5) is not None
+    assert box.accept(frame(3, 90.0, robot=3), 2.5) is not None
+    assert box.accept(frame(4, 90.0, robot=3), 2.5) is not None
+
+
+@pytest.mark.parametrize(("x", "y"), [(-0.1, 40.0), (100.1, 40.0), (50.0, -0.1), (50.0, 88.1), (1e6, 1e6)])
+def test_off_the_terrain_nobody_is(x: float, y: float) -> None:
+    box = inbox()
+    assert box.accept(frame(0, x, y), 0.0) is None
+    assert reasons(box) == {RejectReason.OUTSIDE: 1}
+
+
+def test_on_the_edge_of_the_terrain_one_may_be() -> None:
+    box = inbox()
+    assert box.accept(frame(0, 100.0, 88.0), 0.0) is not None
+    assert box.accept(frame(0, -0.004, 0.0, robot=3), 0.0) is not None
+
+
+def test_nobodys_trail_leaves_the_terrain() -> None:
+    box = inbox()
+    assert box.accept(encode(Position.of(2, 0, 0.0, Pose(1.0, 1.0, 0.0), ((-50, 0), (-60, 0)))), 0.0) is None
+    assert reasons(box) == {RejectReason.OUTSIDE: 1}
+
+
+def test_a_jump_is_believed_once_three_frames_in_a_row_agree() -> None:
+    box = inbox()
+    assert box.accept(frame(0, 10.0), 0.0) is not None
+    assert box.accept(frame(1, 60.0), 0.5) is None
+    assert box.accept(frame(2, 61.0), 1.0) is None
+    assert box.accept(frame(3, 62.0), 1.5) is not None
+    assert box.accept(frame(4, 63.0), 2.0) is not None
+    assert reasons(box) == {RejectReason.TOO_FAST: 2}
+
+
+def test_a_jump_back_and_forth_is_not_believed() -> None:
+    box = inbox()
+    assert box.accept(frame(0, 10.0), 0.0) is not None
+    for k in range(1, 9):
+        assert box.accept(frame(k, 90.0 if k % 2 else 60.0), k * STEP) is None
+    assert reasons(box) == {RejectReason.TOO_FAST: 8}
+
+
+def test_honest_frames_between_jumps_start_the_count_anew() -> None:
+    box = inbox()
+    assert box.accept(frame(0, 10.0), 0.0) is not None
+    for k in range(1, 13):
+        honest = k % 3 == 0
+        believed = box.accept(frame(k, 10.0 if honest else 90.0), k * STEP)
+        assert (believed is not None) == honest
+
+
+def test_a_frame_repeated_does_not_make_a_jump_steady() -> None:
+    box = inbox()
+    assert box.accept(frame(0, 10.0), 0.0) is not None
+    for _ in range(5):
+        assert box.accept(frame(1, 60.0), 0.5) is None
+
+
+def test_after_a_silence_a_robot_may_be_anywhere_it_could_have_reached() -> None:
+    box = inbox()
+    assert box.accept(frame(0, 10.0), 0.0) is not None
+    assert box.accept(frame(40, 95.0), 20.0) is None
+    assert box.accept(frame(44, 95.0), 22.0) is not None
+    assert reasons(box) == {RejectReason.TOO_FAST: 1}
+
+
+def test_speed_is_judged_by_the_receivers_clock() -> None:
+    """A sender's clock that runs an hour ahead, or claims that an hour has passed, changes nothing."""
+    box = inbox()
+    for k in range(10):
+        ahead = Position.of(2, k, 3600.0 + k * STEP, Pose(10.0 + k, 40.0, 0.0))
+        assert box.accept(encode(ahead), k * STEP) is not None
+    leap = Position.of(2, 10, 7200.0, Pose(80.0, 40.0, 0.0))
+    assert box.accept(encode(leap), 10 * STEP) is None
+    assert reasons(box) == {RejectReason.TOO_FAST: 1}
+
+
+def test_a_sequence_that_runs_away_does_not_shut_its_sender_out() -> None:
+    box = inbox()
+    assert box.accept(frame(0, 10.0), 0.0) is not None
+    forged = encode(Position.of(2, 2**32 - 1, 0.0, Pose(10.0, 40.0, 0.0)))
+    assert box.accept(forged, 0.5) is None
+    assert reasons(box) == {RejectReason.AHEAD: 1}
+    assert box.accept(frame(2, 11.0), 1.0) is not None
+
+
+def test_a_stalled_network_that_catches_up_is_believed() -> None:
+    """Ten seconds of frames at once: each follows the one before by no more than a step."""
+    box = inbox()
+    for k in range(10):
+        assert box.accept(frame(k, 10.0 + 2.0 * k), k * STEP) is not None
+    for k in range(10, 30):
+        assert box.accept(frame(k, 10.0 + 2.0 * k), 15.0) is not None
+    assert box.rejected == 0
+
+
+def test_a_restarted_sender_is_heard_at_once() -> None:
+    box = inbox()
+    assert box.accept(frame(100, 10.0), 50.0) is not None
+    assert box.accept(frame(140, 10.0), 70.0) is not None
+    assert box.rejected == 0
+
+
+@given(st.lists(st.binary(max_size=70), max_size=30))
+def test_hostile_bytes_are_only_ever_counted(frames: list[bytes]) -> None:
+    box = inbox()
+    believed = [box.accept(data, float(k)) for k, data in enumerate(frames)]
+    assert box.accepted == sum(position is not None for position in believed)
+    assert box.accepted + box.rejected == len(frames)
