@@ -17,7 +17,6 @@ import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from functools import cached_property
-from itertools import groupby
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -208,20 +207,29 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
             for r in record.robots
         ],
         "frames": record.frames,
-        "delivered": _grouped((source, sequence, "", to) for source, to, sequence in record.deliveries),
-        "dropped": _grouped((source, sequence, cause, to) for source, to, sequence, cause in record.dropped),
+        "delivered": _grouped((*delivery, "") for delivery in record.deliveries),
+        "dropped": _grouped(record.dropped),
         "mfow": record.mfow,
         "fog_mean": record.fog_mean,
         "seen": record.seen,
     }
 
 
-def _grouped(links: Iterable[tuple[int, int, str, int]]) -> list[tuple[int, int, str, list[int]]]:
-    """(source, sequence, cause, destination), with neighbours that differ in the destination alone drawn together.
+def _grouped(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, int, str, list[int]]]:
+    """(source, sequence, cause, destinations): neighbours that differ in the destination alone are drawn together.
 
     A frame that reaches a whole fleet is one entry; any order of links survives.
     """
-    return [(*head, [link[3] for link in group]) for head, group in groupby(links, key=lambda link: link[:3])]
+    groups: list[tuple[int, int, str, list[int]]] = []
+    last: tuple[int, int, str] | None = None
+    destinations: list[int] = []
+    for source, destination, sequence, cause in links:
+        if last != (source, sequence, cause):
+            last = (source, sequence, cause)
+            destinations = []
+            groups.append((source, sequence, cause, destinations))
+        destinations.append(destination)
+    return groups
 
 
 def _typed(value: Any) -> Record:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterable
+from itertools import chain
 
 from patrol.records import TickRecord
 
 _COUNTED = struct.Struct("<qI")
 _ROBOT = struct.Struct("<HB5d")
-_DELIVERY = struct.Struct("<HHI")
 _LAST = struct.Struct("<Iq")
 
 
@@ -33,7 +33,8 @@ class TraceHash:
             _ROBOT.pack(robot.number, robot.status, robot.x, robot.y, robot.heading, robot.c0, robot.c1)
             for robot in record.robots
         ]
-        parts += [_DELIVERY.pack(*delivery) for delivery in sorted(record.deliveries)]
+        deliveries = struct.Struct("<" + "HHI" * len(record.deliveries))
+        parts.append(deliveries.pack(*chain.from_iterable(sorted(record.deliveries))))
         parts.append(_LAST.pack(len(record.deliveries), record.mfow))
         self._hash.update(b"".join(parts))
 
