@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
+from patrol.kernels.clearance import nearest
+from patrol.kernels.doors import ROOM
 from patrol.pose import TAU, Pose, wrap
 from patrol.random import Purpose, draw
+from patrol.rooms import Rooms
 from patrol.terrain import BoolGrid, Terrain
 
 if TYPE_CHECKING:
@@ -25,6 +28,9 @@ if TYPE_CHECKING:
 
 ENCLOSED_SHARE = 0.1
 """An enclosed part is preferred when it has at least this share of the largest part at the border."""
+
+ROOMY_SHARE = 0.9
+"""A part that covers this share of the free space it is joined to is no place to be shut in."""
 
 DRAWS = 200
 """Places drawn for a robot before all places that are left are looked at."""
@@ -50,7 +56,10 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
     if waiting:
         widest = max(spec.radius for spec in waiting)
         first = next((spec.start for spec in roster if spec.start is not None), None)
-        places = np.flatnonzero(starting_part(terrain, widest, first))
+        part = starting_part(terrain, widest, first)
+        if first is None:
+            _check_not_shut_in(terrain, widest, part)
+        places = np.flatnonzero(part)
         for spec in sorted(waiting, key=lambda spec: (-spec.radius, spec.number)):
             pose = _place(terrain, spec, seed, places, list(placed.values()))
             if pose is None:
@@ -85,8 +94,8 @@ def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radi
     sizes[0] = 0
     bounded = np.zeros(count + 1, dtype=np.bool_)
     # A part at the border comes as near to it as a centre may.
-    nearest = math.ceil((planning_radius(radius, terrain.point) - TOLERANCE) / terrain.point - 0.5)
-    for line in (labels[nearest], labels[-1 - nearest], labels[:, nearest], labels[:, -1 - nearest]):
+    beside = math.ceil((planning_radius(radius, terrain.point) - TOLERANCE) / terrain.point - 0.5)
+    for line in (labels[beside], labels[-1 - beside], labels[:, beside], labels[:, -1 - beside]):
         bounded[line] = True
     outer = int(np.argmax(np.where(bounded, sizes, 0)))
     inner = int(np.argmax(np.where(bounded, 0, sizes)))
@@ -125,6 +134,33 @@ def clearance_at(terrain: Terrain, x: float, y: float, limit: float) -> float:
     across = np.maximum(np.abs(xmin + (cols + col0) * terrain.point + half - x) - half, 0.0)
     along = np.maximum(np.abs(ymin + (rows + row0) * terrain.point + half - y) - half, 0.0)
     return min(clear, float(np.hypot(across, along).min()))
+
+
+def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
+    """Refuse a body that fits through no door of the rooms around `part`, unless that is nearly all there is."""
+    labels, _ = parts_of(terrain.free)
+    around = labels == labels.flat[np.flatnonzero(part)[0]]
+    enough = ROOMY_SHARE * np.count_nonzero(around)
+    away = (planning_radius(radius, terrain.point) / terrain.point) ** 2
+    covered = np.empty(terrain.shape, dtype=np.int32)
+    work = np.empty_like(covered)
+    nearest(part.view(np.uint8), around.view(np.uint8), math.isqrt(int(away)), int(away), work, covered)
+    if np.count_nonzero(covered >= 0) >= enough:
+        return
+    rooms = Rooms(terrain, radius, part)
+    doors = rooms.doors()
+    if not doors or any(door.passes for door in doors):
+        return
+    inside = sum(rooms.areas[leaf] for leaf in np.flatnonzero(rooms.reached & (rooms.nodes[:, ROOM] >= 0)))
+    if inside >= enough * terrain.point_area:
+        return
+    widest = doors[-1]
+    passing = math.floor(100.0 * widest.radius) / 100.0
+    raise BadInput(
+        f"robots.radius = {radius:g}: too wide for every door of {terrain.name}; the widest, at ({widest.x:.2f}, "
+        f"{widest.y:.2f}), is {widest.width:.2f} m wide and lets a radius of {passing:g} m pass; use a smaller radius, "
+        "or say where to start to patrol one room"
+    )
 
 
 def _place(

@@ -1,0 +1,154 @@
+"""Kernels that find doors: the narrowest places between two parts of the free space.
+
+Points are taken in the order of falling clearance: pools form where the space is wide, grow and meet at saddles. A
+saddle between two pools that are both sizeable and clearly wider than it is a door, and twice its clearance is the
+door's width. The pools and doors form binary trees: leaves are rooms, inner nodes are doors.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit, types
+
+LEVELS = types.Array(types.int32, 1, "C", readonly=True)
+ORDER = types.Array(types.int32, 1, "C", readonly=True)
+LIST = types.Array(types.int32, 1, "C")
+NODES = types.Array(types.int32, 2, "C")
+int64 = types.int64
+float64 = types.float64
+
+ROOM, SADDLE, FIRST, SECOND = 0, 1, 2, 3
+"""Columns of a node: leaf's widest point or -1; door's saddle point or -1; the two nodes that a door joins or -1."""
+
+
+@njit(int64(LEVELS, LIST, LIST), cache=True, nogil=True)
+def falling_order(level, counts, order):
+    """List the points with a level above 0, highest first and of equal ones the lowest index first; returns how many.
+
+    level: int32 (n,). counts: int32 (highest level + 2,), scratch. order: int32 (n,), its head is overwritten.
+    """
+    highest = counts.shape[0] - 2
+    counts[:] = 0
+    for at in range(level.shape[0]):
+        if level[at] > 0:
+            counts[highest - level[at] + 1] += 1
+    for rank in range(1, counts.shape[0]):
+        counts[rank] += counts[rank - 1]
+    for at in range(level.shape[0]):
+        if level[at] > 0:
+            rank = highest - level[at]
+            order[counts[rank]] = at
+            counts[rank] += 1
+    return int64(counts[highest])
+
+
+@njit(int64(LIST, int64), cache=True, nogil=True)
+def _root(parent, at):
+    """The root of a point's pool, halving the path on the way."""
+    while parent[at] != at:
+        parent[at] = parent[parent[at]]
+        at = int64(parent[at])
+    return at
+
+
+@njit(int64(NODES, int64, int64, int64, int64, int64), cache=True, nogil=True)
+def _new_node(nodes, count, room, saddle, first, second):
+    nodes[count, ROOM] = room
+    nodes[count, SADDLE] = saddle
+    nodes[count, FIRST] = first
+    nodes[count, SECOND] = second
+    return count + 1
+
+
+@njit(int64(LEVELS, ORDER, int64, int64, int64, float64, LIST, LIST, LIST, LIST, NODES), cache=True, nogil=True)
+def find_doors(level, order, width, body, room, wider, parent, size, top, node, nodes):
+    """Build the tree of rooms and doors; returns its number of nodes, rooms and doors in the order of finding.
+
+    A saddle is a door when both pools hold at least `room` points and are wider than it by the factor `wider` and half
+    a point, or when a body that needs the level `body` fits into both and not through the saddle.
+    What has no door is one room; what is smaller than `room` and takes no body is left out.
+
+    level: int32 (h * w,), squared clearance in half points. order: from `falling_order`, its head alone.
+    parent, size, top, node: int32 (h * w,), scratch; `parent` must be -1 everywhere.
+    nodes: int32 (m, 4), see ROOM; its head is overwritten. m must be at least
+    2 * (points / room + parts that a body fits into + 1).
+    """
+    count = int64(0)
+    for place in range(order.shape[0]):
+        at = int64(order[place])
+        here = level[at]
+        parent[at] = at
+        size[at] = 1
+        top[at] = at
+        node[at] = -1
+        high_enough = wider * math.sqrt(here) + 1.0
+        col = at % width
+        for side in range(4):
+            if (side == 0 and col == 0) or (side == 1 and col == width - 1):
+                continue
+            other = at + (side == 1) - (side == 0) + width * ((side == 3) - (side == 2))
+            if other < 0 or other >= level.shape[0] or parent[other] < 0:
+                continue
+            a = _root(parent, at)
+            b = _root(parent, other)
+            if a == b:
+                continue
+            low = min(level[top[a]], level[top[b]])
+            is_door = min(size[a], size[b]) >= room and math.sqrt(low) >= high_enough
+            is_door = is_door or low >= body > here or (node[a] >= 0 and node[b] >= 0)
+            joined = max(node[a], node[b])
+            if is_door:
+                if node[a] < 0:
+                    node[a] = count
+                    count = _new_node(nodes, count, top[a], -1, -1, -1)
+                if node[b] < 0:
+                    node[b] = count
+                    count = _new_node(nodes, count, top[b], -1, -1, -1)
+                joined = count
+                count = _new_node(nodes, count, -1, at, node[a], node[b])
+            if size[a] < size[b]:
+                a, b = b, a
+            parent[b] = a
+            size[a] += size[b]
+            node[a] = joined
+            if level[top[b]] > level[top[a]]:
+                top[a] = top[b]
+    for place in range(order.shape[0]):
+        at = int64(order[place])
+        if parent[at] == at and node[at] < 0 and (size[at] >= room or level[top[at]] >= body):
+            count = _new_node(nodes, count, top[at], -1, -1, -1)
+    return count
+
+
+@njit(types.void(LEVELS, ORDER, int64, LIST, LIST, LIST), cache=True, nogil=True)
+def spread_rooms(level, order, width, parent, size, label):
+    """Give every point the room that it falls to, so that rooms meet at the doors' saddles.
+
+    level, order: as in `find_doors`. parent, size: int32 (h * w,), scratch; `parent` must be -1 everywhere.
+    label: int32 (h * w,), on entry a number above 0 on each room's widest point and 0 elsewhere; on return on each of
+    the room's points.
+    """
+    for place in range(order.shape[0]):
+        at = int64(order[place])
+        parent[at] = at
+        size[at] = 1
+        col = at % width
+        for side in range(4):
+            if (side == 0 and col == 0) or (side == 1 and col == width - 1):
+                continue
+            other = at + (side == 1) - (side == 0) + width * ((side == 3) - (side == 2))
+            if other < 0 or other >= level.shape[0] or parent[other] < 0:
+                continue
+            a = _root(parent, at)
+            b = _root(parent, other)
+            if a == b or (label[a] > 0 and label[b] > 0):
+                continue
+            if size[a] < size[b]:
+                a, b = b, a
+            parent[b] = a
+            size[a] += size[b]
+            label[a] = max(label[a], label[b])
+    for place in range(order.shape[0]):
+        at = int64(order[place])
+        label[at] = label[_root(parent, at)]
