@@ -55,9 +55,7 @@ def run_ticks(
         fleet.finish(world.tick)
 
 
-def _run_tick(
-    world: World, fleet: Fleet, sink: Callable[[TickRecord], None], events: Callable[[Event], None]
-) -> None:
+def _run_tick(world: World, fleet: Fleet, sink: Callable[[TickRecord], None], events: Callable[[Event], None]) -> None:
     k = world.tick
     reports = world.begin_tick()
     frames = fleet.phase_a(k, reports)

@@ -1,0 +1,123 @@
+"""Small worlds for the world's tests, and a fleet that drives at random."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from patrol.fields import StaticFields
+from patrol.journal import Status
+from patrol.message import Position, encode
+from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.random import draw
+from patrol.scenario import load_scenario
+from patrol.terrain import Terrain
+from worldsim.loop import run_ticks
+from worldsim.record import COMPLETED, MemoryJournal, Recorder, header_of
+from worldsim.world import Reply, Report, World
+
+
+def command_of(model: str, seed: int, number: int, k: int) -> Command:
+    """A random command, often beyond the robot's limits."""
+    first, second = (draw(seed, number, k, i) - 0.5 for i in (0, 1))
+    return Drive(12.0 * first, second) if model == "car" else Velocity(12.0 * first, 12.0 * second)
+
+
+@dataclass
+class RandomFleet:
+    """Minds that send their positions and drive at random.
+
+    silent: (number, k, phase) at which a robot does not answer any more. killed: (number, status) by the tick after
+    which it is gone. heard: what arrived, by tick.
+    """
+
+    world: World
+    seed: int = 1
+    silent: set[tuple[int, int, str]] = field(default_factory=set)
+    killed: dict[int, tuple[int, Status]] = field(default_factory=dict)
+    heard: list[Mapping[int, list[bytes]]] = field(default_factory=list)
+    finished: int | None = None
+
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
+        return {
+            number: encode(Position.of(number, k, k * self.world.step, report.pose))
+            for number, report in reports.items()
+            if (number, k, "A") not in self.silent
+        }
+
+    def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
+        self.heard.append(heard)
+        return {
+            number: Reply(
+                command_of(self.world.bodies[number].spec.model, self.seed, number, k),
+                "dead-end" if (number + k) % 4 == 0 else "patrolling",
+                None,
+                float(number),
+                2 * k,
+            )
+            for number in heard
+            if (number, k, "A") not in self.silent and (number, k, "B") not in self.silent
+        }
+
+    def lost(self) -> list[tuple[int, Status, str]]:
+        gone = self.killed.pop(self.world.tick - 1, None)
+        return [] if gone is None else [(*gone, "asked for")]
+
+    def finish(self, k: int) -> None:
+        self.finished = k
+
+
+@dataclass(frozen=True)
+class Lab:
+    """What a test of the world needs."""
+
+    room: Terrain
+
+    def world(
+        self,
+        robots: Sequence[dict[str, Any]],
+        starts: Sequence[tuple[float, float, float]],
+        terrain: Terrain | None = None,
+        **more: Any,
+    ) -> World:
+        """A world on the room of 20 x 15 m, unless a terrain is given, all of whose free points count."""
+        mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": list(robots), "sensor": {"range": 3.0}}
+        scenario = load_scenario({**mapping, **more})
+        ground = terrain or self.room
+        proxy = np.full(ground.shape, -1, dtype=np.int32)
+        fields = StaticFields(cspace=ground.free, reach=ground.free, patrolled=ground.free, proxy=proxy)
+        poses = [Pose(*start) for start in starts]
+        return World(scenario, ground, poses, {spec.number: fields for spec in scenario.roster})
+
+    def patrol(self, ticks: int = 40, seed: int = 1, **more: Any) -> World:
+        """A world with two cars and two holonomic robots, not yet begun."""
+        car = {"model": "car", "radius": 0.5, "turning_radius": 2.0}
+        disc = {"model": "holonomic", "radius": 0.4}
+        starts = [(3.0, 3.0, 0.0), (9.0, 9.0, 1.0), (14.0, 4.0, 0.0), (5.0, 11.0, 0.0)]
+        return self.world([car, car, disc, disc], starts, duration=0.5 * ticks, seed=seed, **more)
+
+    def run(
+        self, world: World, fleet: RandomFleet | None = None, stop: Callable[[], bool] = lambda: False
+    ) -> MemoryJournal:
+        """The journal of a run to its end."""
+        journal = MemoryJournal(header_of(world))
+        recorder = Recorder(journal)
+        run_ticks(world, fleet or RandomFleet(world, world.scenario.seed), recorder.tick, recorder.event, stop)
+        recorder.end(COMPLETED)
+        return journal
+
+    def fleet(self, world: World, **more: Any) -> RandomFleet:
+        """A fleet that drives at random."""
+        return RandomFleet(world, **more)
+
+
+@pytest.fixture
+def lab() -> Lab:
+    """The room has a wall over x in [10, 10.5) below y = 7.5."""
+    passable = np.ones((30, 40), dtype=np.bool_)
+    passable[:15, 20] = False
+    return Lab(Terrain("room", passable, 0.5))

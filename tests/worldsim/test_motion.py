@@ -1,0 +1,237 @@
+"""Bodies in motion: whatever is commanded, nobody is ever inside a wall or another body, at any time of a step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from patrol.journal import Status
+from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.scenario import RobotSpec
+from patrol.sweep import advance
+from patrol.terrain import Terrain
+from worldsim.bodies import Body, standstill
+from worldsim.motion import length, move, within_limits
+
+STEP = 0.5
+CAR = RobotSpec(1, "car", "car", 4.4, 0.6, 3.5, None)
+DISC = RobotSpec(2, "disc", "holonomic", 4.4, 0.6, 3.5, None)
+FIELD = Terrain("field", np.ones((20, 20), dtype=np.bool_), 0.5, (-2.0, -1.0))
+
+
+def body(x: float, y: float, command: Command | None = None, spec: RobotSpec = DISC, heading: float = 0.0) -> Body:
+    return Body(spec, Pose(x, y, heading), command or standstill(spec))
+
+
+def clearance(terrain: Terrain, pose: Pose) -> float:
+    """Distance (m) to the nearest blocked square or the edge; negative off the terrain."""
+    xmin, ymin, xmax, ymax = terrain.bounds
+    nearest = min(pose.x - xmin, xmax - pose.x, pose.y - ymin, ymax - pose.y)
+    for row, col in np.argwhere(~terrain.free):
+        x, y = terrain.centre(int(row), int(col))
+        half = terrain.point / 2
+        nearest = min(nearest, math.hypot(max(abs(pose.x - x) - half, 0), max(abs(pose.y - y) - half, 0)))
+    return nearest
+
+
+def worst(terrain: Terrain, poses: Sequence[Pose], radii: Sequence[float]) -> float:
+    """How much room is left where it is tightest; negative in an overlap."""
+    room = [clearance(terrain, pose) - radius for pose, radius in zip(poses, radii, strict=True)]
+    for i, one in enumerate(poses):
+        for j, other in enumerate(poses[:i]):
+            room.append(math.hypot(one.x - other.x, one.y - other.y) - radii[i] - radii[j])
+    return min(room)
+
+
+numbers = st.floats(-10, 10) | st.floats()
+commands = st.builds(Velocity, numbers, numbers) | st.builds(Drive, numbers, numbers)
+specs = st.builds(
+    lambda model, radius, turn: RobotSpec(1, "r", model, 4.4, radius, turn, None),
+    st.sampled_from(["car", "holonomic"]),
+    st.floats(0.1, 1.2),
+    st.floats(0.5, 4.0),
+)
+places = st.builds(Pose, st.floats(-2, 8), st.floats(-1, 9), st.floats(-math.pi, math.pi))
+walls = st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), max_size=15)
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> tuple[Terrain, list[Body]]:
+    """A terrain with some obstacles and up to five bodies that fit, some of them dead."""
+    passable = np.ones((20, 20), dtype=np.bool_)
+    for row, col in draw(walls):
+        passable[row, col] = False
+    terrain = replace(FIELD, passable=passable)
+    bodies: list[Body] = []
+    for spec, pose, status in draw(
+        st.lists(st.tuples(specs, places, st.sampled_from([Status.ALIVE] * 3 + [Status.DEAD])), max_size=5)
+    ):
+        trial = [*bodies, Body(spec, pose, standstill(spec), status)]
+        if worst(terrain, [b.pose for b in trial], [b.spec.radius for b in trial]) >= 0:
+            bodies = trial
+    return terrain, bodies
+
+
+@settings(max_examples=150)
+@given(scenes(), st.lists(st.lists(commands, min_size=5, max_size=5), max_size=4))
+def test_no_body_ever_enters_a_wall_or_another_body(
+    scene: tuple[Terrain, list[Body]], orders: list[list[Command]]
+) -> None:
+    terrain, bodies = scene
+    radii = [one.spec.radius for one in bodies]
+    for order in orders:
+        for one, command in zip(bodies, order, strict=False):
+            one.command = within_limits(one.spec, command) or standstill(one.spec)
+        before = [one.pose for one in bodies]
+        move(bodies, terrain, STEP)
+        for part in np.linspace(0.0, 1.0, 15):
+            poses = [
+                one.pose if one.pose == start else advance(start, one.command, part * STEP)
+                for one, start in zip(bodies, before, strict=True)
+            ]
+            # Arcs are swept as chords, which lie within 0.1 mm of them.
+            assert not bodies or worst(terrain, poses, radii) > -3e-4
+        assert not bodies or worst(terrain, [one.pose for one in bodies], radii) > -1e-8
+
+
+@settings(max_examples=100)
+@given(scenes(), st.lists(commands, min_size=5, max_size=5), st.permutations(range(5)))
+def test_the_outcome_does_not_depend_on_the_order_of_the_bodies(
+    scene: tuple[Terrain, list[Body]], order: list[Command], shuffle: list[int]
+) -> None:
+    terrain, bodies = scene
+    for one, command in zip(bodies, order, strict=False):
+        one.command = within_limits(one.spec, command) or standstill(one.spec)
+    copies = [replace(one) for one in bodies]
+    move(bodies, terrain, STEP)
+    move([copies[i] for i in shuffle if i < len(copies)], terrain, STEP)
+    assert copies == bodies
+
+
+@given(commands)
+def test_commands_are_cut_to_what_a_robot_can_do(command: Command) -> None:
+    for spec in (CAR, DISC):
+        obeyed = within_limits(spec, command)
+        finite = all(math.isfinite(number) for number in (getattr(command, name) for name in command.__slots__))
+        assert (obeyed is not None) == (finite and isinstance(command, Drive) == (spec.model == "car"))
+        if isinstance(obeyed, Drive):
+            assert abs(obeyed.speed) <= spec.speed
+            assert abs(obeyed.curvature) <= 1 / spec.turning_radius
+        elif isinstance(obeyed, Velocity) and isinstance(command, Velocity):
+            assert math.hypot(obeyed.vx, obeyed.vy) <= spec.speed * (1 + 1e-12)
+            if math.hypot(command.vx, command.vy) <= spec.speed * (1 - 1e-12):
+                assert obeyed == command
+
+
+@given(st.lists(st.builds(Drive, numbers, numbers), max_size=12), places)
+def test_a_car_never_turns_tighter_than_its_radius(drives: list[Drive], start: Pose) -> None:
+    car = Body(CAR, start, standstill(CAR))
+    terrain = Terrain("wide", np.ones((60, 60), dtype=np.bool_), 2.0, (-60.0, -60.0))
+    for drive in drives:
+        car.command = within_limits(CAR, drive) or standstill(CAR)
+        before = car.pose
+        move([car], terrain, STEP)
+        turn = abs(math.remainder(car.pose.heading - before.heading, math.tau))
+        chord = math.hypot(car.pose.x - before.x, car.pose.y - before.y)
+        assert chord >= 2 * CAR.turning_radius * math.sin(turn / 2) - 1e-9
+
+
+def test_two_robots_head_on_both_stay() -> None:
+    left, right = body(0.0, 0.0, Velocity(2.0, 0.0)), body(2.0, 0.0, Velocity(-2.0, 0.0))
+    move([left, right], FIELD, STEP)
+    assert (left.pose, right.pose) == (Pose(0.0, 0.0, 0.0), Pose(2.0, 0.0, 0.0))
+    assert left.bumped
+    assert right.bumped
+    assert (left.collisions, right.collisions) == (1, 1)
+    assert left.distance_m == 0.0
+
+
+@pytest.mark.parametrize("speed", [4.0, 8.0])
+def test_two_robots_cannot_swap(speed: float) -> None:
+    fast = replace(DISC, speed=8.0)
+    left = body(0.0, 0.0, Velocity(speed, 0.0), fast)
+    right = body(speed * STEP, 0.0, Velocity(-speed, 0.0), fast)
+    move([left, right], FIELD, STEP)
+    assert left.pose.x == 0.0
+    assert right.pose.x == speed * STEP
+
+
+def test_robots_that_cross_at_different_times_both_pass() -> None:
+    first, second = body(0.0, 0.0, Velocity(4.0, 0.0)), body(2.0, -1.3, Velocity(0.0, 0.2))
+    move([first, second], FIELD, STEP)
+    assert not first.bumped
+    assert not second.bumped
+
+
+def test_a_convoy_moves_as_one() -> None:
+    convoy = [body(1.2 * i, 0.0, Velocity(1.0, 0.0)) for i in range(4)]
+    move(convoy, FIELD, STEP)
+    assert [one.pose.x for one in convoy] == pytest.approx([0.5, 1.7, 2.9, 4.1])
+
+
+def test_a_blocked_robot_blocks_those_behind_it() -> None:
+    passable = np.ones((20, 20), dtype=np.bool_)
+    passable[:, 14] = False  # x from 5.0 to 5.5
+    wall = replace(FIELD, passable=passable)
+    queue = [body(4.4 - 1.2 * i, 0.0, Velocity(1.0, 0.0)) for i in range(4)]
+    aside = body(0.0, 4.0, Velocity(1.0, 0.0))
+    move([*queue, aside], wall, STEP)
+    assert [one.pose.x for one in queue] == [4.4 - 1.2 * i for i in range(4)]
+    assert all(one.bumped for one in queue)
+    assert aside.pose.x == 0.5
+
+
+def test_a_dead_body_is_in_the_way_and_one_that_left_is_not() -> None:
+    other = body(2.0, 0.0)
+    for status, passes in ((Status.DEAD, False), (Status.LOST, False), (Status.LEFT, True), (Status.ABSENT, True)):
+        other.status = status
+        robot = body(0.0, 0.0, Velocity(4.0, 0.0))
+        move([robot, other], FIELD, STEP)
+        assert (robot.pose.x == 2.0) == passes
+        assert robot.bumped != passes
+        assert (other.pose.x, other.collisions, other.bumped) == (2.0, 0, False)
+
+
+def test_a_standing_robot_that_is_run_into_has_no_move_to_cancel() -> None:
+    robot, other = body(0.0, 0.0, Velocity(4.0, 0.0)), body(2.0, 0.0)
+    move([robot, other], FIELD, STEP)
+    assert (robot.collisions, other.collisions) == (1, 0)
+
+
+def test_two_that_overlap_may_only_move_apart() -> None:
+    left, right = body(0.0, 0.0, Velocity(-1.0, 0.0)), body(1.0, 0.0, Velocity(1.0, 0.0))
+    move([left, right], FIELD, STEP)
+    assert (left.pose.x, right.pose.x) == (-0.5, 1.5)
+    left, right = body(0.0, 0.0, Velocity(1.0, 0.0)), body(1.0, 0.0, Velocity(-0.5, 0.0))
+    move([left, right], FIELD, STEP)
+    assert (left.pose.x, right.pose.x) == (0.0, 1.0)
+
+
+def test_cars_on_arcs_meet_too() -> None:
+    # Two cars on the same circle, driving towards each other from a quarter turn either side.
+    half = CAR.speed * STEP / CAR.turning_radius
+    centre, radius = (3.0, 0.0), CAR.turning_radius
+    cars = []
+    for side in (-1, 1):
+        angle = math.pi / 2 + side * half
+        place = (centre[0] + radius * math.cos(angle), centre[1] + radius * math.sin(angle))
+        cars.append(Body(CAR, Pose(*place, angle - side * math.pi / 2), Drive(CAR.speed, -side / radius)))
+    before = [car.pose for car in cars]
+    move(cars, FIELD, STEP)
+    assert [car.pose for car in cars] == before
+
+
+def test_distances_add_up() -> None:
+    car = body(0.0, 0.0, Drive(-1.0, 0.2), CAR)
+    driven = 0.0
+    for speed in (-1.0, 2.0, 0.0, 4.4):
+        car.command = Drive(speed, 0.2)
+        move([car], FIELD, STEP)
+        driven += 0.0 if car.bumped else length(car.command, STEP)
+    assert car.distance_m == driven > 0.0

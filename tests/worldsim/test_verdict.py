@@ -1,0 +1,202 @@
+"""The verdict: a good run passes every check, and every check can fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from patrol.journal import JournalWriter, RobotTick, Status, TickRecord, read_journal, trace_hash
+from worldsim.record import INTERRUPTED, MemoryJournal
+from worldsim.truth import Truth, footprint_of
+from worldsim.verdict import Verdict, judge
+
+if TYPE_CHECKING:
+    from tests.worldsim.conftest import Lab
+    from worldsim.world import World
+
+TICKS = 12
+GOOD_EXITS: dict[str, int | None] = {"r1": 0, "r2": 0, "r3": 0, "r4": 0, "world": 0}
+NAMES = ["complete", "trace", "nobody lost", "exit codes", "bodies apart", "links add up", "fog"]
+
+
+def fresh_truth(world: World) -> Truth:
+    return Truth(footprint_of(world.scenario, world.terrain), world.truth.fog.patrolled.view(bool), world.step)
+
+
+@pytest.fixture
+def world(lab: Lab) -> World:
+    return lab.patrol(ticks=TICKS)
+
+
+@pytest.fixture
+def journal(lab: Lab, world: World) -> MemoryJournal:
+    return lab.run(world)
+
+
+@pytest.fixture
+def verdict(world: World) -> Callable[..., Verdict]:
+    def of(journal: MemoryJournal, exits: dict[str, int | None] = GOOD_EXITS) -> Verdict:
+        return judge(journal, exits, terrain=world.terrain, truth=fresh_truth(world))
+
+    return of
+
+
+def only_failure(verdict: Verdict) -> str:
+    """The detail of the one check that failed."""
+    assert verdict.outcome == "invalid"
+    assert verdict.exit_code == 1
+    assert len(verdict.failed) == 1, verdict.failed
+    return f"{verdict.failed[0].name}: {verdict.failed[0].detail}"
+
+
+def change(journal: MemoryJournal, k: int, rehash: bool = True, **fields: Any) -> None:
+    """Alter one tick's record, and make the trace hash agree with it."""
+    journal.records[k] = replace(journal.records[k], **fields)
+    if rehash:
+        agree(journal)
+
+
+def agree(journal: MemoryJournal) -> None:
+    assert journal.end
+    journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
+
+
+def moved(record: TickRecord, index: int, **fields: Any) -> tuple[RobotTick, ...]:
+    robots = list(record.robots)
+    robots[index] = replace(robots[index], **fields)
+    return tuple(robots)
+
+
+def test_a_good_run_is_valid(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    good = verdict(journal)
+    assert good.valid
+    assert good.exit_code == 0
+    assert [check.name for check in good.checks] == NAMES
+
+
+def test_a_journal_on_disk_is_judged_the_same(
+    journal: MemoryJournal, verdict: Callable[..., Verdict], tmp_path: Path
+) -> None:
+    with JournalWriter(tmp_path / "journal", journal.header) as writer:
+        for record in [*journal.ticks, *journal.events, journal.end]:
+            assert record
+            writer.write(record)
+    assert verdict(read_journal(tmp_path / "journal")) == verdict(journal)
+
+
+def test_a_missing_tick_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    del journal.records[5]
+    agree(journal)
+    failed = {check.name: check.detail for check in verdict(journal).failed}
+    assert failed["complete"] == "tick 6 follows tick 4"
+
+
+def test_missing_last_ticks_fail(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    del journal.records[-1]
+    agree(journal)
+    assert only_failure(verdict(journal)) == "complete: 11 of 12 ticks"
+
+
+def test_an_interrupted_run_is_complete_as_far_as_it_goes(
+    journal: MemoryJournal, verdict: Callable[..., Verdict]
+) -> None:
+    del journal.records[-1]
+    agree(journal)
+    assert journal.end
+    journal.end = replace(journal.end, reason=INTERRUPTED)
+    assert verdict(journal).valid
+
+
+def test_a_run_that_ended_otherwise_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    assert journal.end
+    journal.end = replace(journal.end, reason="the disk is full")
+    assert only_failure(verdict(journal)) == "complete: the run ended after 12 ticks: the disk is full"
+
+
+def test_a_journal_without_an_end_cannot_be_judged(journal: MemoryJournal, world: World, tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    with JournalWriter(path, journal.header) as writer:
+        for record in journal.ticks:
+            writer.write(record)
+    whole = path.read_bytes()
+    for data in (whole, whole[:-3]):
+        path.write_bytes(data)
+        cut = judge(read_journal(path), GOOD_EXITS, terrain=world.terrain)
+        assert (cut.outcome, cut.exit_code, cut.valid) == ("unknown", 3, False)
+        assert cut.failed[0].name == "complete"
+
+
+def test_no_journal_cannot_be_judged() -> None:
+    assert judge(None, GOOD_EXITS).exit_code == 3
+
+
+def test_another_trace_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    heading = journal.records[3].robots[0].heading
+    change(journal, 3, rehash=False, robots=moved(journal.records[3], 0, heading=heading + 1e-15))
+    assert only_failure(verdict(journal)).startswith("trace: the ticks hash to ")
+
+
+def test_a_lost_robot_fails_and_is_named(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
+    journal = lab.run(world, lab.fleet(world, silent={(2, 4, "B")}))
+    detail = only_failure(verdict(journal, {**GOOD_EXITS, "r2": -9}))
+    assert detail == "nobody lost: lost: r2 at tick 5 (no answer in phase B of tick 4)"
+
+
+def test_a_robot_lost_in_the_last_tick_fails_too(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
+    journal = lab.run(world, lab.fleet(world, silent={(3, TICKS - 1, "A")}))
+    assert "r3 at tick 12" in only_failure(verdict(journal))
+
+
+def test_a_robot_killed_on_purpose_is_no_failure(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
+    journal = lab.run(world, lab.fleet(world, killed={2: (3, Status.DEAD)}))
+    assert verdict(journal, {**GOOD_EXITS, "r3": -9}).valid
+
+
+@pytest.mark.parametrize(
+    ("code", "says"), [(1, "r4 ended with 1"), (None, "r4 did not end"), (-11, "r4 ended with -11")]
+)
+def test_a_bad_exit_code_fails(
+    journal: MemoryJournal, verdict: Callable[..., Verdict], code: int | None, says: str
+) -> None:
+    assert only_failure(verdict(journal, {**GOOD_EXITS, "r4": code})) == f"exit codes: {says}"
+
+
+def test_overlapping_bodies_fail(journal: MemoryJournal, world: World) -> None:
+    record = journal.records[7]
+    change(journal, 7, robots=moved(record, 1, x=record.robots[0].x + 0.5, y=record.robots[0].y))
+    detail = only_failure(judge(journal, GOOD_EXITS, terrain=world.terrain))
+    assert detail == "bodies apart: r1 and r2 overlap at tick 7, centres 0.500 m apart"
+
+
+def test_a_body_over_a_wall_fails(journal: MemoryJournal, world: World) -> None:
+    change(journal, 7, robots=moved(journal.records[7], 1, x=10.9, y=1.0))
+    detail = only_failure(judge(journal, GOOD_EXITS, terrain=world.terrain))
+    assert detail == "bodies apart: r2 is over a wall at tick 7, at (10.900, 1.000)"
+
+
+def test_a_body_off_the_terrain_fails(journal: MemoryJournal, world: World) -> None:
+    change(journal, 7, robots=moved(journal.records[7], 1, x=19.9))
+    assert "r2 is over a wall" in only_failure(judge(journal, GOOD_EXITS, terrain=world.terrain))
+
+
+def test_a_vanished_frame_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    change(journal, 7, deliveries=journal.records[7].deliveries[1:])
+    detail = only_failure(verdict(journal))
+    assert detail == "links add up: frame 7 from r1 to r2 was neither delivered nor dropped (1 such frames)"
+
+
+def test_a_doubled_or_invented_frame_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    dropped = ((3, 4, 7, "oversized"),)
+    change(journal, 7, dropped=dropped)
+    assert "frame 7 from r3 to r4 was delivered or dropped but not sent" in only_failure(verdict(journal))
+
+
+def test_an_embellished_fog_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    change(journal, 7, mfow=journal.records[7].mfow - 1)
+    detail = only_failure(verdict(journal))
+    assert detail.startswith("fog: tick 7: the poses give MFoW 3.5 s, ")
+    assert "recorded is MFoW 3 s, " in detail

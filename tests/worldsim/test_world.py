@@ -1,0 +1,191 @@
+"""One tick after the other: what robots are told, what they hear, and what holds when they say nothing."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from patrol.journal import Status, trace_hash
+from patrol.message import MAX_FRAME, Position, decode
+from patrol.pose import Drive, Pose, Velocity
+from worldsim.loop import run_ticks
+from worldsim.world import Reply, Report
+
+if TYPE_CHECKING:
+    from tests.worldsim.conftest import Lab
+
+DISC = {"model": "holonomic", "radius": 0.4, "speed": 4.0}
+
+
+def reply(vx: float, vy: float) -> Reply:
+    return Reply(Velocity(vx, vy), "patrolling", None, 1.0, 0)
+
+
+def test_a_tick_goes_from_poses_to_poses(lab: Lab) -> None:
+    world = lab.world([DISC, DISC], [(2.0, 2.0, 0.5), (6.0, 2.0, 0.0)])
+    assert world.begin_tick() == {1: Report(Pose(2.0, 2.0, 0.5), False), 2: Report(Pose(6.0, 2.0, 0.0), False)}
+    assert world.exchange({1: b"one", 2: None}) == {1: [], 2: [b"one"]}
+    record = world.end_tick({1: reply(2.0, 0.0), 2: reply(0.0, 0.0)})
+    assert (record.k, record.robots[0].x, record.robots[0].c0) == (0, 2.0, 2.0)
+    assert (record.frames, record.deliveries, record.dropped) == (((1, b"one"),), ((1, 2, 0),), ())
+    assert world.begin_tick()[1] == Report(Pose(3.0, 2.0, 0.0), False)
+
+
+def test_robots_are_told_that_they_bumped(lab: Lab) -> None:
+    world = lab.world([DISC, DISC], [(2.0, 2.0, 0.0), (3.0, 2.0, 0.0)])
+    world.begin_tick()
+    record = world.end_tick({1: reply(2.0, 0.0), 2: reply(0.0, 0.0)})
+    assert [row.bumped for row in record.robots] == [True, False]
+    assert world.begin_tick() == {1: Report(Pose(2.0, 2.0, 0.0), True), 2: Report(Pose(3.0, 2.0, 0.0), False)}
+    world.end_tick({1: reply(-2.0, 0.0), 2: reply(0.0, 0.0)})
+    assert world.begin_tick()[1] == Report(Pose(1.0, 2.0, math.pi), False)
+
+
+def test_the_fog_is_seen_from_the_pose_as_sent(lab: Lab) -> None:
+    # 4 mm short of the next point: the wire's rounding to 1 cm carries the footprint across.
+    near, exact = lab.world([DISC], [(5.996, 5.1, 0.0)]), lab.world([DISC], [(6.0, 5.1, 0.0)])
+    near.begin_tick()
+    exact.begin_tick()
+    assert np.array_equal(near.truth.fog.last_seen, exact.truth.fog.last_seen)
+
+
+def test_fog_grows_where_nobody_looks(lab: Lab) -> None:
+    world = lab.world([DISC], [(2.0, 2.0, 0.0)])
+    records = []
+    for _ in range(5):
+        world.begin_tick()
+        records.append(world.end_tick({1: reply(0.0, 0.0)}))
+    assert [record.mfow for record in records] == [0, 1, 2, 3, 4]
+    assert records[-1].seen == records[0].seen > 0
+    assert 0 < records[-1].fog_mean < 4
+
+
+def test_the_dead_neither_see_nor_hear_but_are_in_the_way(lab: Lab) -> None:
+    world = lab.world([DISC, DISC], [(2.0, 2.0, 0.0), (12.0, 2.0, 0.0)])
+    world.begin_tick()
+    before = world.end_tick({1: reply(0.0, 0.0), 2: reply(1.0, 0.0)})
+    event = world.lose(2, Status.DEAD, "killed")
+    assert (event.k, event.kind, event.robot, event.detail) == (1, "dead", 2, "killed")
+    assert list(world.begin_tick()) == [1]
+    assert world.exchange({1: b"one", 2: b"ghost"}) == {1: []}
+    after = world.end_tick({1: reply(0.0, 0.0), 2: reply(1.0, 0.0)})
+    assert after.robots[1].status is Status.DEAD
+    assert (after.robots[1].x, after.robots[1].c0) == (12.5, 0.0)
+    assert after.dropped == ((1, 2, 1, "receiver dead"),)
+    assert after.seen == before.seen
+    assert world.bodies[2].pose.x == 12.5
+
+
+@pytest.mark.parametrize("bad", [Velocity(math.nan, 0.0), Velocity(0.0, math.inf), Drive(1.0, 0.0)])
+def test_nonsense_stops_a_robot_and_is_counted(lab: Lab, bad: Velocity | Drive) -> None:
+    world = lab.world([DISC], [(2.0, 2.0, 0.0)])
+    world.begin_tick()
+    world.end_tick({1: reply(1.0, 0.0)})
+    world.begin_tick()
+    record = world.end_tick({1: Reply(bad, "patrolling", None, 1.0, 0)})
+    assert (record.robots[0].c0, record.robots[0].c1, record.robots[0].bumped) == (0.0, 0.0, False)
+    assert world.bodies[1].refused == 1
+    assert world.bodies[1].pose.x == 2.5
+
+
+def test_in_lockstep_a_robot_without_a_command_stops(lab: Lab) -> None:
+    world = lab.world([DISC], [(2.0, 2.0, 0.0)])
+    rows = []
+    for answer in ({1: reply(1.0, 0.0)}, {}, {}):
+        world.begin_tick()
+        rows.append(world.end_tick(answer).robots[0])
+    assert world.bodies[1].pose.x == 2.5
+    assert (rows[-1].decision_ms, rows[-1].rejected, rows[-1].state) == (None, None, "")
+
+
+def test_in_real_time_the_last_command_holds_until_the_watchdog(lab: Lab) -> None:
+    world = lab.world([DISC], [(2.0, 2.0, 0.0)], pace="realtime", watchdog=1.5)
+    places = []
+    for answer in ({1: reply(1.0, 0.0)}, {}, {}, {}, {}, {1: reply(1.0, 0.0)}, {}):
+        world.begin_tick()
+        world.end_tick(answer)
+        places.append(world.bodies[1].pose.x)
+    assert places == [2.5, 3.0, 3.5, 3.5, 3.5, 4.0, 4.5]
+    assert world.bodies[1].missed == 5
+
+
+def test_the_same_seed_gives_the_same_trace_and_another_does_not(lab: Lab) -> None:
+    traces = [trace_hash(lab.run(lab.patrol(seed=seed)).ticks) for seed in (1, 1, 2)]
+    assert traces[0] == traces[1] != traces[2]
+
+
+def test_distances_and_collisions_of_a_run_are_those_of_its_bodies(lab: Lab) -> None:
+    world = lab.patrol()
+    journal = lab.run(world)
+    assert sum(body.collisions for body in world.bodies.values()) > 0
+    for index, body in enumerate(world.bodies.values()):
+        rows = [record.robots[index] for record in journal.ticks]
+        assert body.collisions == sum(row.bumped for row in rows)
+        gone = [math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(rows)]
+        assert sum(gone) <= body.distance_m + 1e-9
+
+
+def test_everyone_hears_this_ticks_positions_of_all_others(lab: Lab) -> None:
+    world = lab.patrol(ticks=3)
+    fleet = lab.fleet(world)
+    journal = lab.run(world, fleet)
+    for record, heard in zip(journal.ticks, fleet.heard, strict=True):
+        for number, frames in heard.items():
+            positions = [decode(frame) for frame in frames]
+            assert [position.robot for position in positions] == [n for n in (1, 2, 3, 4) if n != number]
+            for position in positions:
+                row = record.robots[position.robot - 1]
+                assert position == Position.of(row.number, record.k, record.k * 0.5, Pose(row.x, row.y, row.heading))
+
+
+@pytest.mark.parametrize("phase", ["A", "B"])
+def test_a_robot_that_stops_answering_is_lost_after_that_tick(lab: Lab, phase: str) -> None:
+    world = lab.patrol(ticks=10)
+    journal = lab.run(world, lab.fleet(world, silent={(2, 4, phase)}))
+    assert [(e.k, e.kind, e.robot) for e in journal.events] == [(5, "lost", 2)]
+    assert phase in journal.events[0].detail
+    statuses = [record.robots[1].status for record in journal.ticks]
+    assert statuses == [Status.ALIVE] * 5 + [Status.LOST] * 5
+    last = journal.records[-1]
+    assert len(last.frames) == 3
+    assert len(last.deliveries) == 6
+
+
+def test_a_robot_that_the_fleet_reports_gone_is_gone(lab: Lab) -> None:
+    world = lab.patrol(ticks=6)
+    fleet = lab.fleet(world, killed={2: (3, Status.DEAD)})
+    journal = lab.run(world, fleet)
+    assert [(e.k, e.kind, e.robot) for e in journal.events] == [(3, "dead", 3)]
+    assert [sorted(heard) for heard in fleet.heard] == [[1, 2, 3, 4]] * 3 + [[1, 2, 4]] * 3
+
+
+def test_a_run_can_be_stopped_between_ticks(lab: Lab) -> None:
+    world = lab.patrol(ticks=50)
+    fleet = lab.fleet(world)
+    answers = iter([False] * 7 + [True])
+    journal = lab.run(world, fleet, stop=lambda: next(answers))
+    assert len(journal.records) == 7
+    assert fleet.finished == 7
+
+
+def test_the_fleet_is_told_the_end_even_when_the_sink_fails(lab: Lab) -> None:
+    world = lab.patrol(ticks=5)
+    fleet = lab.fleet(world)
+
+    def full(_: object) -> None:
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        run_ticks(world, fleet, full, full)
+    assert fleet.finished == 1
+
+
+def test_oversized_frames_are_dropped_and_counted(lab: Lab) -> None:
+    world = lab.world([DISC, DISC], [(2.0, 2.0, 0.0), (6.0, 2.0, 0.0)])
+    world.begin_tick()
+    assert world.exchange({1: bytes(MAX_FRAME + 1), 2: bytes(MAX_FRAME)}) == {1: [bytes(MAX_FRAME)], 2: []}
+    assert world.ether.links[1, 2].dropped == {"oversized": 1}
