@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.ground import Disc
 from agent.kernels.dilate import dilate
+from patrol.fields import StaticFields
 from patrol.fog import Box, Fog
 from patrol.footprint import Footprint
 from patrol.inbox import Inbox
@@ -29,23 +29,25 @@ class Peer:
 class Belief:
     """The believed fog of the points this robot could see, with dilatation, and its peers.
 
-    seen: int32 (h, w), the tick at which each point was last seen, made worse by dilatation; what the forces use.
+    dilated: int32 (h, w), the tick at which each point was last seen, made worse by dilatation; without any, the
+    fog's own.
+
+    Staleness spreads over the points on which this robot can stand, and from them only: what it sees through a gap too
+    narrow for it must pull it to the one place that sees it, not to wherever the gap is near.
     """
 
-    def __init__(
-        self, patrolled: NDArray[np.bool_], passable: NDArray[np.bool_], footprint: Footprint, inbox: Inbox, reach: int
-    ) -> None:
-        """patrolled, passable: bool (h, w). reach: half-width of the dilatation's window, points; 0 for none."""
-        self.fog = Fog(patrolled)
+    def __init__(self, fields: StaticFields, footprint: Footprint, inbox: Inbox, dilatation: int) -> None:
+        """dilatation: half-width of the window, points; 0 for none."""
+        self.fog = Fog(fields.patrolled)
         self.inbox = inbox
         self.peers: dict[int, Peer] = {}
         self._footprint = footprint
-        self._passable = np.ascontiguousarray(passable).view(np.uint8)
-        self._reach = reach
-        self.seen = self.fog.last_seen
-        if reach > 0:
-            self.seen = np.empty_like(self.fog.last_seen)
-            height, width = self.seen.shape
+        self._standable = np.ascontiguousarray(fields.reach).view(np.uint8)
+        self._dilatation = dilatation
+        self.dilated = self.fog.last_seen
+        if dilatation > 0:
+            self.dilated = np.empty_like(self.fog.last_seen)
+            height, width = self.dilated.shape
             self._refresh((0, height - 1, 0, width - 1), 0)
 
     def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
@@ -59,7 +61,7 @@ class Belief:
             if position is not None:
                 boxes += self._hear(position, tick)
         for box in boxes:
-            if box is not None and self._reach > 0:
+            if box is not None and self._dilatation > 0:
                 self._refresh(box, tick)
 
     def silent(self, tick: int, patience: int, radii: dict[int, float], margin: float) -> list[Disc]:
@@ -90,13 +92,13 @@ class Belief:
         """Dilate anew wherever a point of ``box`` is within the window."""
         dilate(
             self.fog.last_seen,
-            self.fog.patrolled,
-            self._passable,
-            self.seen,
-            box[0] - self._reach,
-            box[1] + self._reach,
-            box[2] - self._reach,
-            box[3] + self._reach,
-            self._reach,
+            self._standable,
+            self._standable,
+            self.dilated,
+            box[0] - self._dilatation,
+            box[1] + self._dilatation,
+            box[2] - self._dilatation,
+            box[3] + self._dilatation,
+            self._dilatation,
             tick,
         )

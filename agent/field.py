@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,26 @@ from agent.paths.window import Window
 from patrol.fields import StaticFields
 from patrol.scenario import PatrolSpec
 
+_Floats = NDArray[np.float64]
+_Law = tuple[int, _Floats, _Floats, NDArray[np.uint16], bool, _Floats, _Floats, NDArray[np.int64]]
+
 FIRST_LOOK = 20.0
 """Path length in m up to which forces are summed before the horizon is drawn from them."""
 
 PATHS: dict[str, type[Window]] = {"wave": Wave, "straight": Straight}
+
+
+@dataclass(frozen=True, slots=True)
+class Pull:
+    """The forces on a robot.
+
+    sums: float64 (sectors,), the sum of moduli in each sector; for the vector method (3,): the sum's x and y, and the
+    sum of moduli. near: for each sector (one for the vector method) the open element (row, col) of the ground to
+    stand on for the largest single force, if it is in sight of the robot, else None.
+    """
+
+    sums: NDArray[np.float64]
+    near: tuple[tuple[int, int] | None, ...]
 
 
 class Field:
@@ -48,44 +65,57 @@ class Field:
         self._sector = sector_table(patrol.sectors, max(span, min(beside, max(height, width))) + 1)
         self._sectors = patrol.sectors
 
-    def sums(
-        self, ground: Ground, row: int, col: int, seen: NDArray[np.int32], tick: int, mfow: int
-    ) -> NDArray[np.float64]:
+    def pull(
+        self,
+        ground: Ground,
+        row: int,
+        col: int,
+        seen: NDArray[np.int32],
+        dilated: NDArray[np.int32],
+        tick: int,
+        mfow: int,
+    ) -> Pull:
         """The forces on a robot on the open element (row, col) of the ground.
 
-        seen: int32 (h, w), last-seen ticks. mfow: ticks. Returns float64 (sectors,), the sum of moduli in each
-        sector, or for the vector method (3,): the sum's x and y, and the sum of moduli.
+        seen, dilated: int32 (h, w), last-seen ticks before and after dilatation. mfow: ticks.
         """
-        result = np.zeros(3 if self._as_vector else self._sectors)
-        pull = self.law.pull(mfow)
+        sums = np.zeros(3 if self._as_vector else self._sectors)
+        strongest = np.zeros(1 if self._as_vector else self._sectors)
+        source = np.zeros(strongest.size, dtype=np.int64)
+        by_age = self.law.pull(mfow)
+        law = (tick, by_age, self.law.decay, self._sector, self._as_vector, sums, strongest, source)
         self.paths.begin(ground, row, col)
         near = min(self.law.limit, round(100.0 * FIRST_LOOK / self._point))
-        self._gather(0, near, seen, tick, pull, result)
-        exerted = float(result[2] if self._as_vector else result.sum())
-        horizon = self.law.horizon(exerted, float(pull[-1]))
+        self._gather(0, near, seen, dilated, law)
+        exerted = float(sums[2] if self._as_vector else sums.sum())
+        horizon = self.law.horizon(exerted, float(by_age[-1]))
         if horizon > near:
-            self._gather(near, horizon, seen, tick, pull, result)
-        return result
+            self._gather(near, horizon, seen, dilated, law)
+        return Pull(
+            sums,
+            tuple(
+                self._in_sight(int(index), bool(force > 0.0)) for index, force in zip(source, strongest, strict=True)
+            ),
+        )
 
-    def _gather(
-        self,
-        first: int,
-        last: int,
-        seen: NDArray[np.int32],
-        tick: int,
-        pull: NDArray[np.float64],
-        result: NDArray[np.float64],
-    ) -> None:
+    def _gather(self, first: int, last: int, seen: NDArray[np.int32], dilated: NDArray[np.int32], law: _Law) -> None:
         """Add the forces along paths longer than ``first`` and at most ``last`` hundredths of a point."""
         paths = self.paths
         paths.extend(last)
         span = min(paths.span, -(-last // 100))
+        grids = (paths.state, paths.length, paths.bend)
         place = (paths.start_row, paths.start_col, paths.row0, paths.col0)
-        law = (seen, tick, pull, self.law.decay, self._sector, self._as_vector, result)
-        gather(paths.state, paths.length, paths.bend, first, last, span, *place, *law)
+        gather(*grids, first, last, span, *place, dilated, *law)
         here = paths.row0 + paths.start_row
         low, high = np.searchsorted(self._post_rows, [here - span, here + span + 1])
-        gather_from_posts(self._posts[low:high], paths.state, paths.length, paths.bend, first, last, *place, *law)
+        gather_from_posts(self._posts[low:high], *grids, first, last, *place, seen, *law)
+
+    def _in_sight(self, index: int, exerts: bool) -> tuple[int, int] | None:
+        """The window's element ``index`` as an element of the ground, if a straight path leads there."""
+        row, col = divmod(index, self.paths.state.shape[1])
+        if not exerts or self.paths.bend[row, col] != index:
+            return None
+        return row + self.paths.row0 + 1, col + self.paths.col0 + 1
 
 
 def _posts(proxy: NDArray[np.int32]) -> NDArray[np.int32]:

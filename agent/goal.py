@@ -15,11 +15,11 @@ from patrol.scenario import PatrolSpec
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where a direction leads. goal, refined: (x, y) in m. run: how far the ray is free, m."""
+    """Where a direction leads. goal, refined: (x, y) in m. arrives: whether the goal is the very place that pulls."""
 
     goal: tuple[float, float]
     refined: tuple[float, float]
-    run: float
+    arrives: bool
 
 
 class GoalFinder:
@@ -37,6 +37,18 @@ class GoalFinder:
         self._distance = patrol.goal_distance / self._point
         self._side = round(0.5 * patrol.refine_side / self._point)
 
+    def towards(self, bearing: float, row: int, col: int, near: tuple[int, int] | None) -> Goal:
+        """The goal of a robot that can stop anywhere: as `along`, but not past what pulls it.
+
+        Where the strongest pull comes from an open element ``near`` of the ground, in sight and nearer than the goal,
+        the goal is that element. A place that alone sees a far corner is so reached to the point, and not passed at
+        5.5 m.
+        """
+        if near is not None and math.hypot(near[0] - row, near[1] - col) <= self._distance:
+            place = self._ground.centre(*near)
+            return Goal(place, place, arrives=True)
+        return self.along(bearing, row, col)
+
     def along(self, bearing: float, row: int, col: int) -> Goal:
         """The goal in direction ``bearing`` (rad) for a robot on the open element (row, col) of the ground."""
         state = self._ground.state
@@ -45,7 +57,7 @@ class GoalFinder:
         goal_row, goal_col = math.floor(row + 0.5 + run * up), math.floor(col + 0.5 + run * across)
         goal = self._ground.centre(goal_row, goal_col)
         if self._psi is None:
-            return Goal(goal, goal, run * self._point)
+            return Goal(goal, goal, arrives=False)
         best = refine(state, self._psi, goal_row, goal_col, row + 0.5, col + 0.5, self._side)
         refined = self._ground.centre(*divmod(int(best), state.shape[1]))
-        return Goal(goal, refined, run * self._point)
+        return Goal(goal, refined, arrives=False)

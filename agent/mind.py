@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from agent.belief import Belief
 from agent.decision import Decision, State
-from agent.direction import bearings_by_force, bearings_by_vector
-from agent.field import Field
+from agent.direction import bearings_by_vector, sectors_by_force
+from agent.field import Field, Pull
 from agent.goal import Goal, GoalFinder
 from agent.ground import Ground
 from agent.paths.window import Window
@@ -80,8 +80,8 @@ class Mind:
         fastest = max(spec.speed for spec in scenario.roster)
         inbox = Inbox(setup.number, self._radii, terrain.bounds, fastest, setup.key, scenario.step)
         footprint = setup.footprint or sensor_footprint(scenario, terrain)
-        reach = round(scenario.patrol.dilatation / scenario.point)
-        self.belief = Belief(setup.fields.patrolled, terrain.passable, footprint, inbox, reach)
+        dilatation = round(scenario.patrol.dilatation / scenario.point)
+        self.belief = Belief(setup.fields, footprint, inbox, dilatation)
         self._ground = Ground(terrain, setup.fields.reach)
         self._field = Field(scenario.patrol, setup.fields, scenario.point, scenario.sensor.range, setup.scratch)
         refined = scenario.patrol.avoidance == "goal-refinement"
@@ -112,70 +112,77 @@ class Mind:
         self._ground.obstruct([disc for disc in silent if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]])
         start = self._ground.join(pose.x, pose.y)
         mfow = self.belief.fog.mfow(k)
-        sums = np.zeros(0)
-        bearings: list[float] = []
+        pull = Pull(np.zeros(0), ())
         if start is not None:
-            sums = self._field.sums(self._ground, *start, self.belief.seen, k, mfow)
-            patrol = self._setup.scenario.patrol
-            if patrol.direction == "vector":
-                bearings = bearings_by_vector(float(sums[0]), float(sums[1]), patrol.sectors)
-            else:
-                bearings = bearings_by_force(sums)
+            pull = self._field.pull(self._ground, *start, self.belief.fog.last_seen, self.belief.dilated, k, mfow)
         if self.spec.model == "holonomic":
-            choice = self._go(k, pose, start, bearings)
+            choice = self._go(k, pose, start, pull)
         else:
-            choice = self._drive(k, pose, start, bearings, bumped)
+            choice = self._drive(k, pose, start, pull, bumped)
         command, state, bearing, goal = choice
         return Decision(
             command=command,
             state=state,
             direction=bearing,
-            sector_sums=tuple(sums.tolist()),
+            sector_sums=tuple(pull.sums.tolist()),
             goal=None if goal is None else goal.goal,
             refined=None if goal is None else goal.refined,
             mfow=mfow,
             rejected=self.belief.inbox.rejected,
         )
 
+    def _directions(self, pull: Pull) -> list[tuple[int, float]]:
+        """The directions to try, best first, as sector (0 for the vector method) and bearing (rad)."""
+        patrol = self._setup.scenario.patrol
+        if not pull.near:
+            return []
+        if patrol.direction == "vector":
+            return [
+                (0, bearing) for bearing in bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), patrol.sectors)
+            ]
+        return sectors_by_force(pull.sums)
+
     def _go(
-        self, k: int, pose: Pose, start: tuple[int, int] | None, bearings: list[float]
+        self, k: int, pose: Pose, start: tuple[int, int] | None, pull: Pull
     ) -> tuple[Command, State, float | None, Goal | None]:
         """A holonomic robot's choice: the strongest direction in which it can move, or now and then a random one."""
         identity = (self._setup.scenario.seed, Purpose.RANDOM_MOVE, self.spec.number, self._setup.incarnation, k)
         if draw(*identity, 0) < self._setup.scenario.patrol.random_move:
             bearing = TAU * draw(*identity, 1)
             return self._holonomic.heading(pose, bearing)[0], State.PATROLLING, bearing, None
-        if start is None or not bearings:
+        directions = self._directions(pull)
+        if start is None or not directions:
             return Velocity(0.0, 0.0), State.HOLDING, None, None
         best: tuple[Velocity, float, float, Goal] | None = None
-        for bearing in bearings:
-            goal = self._goals.along(bearing, *start)
+        for sector, bearing in directions:
+            goal = self._goals.towards(bearing, *start, pull.near[sector])
             velocity, way = self._holonomic.towards(pose, goal.refined)
             if best is None or way > best[1]:
                 best = velocity, way, bearing, goal
-            if way >= CLEAR_SHARE * self._holonomic.stride:
+            if way >= CLEAR_SHARE * self._holonomic.stride or (goal.arrives and way > 0.0):
                 best = velocity, way, bearing, goal
                 break
         assert best is not None
         velocity, way, bearing, goal = best
-        blocked = way < BLOCKED_SHARE * self._holonomic.stride
+        blocked = way < BLOCKED_SHARE * self._holonomic.stride and not goal.arrives
         return velocity, State.DEAD_END if blocked else State.PATROLLING, bearing, goal
 
     def _drive(
-        self, k: int, pose: Pose, start: tuple[int, int] | None, bearings: list[float], bumped: bool
+        self, k: int, pose: Pose, start: tuple[int, int] | None, pull: Pull, bumped: bool
     ) -> tuple[Command, State, float | None, Goal | None]:
         """A car's choice: towards the goal, or whatever leads out of a dead end."""
-        goal = self._goals.along(bearings[0], *start) if start is not None and bearings else None
+        bearing = next((bearing for _, bearing in self._directions(pull)), None)
+        goal = None if start is None or bearing is None else self._goals.along(bearing, *start)
         if self._unstuck.active:
             drive = self._unstuck.step(k, pose, bumped)
             if drive is not None:
                 return drive, State.DEAD_END, None, goal
             bumped = False
-        if goal is None:
+        if goal is None or bearing is None:
             return Drive(0.0, 0.0), State.HOLDING, None, None
         drive = self._car.towards(pose, goal.refined)
         if not bumped and self._car.is_free(pose, drive):
-            return drive, State.PATROLLING, bearings[0], goal
-        self._unstuck.begin(k, bearings[0])
+            return drive, State.PATROLLING, bearing, goal
+        self._unstuck.begin(k, bearing)
         drive = self._unstuck.step(k, pose, bumped=False)
-        return drive or Drive(0.0, 0.0), State.DEAD_END, bearings[0], goal
+        return drive or Drive(0.0, 0.0), State.DEAD_END, bearing, goal

@@ -17,6 +17,7 @@ STATE = types.Array(types.uint8, 2, "C", readonly=True)
 SECTORS = types.Array(types.uint16, 2, "C", readonly=True)
 TABLE = types.Array(types.float64, 1, "C", readonly=True)
 SUMS = types.Array(types.float64, 1, "C")
+PLACES = types.Array(types.int64, 1, "C")
 ROWS = types.Array(types.int32, 2, "C", readonly=True)
 int64 = types.int64
 boolean = types.boolean
@@ -26,14 +27,14 @@ boolean = types.boolean
 @njit(
     types.void(
         STATE, GRID, GRID, int64, int64, int64, int64, int64, int64, int64,
-        GRID, int64, TABLE, TABLE, SECTORS, boolean, SUMS,
+        GRID, int64, TABLE, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
     ),
     cache=True,
     nogil=True,
 )
 def gather(
     state, length, bend, first, last, span, start_row, start_col, row0, col0,
-    seen, tick, pull, decay, sector, as_vector, sums,
+    seen, tick, pull, decay, sector, as_vector, sums, strongest, source,
 ):
     """Add to ``sums`` the forces of the settled points whose path is longer than ``first`` and at most ``last``.
 
@@ -45,6 +46,8 @@ def gather(
     pull: float64, f by age in ticks. decay: float64, g by length in hundredths of a point.
     sector: uint16 (2 m + 1, same), the sector of a bearing by its offset in rows and columns plus m.
     sums: float64, the sum of moduli in each sector; with ``as_vector`` the vector sum's x and y and the sum of moduli.
+    strongest: float64 (sectors,), or (1,) with ``as_vector``: the largest single force met so far. source: int64, same
+    size: the window's flat index of the point to stand on for it.
     """
     rows, cols = state.shape
     middle = sector.shape[0] // 2
@@ -65,26 +68,31 @@ def gather(
             if turn != row * cols + col:
                 up = turn // cols - start_row
                 across = turn % cols - start_col
+            side = 0
             if as_vector:
                 scale = force / math.sqrt(up * up + across * across)
                 sums[0] += scale * across
                 sums[1] += scale * up
                 sums[2] += force
             else:
-                sums[sector[middle + up, middle + across]] += force
+                side = sector[middle + up, middle + across]
+                sums[side] += force
+            if force > strongest[side]:
+                strongest[side] = force
+                source[side] = row * cols + col
 
 
 @njit(
     types.void(
         ROWS, STATE, GRID, GRID, int64, int64, int64, int64, int64, int64,
-        GRID, int64, TABLE, TABLE, SECTORS, boolean, SUMS,
+        GRID, int64, TABLE, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
     ),
     cache=True,
     nogil=True,
 )
 def gather_from_posts(
     posts, state, length, bend, first, last, start_row, start_col, row0, col0,
-    seen, tick, pull, decay, sector, as_vector, sums,
+    seen, tick, pull, decay, sector, as_vector, sums, strongest, source,
 ):
     """Add to ``sums`` the forces of patrolled points on which no body fits.
 
@@ -116,13 +124,18 @@ def gather_from_posts(
         else:
             up = turn // cols - start_row
             across = turn % cols - start_col
+        side = 0
         if as_vector:
             scale = force / math.sqrt(up * up + across * across)
             sums[0] += scale * across
             sums[1] += scale * up
             sums[2] += force
         else:
-            sums[sector[middle + up, middle + across]] += force
+            side = sector[middle + up, middle + across]
+            sums[side] += force
+        if force > strongest[side]:
+            strongest[side] = force
+            source[side] = row * cols + col
 
 
 # fmt: on
