@@ -142,7 +142,8 @@ class ExitCodes:
             if code != 0 and name not in self._excused
         ]
         judged = [name for name in self._codes if name not in self._excused]
-        return Check("exit codes", not wrong, "; ".join(wrong) or f"{len(judged)} processes ended with 0")
+        good = f"{len(judged)} processes ended with 0" if self._codes else "there were no processes"
+        return Check("exit codes", not wrong, "; ".join(wrong) or good)
 
 
 class BodiesApart:

@@ -1,0 +1,169 @@
+"""A whole fleet in one process: the same minds, the same world and the same ticks as over Zenoh, and the same trace."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from agent.mind import Mind, MindSetup
+from agent.refine import psi_field
+from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
+from patrol.keyfile import fleet_key
+from patrol.prepare import Prepared, prepare
+from worldsim.loop import run_ticks
+from worldsim.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
+from worldsim.summary import summarise
+from worldsim.truth import footprint_of
+from worldsim.verdict import Verdict, judge
+from worldsim.world import Reply, Report, World
+
+if TYPE_CHECKING:
+    from agent.paths.window import Window
+    from patrol.footprint import Footprint
+    from patrol.scenario import Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a run left: its records, what they add up to (as in summary.json), and whether to believe it."""
+
+    journal: RunRecord
+    summary: Mapping[str, Any]
+    verdict: Verdict
+
+
+class InProcessFleet:
+    """The minds of a fleet, called directly; a `worldsim.loop.Fleet`.
+
+    threads: how many step at once. Their answers are put in roster order, so the trace does not depend on it; minds
+    that share scratch memory allow one only.
+    """
+
+    def __init__(self, minds: Mapping[int, Mind], threads: int = 1) -> None:
+        self._minds = minds
+        self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
+        self._reports: Mapping[int, Report] = {}
+
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
+        """Every mind's position frame."""
+        self._reports = reports
+        return {number: self._minds[number].frame(k, report.pose) for number, report in reports.items()}
+
+    def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
+        """Every mind's command."""
+        numbers = list(heard)
+        if self._pool is None:
+            return {number: self._step(k, number, heard[number]) for number in numbers}
+        replies = self._pool.map(lambda number: self._step(k, number, heard[number]), numbers)
+        return dict(zip(numbers, replies, strict=True))
+
+    def lost(self) -> Sequence[tuple[int, Status, str]]:
+        """Nobody: a mind that fails in this process fails the run."""
+        return ()
+
+    def finish(self, k: int) -> None:
+        """Let the threads go."""
+        del k
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def _step(self, k: int, number: int, heard: Sequence[bytes]) -> Reply:
+        report = self._reports[number]
+        begun = time.perf_counter()
+        decision = self._minds[number].step(k, report.pose, heard, report.bumped)
+        spent_ms = (time.perf_counter() - begun) * 1000.0
+        return Reply(decision.command, decision.state, decision.refined, spent_ms, decision.rejected)
+
+
+def make_minds(prepared: Prepared, footprint: Footprint | None = None, threads: int = 1) -> dict[int, Mind]:
+    """The minds of a scenario's roster, sharing what they only read, and their scratch memory if they take turns."""
+    scenario = prepared.scenario
+    refined = scenario.patrol.avoidance == "goal-refinement"
+    psi = psi_field(prepared.terrain, scenario.patrol.refine_reach) if refined else None
+    key = fleet_key(scenario)
+    shared: dict[str, Window] = {}
+    return {
+        spec.number: Mind(
+            MindSetup(
+                scenario,
+                spec.number,
+                prepared.terrain,
+                prepared.fields[spec.number],
+                psi,
+                key=key,
+                footprint=footprint,
+                scratch=shared if threads == 1 else {},
+            )
+        )
+        for spec in scenario.roster
+    }
+
+
+def run_in_process(
+    scenario: Scenario | Prepared,
+    *,
+    journal: Path | None = None,
+    started: str | None = None,
+    progress: Callable[[TickRecord], None] | None = None,
+    events: Callable[[Event], None] | None = None,
+    stop: Callable[[], bool] = lambda: False,
+    threads: int = 1,
+) -> Outcome:
+    """Run a scenario to its end, or until `stop` (asked between ticks) says so.
+
+    journal: where to write the journal; without it the records stay in memory. started: wall time for its header, ISO
+    8601. progress, events: take each tick's record and each event, after they are recorded. threads: minds that step
+    at once. Raises BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
+    """
+    prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
+    footprint = footprint_of(prepared.scenario, prepared.terrain)
+    world = World(prepared.scenario, prepared.terrain, prepared.starts, prepared.fields, footprint=footprint)
+    fleet = InProcessFleet(make_minds(prepared, footprint, threads), threads)
+    header = header_of(world, started)
+    begun = time.perf_counter()
+    record: RunRecord
+    if journal is None:
+        record = memory = MemoryJournal(header)
+        _run(world, fleet, memory, progress, events, stop)
+    else:
+        with JournalWriter(journal, header) as writer:
+            _run(world, fleet, writer, progress, events, stop)
+        record = read_journal(journal)
+    wall_s = time.perf_counter() - begun
+    verdict = judge(record, {}, terrain=prepared.terrain)
+    return Outcome(record, summarise(record, verdict, wall_s), verdict)
+
+
+def _run(
+    world: World,
+    fleet: InProcessFleet,
+    writer: Writer,
+    progress: Callable[[TickRecord], None] | None,
+    events: Callable[[Event], None] | None,
+    stop: Callable[[], bool],
+) -> None:
+    recorder = Recorder(writer)
+
+    def on_tick(record: TickRecord) -> None:
+        recorder.tick(record)
+        if progress is not None:
+            progress(record)
+
+    def on_event(event: Event) -> None:
+        recorder.event(event)
+        if events is not None:
+            events(event)
+
+    try:
+        completed = run_ticks(world, fleet, on_tick, on_event, stop)
+    except BaseException as error:
+        asked = isinstance(error, KeyboardInterrupt)
+        with suppress(OSError):  # it may be the journal's disk that is full
+            recorder.end(INTERRUPTED if asked else f"failed: {type(error).__name__}: {error}")
+        raise
+    recorder.end(COMPLETED if completed else INTERRUPTED)
