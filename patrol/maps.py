@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from patrol.builtins import builtin_terrain
 from patrol.errors import BadInput
@@ -199,13 +199,15 @@ def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
                 return _channels(image, where)
     except FileNotFoundError:
         raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
+    except UnidentifiedImageError:
+        raise BadInput(f"{where}: is no PGM, PNG, BMP or JPEG image; give one") from None
     except Image.DecompressionBombError:
         raise BadInput(f"{where}: more than {MAX_CELLS} pixels; crop it") from None
     except BadInput:
         raise
     except Exception as error:  # noqa: BLE001 - a broken file can make an image decoder raise anything
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise BadInput(f"{where}: cannot be read ({reason}); give a whole {', '.join(FORMATS)} image") from None
+        raise BadInput(f"{where}: cannot be read ({reason}); give a whole PGM, PNG, BMP or JPEG image") from None
 
 
 def _channels(image: Image.Image, where: str) -> tuple[NDArray[np.uint16], bool]:
