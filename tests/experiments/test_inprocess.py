@@ -1,0 +1,103 @@
+"""Fleets in one process: the trace depends on the scenario alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agent.mind import Mind
+from experiments.inprocess import Outcome, run_in_process
+from patrol.journal import Event, TickRecord, read_journal
+from patrol.prepare import prepare
+from patrol.scenario import Scenario, load_scenario
+from worldsim.record import INTERRUPTED
+from worldsim.truth import Truth, footprint_of, patrolled_area
+from worldsim.verdict import judge
+
+CARS = {"count": 3, "model": "car"}
+DISCS = {"count": 3, "model": "holonomic"}
+
+
+def scenario(terrain: str = "yards", robots: dict[str, Any] = CARS, ticks: int = 30, **more: Any) -> Scenario:
+    return load_scenario(
+        {"terrain": {"builtin": terrain}, "point": 0.5, "robots": robots, "duration": 0.5 * ticks, **more}
+    )
+
+
+def trace(outcome: Outcome) -> str:
+    assert outcome.verdict.valid, outcome.verdict.failed
+    assert outcome.journal.end
+    return outcome.journal.end.trace_hash
+
+
+@pytest.mark.parametrize("robots", [CARS, DISCS], ids=["cars", "holonomic"])
+def test_the_same_seed_gives_the_same_trace_and_another_does_not(robots: dict[str, Any]) -> None:
+    first, again, other = (trace(run_in_process(scenario(robots=robots, seed=seed))) for seed in (1, 1, 2))
+    assert first == again != other
+
+
+def test_threads_change_nothing() -> None:
+    one, three = (trace(run_in_process(scenario(), threads=threads)) for threads in (1, 3))
+    assert one == three
+
+
+def test_the_journal_on_disk_holds_the_same_run(tmp_path: Path) -> None:
+    in_memory = run_in_process(scenario())
+    on_disk = run_in_process(scenario(), journal=tmp_path / "journal", started="2000-01-01T00:00:00+00:00")
+    assert trace(in_memory) == trace(on_disk)
+    assert read_journal(tmp_path / "journal").header.started == "2000-01-01T00:00:00+00:00"
+    for key in ("scenario_hash", "mfow_mean_s", "fog_mean_s", "messages", "seen_share"):
+        assert in_memory.summary[key] == on_disk.summary[key]
+
+
+def test_the_fog_of_a_run_can_be_recomputed() -> None:
+    prepared = prepare(scenario(robots=DISCS))
+    outcome = run_in_process(prepared)
+    footprint = footprint_of(prepared.scenario, prepared.terrain)
+    truth = Truth(footprint, patrolled_area(prepared.fields), prepared.scenario.step)
+    assert judge(outcome.journal, {}, terrain=prepared.terrain, truth=truth).valid
+
+
+def test_everyone_patrols_and_hears_everyone() -> None:
+    seen: list[TickRecord] = []
+    outcome = run_in_process(scenario(), progress=seen.append)
+    assert [record.k for record in seen] == list(range(30))
+    assert outcome.summary["messages"]["delivered"] == 30 * 3 * 2
+    assert outcome.summary["messages"]["rejected"] == 0
+    assert outcome.summary["seen_share"] > 0.3
+    for facts in outcome.summary["robots"].values():
+        assert facts["decisions"] == 30
+        assert facts["distance_m"] > 10.0
+
+
+def test_a_run_can_be_stopped() -> None:
+    answers = iter([False, False, True])
+    outcome = run_in_process(scenario(), stop=lambda: next(answers))
+    assert outcome.summary["ended"] == INTERRUPTED
+    assert outcome.summary["ticks"] == 2
+    assert outcome.verdict.valid
+
+
+def test_a_mind_that_fails_ends_the_run_and_the_journal_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    step = Mind.step
+
+    def failing(mind: Mind, k: int, *rest: Any) -> Any:
+        if k == 4:
+            raise RuntimeError("no idea")
+        return step(mind, k, *rest)
+
+    monkeypatch.setattr(Mind, "step", failing)
+    events: list[Event] = []
+    with pytest.raises(RuntimeError, match="no idea"):
+        run_in_process(scenario(), journal=tmp_path / "journal", events=events.append)
+    journal = read_journal(tmp_path / "journal")
+    assert journal.end
+    assert journal.end.reason == "failed: RuntimeError: no idea"
+    verdict = judge(journal, {})
+    assert verdict.outcome == "invalid"
+    assert [check.name for check in verdict.failed] == ["complete"]
+    assert events == []
