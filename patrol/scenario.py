@@ -20,8 +20,6 @@ from pydantic import ValidationError
 from patrol.errors import BadInput
 from patrol.scenario_errors import did_you_mean, one_line, show
 from patrol.scenario_model import (
-    BUILTINS,
-    MAX_ROBOTS,
     PatrolSpec,
     RadioSpec,
     RobotEntry,
@@ -31,6 +29,7 @@ from patrol.scenario_model import (
     SensorSpec,
     TerrainSpec,
 )
+from patrol.scenario_values import BUILTINS, MAX_ROBOTS
 from patrol.scenario_yaml import dump_section, parse_yaml, read_text
 
 __all__ = [
@@ -175,7 +174,7 @@ def _default_name(raw: Mapping[str, Any], stem: str | None) -> str:
     terrain = raw.get("terrain")
     if stem is None and isinstance(terrain, Mapping):
         stem = str(terrain.get("builtin") or Path(str(terrain.get("map") or "")).stem)
-    fitting = re.sub(r"[^A-Za-z0-9._-]+", "-", stem or "").lstrip("._-")[:64]
+    fitting = re.sub(r"[^A-Za-z0-9._-]+", "-", stem or "").strip("._-")[:64]
     return fitting or "scenario"
 
 

@@ -72,8 +72,7 @@ def _describe(problem: ErrorDetails, source: str, overridden: Collection[str]) -
         case "missing":
             return f"{where}: missing; give {note or 'it'}"
         case "crossed":
-            value = _value_at(problem["input"], context["field"])
-            return f"{where}{value}: {context['problem']}"
+            return f"{where}{context['value']}: {context['problem']}"
     what = _expected(problem, section)
     if context.get("bare") and note:
         what = f"{what} ({note})"
@@ -122,19 +121,13 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
 
 
 def _nearest_key(key: str, section: type[Section]) -> str:
+    """The known key that is nearest, of this section or with the section that it belongs under; or this section's."""
     everywhere: dict[str, type[Section]] = {"": Scenario, "robots": RobotGroup, **_SECTIONS}
-    homes = [name for name, other in everywhere.items() if key in other.model_fields and other is not section]
-    if homes:
-        return f"it belongs under {homes[0]}" if homes[0] else "it belongs at the top level"
-    return did_you_mean(key, list(section.model_fields))
-
-
-def _value_at(value: Any, field: str) -> str:
-    """' = value' of a dotted field inside a validated model; nothing when it has none of its own."""
-    for part in field.split(".") if field else []:
-        value = value[int(part)] if isinstance(value, list | tuple) else _member(value, part)
-    return "" if value is None or not isinstance(value, str | int | float) else f" = {show(value)}"
-
-
-def _member(value: Any, name: str) -> Any:
-    return value.get(name) if isinstance(value, dict) else getattr(value, name, None)
+    spelled = {
+        name: f"{home}.{name}" if home else f"{name} at the top level"
+        for home, other in everywhere.items()
+        for name in other.model_fields
+    }
+    spelled |= {name: name for name in section.model_fields}
+    near = get_close_matches(key.lower(), spelled, n=1, cutoff=0.6)
+    return f"did you mean {spelled[near[0]]}?" if near else did_you_mean(key, list(section.model_fields))

@@ -1,157 +1,49 @@
-"""The scenario's fields, their units, limits and defaults.
+"""The scenario's sections and fields, their units and defaults.
 
-Frozen pydantic models. Unknown keys are refused, numbers must be finite, and a boolean or a text is never taken for a
-number. `patrol.scenario` reads and writes scenario files and is what other modules import.
+Frozen pydantic models that refuse unknown keys. `patrol.scenario` reads and writes scenario files and is what other
+modules import.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Strict,
-    Tag,
-    ValidationError,
-    ValidationInfo,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
-    field_validator,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from patrol.message import MAX_STEP_CM, MAX_TIME_MS, MAX_TRAIL
+from patrol.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.pose import Pose, wrap
+from patrol.scenario_values import (
+    MAX_ROBOTS,
+    Builtin,
+    Count,
+    Degrees,
+    Exponent,
+    Flag,
+    Kind,
+    Name,
+    NotNegative,
+    Pace,
+    PathText,
+    Polygon,
+    Positive,
+    Probability,
+    Quality,
+    RobotName,
+    Sectors,
+    Seed,
+    Start,
+    Starts,
+    Tolerance,
+    Trail,
+    at_least,
+    by_shape,
+)
 
-MAX_ROBOTS = 65_000
 MAX_TICKS = 2**31 - 2
-MAX_SEED = 2**63 - 1
-# Larger numbers mean nothing in metres, seconds or points, and overflow the arithmetic of grids.
-LARGEST = 1e9
-
-Kind = Literal["car", "holonomic"]
-Builtin = Literal["open", "yards", "clutter", "site"]
-BUILTINS: tuple[str, ...] = get_args(Builtin)
-
-# --- what a value may be ---------------------------------------------------------------------------------------------
-
-
-def _expecting(what: str, bare: bool = False) -> WrapValidator:
-    """Replace whatever the inner checks say by one message: what was expected.
-
-    bare: `what` says nothing about the field, so that the message should add the field's description.
-    """
-
-    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
-        try:
-            return handler(value)
-        except ValidationError:
-            raise _unexpected(what, bare) from None
-
-    return WrapValidator(check)
-
-
-def _bare(what: str) -> WrapValidator:
-    return _expecting(what, bare=True)
-
-
-def _unexpected(what: str, bare: bool = False) -> PydanticCustomError:
-    return PydanticCustomError("expected", "{what}", {"what": what, "bare": bare})
-
-
-def _at_least(count: int, what: str) -> AfterValidator:
-    """At least so many items; checked after the items, so that a wrong item is not counted as missing too."""
-
-    def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
-        if len(items) < count:
-            raise _unexpected(f"{count} or more {what}")
-        return items
-
-    return AfterValidator(check)
-
-
-def _wrong(field: str, problem: str) -> PydanticCustomError:
-    """A check over several fields failed; `field` is the one to change, dotted from the model that checks."""
-    return PydanticCustomError("crossed", "{problem}", {"field": field, "problem": problem})
-
-
-Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST), _bare("a number from -1e9 to 1e9")]
-Positive = Annotated[float, Strict(), Field(gt=0, le=LARGEST), _bare("a number above 0 and at most 1e9")]
-NotNegative = Annotated[float, Strict(), Field(ge=0, le=LARGEST), _bare("a number from 0 to 1e9")]
-Exponent = Annotated[float, Strict(), Field(gt=0, le=600), _bare("a number above 0 and at most 600")]
-Probability = Annotated[float, Strict(), Field(ge=0, le=1), _bare("a number from 0 to 1")]
-Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare("a number above 0 and at most 1")]
-Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _bare("a number above 0 and at most 360")]
-Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _bare("a number from 0 to below 1")]
-Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _bare("a whole number from 0 to 2^63 - 1")]
-Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _bare(f"a whole number from 1 to {MAX_ROBOTS}")]
-Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare("a whole number from 3 to 3600")]
-Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare(f"a whole number from 0 to {MAX_TRAIL}")]
-Flag = Annotated[bool, Strict(), _bare("true or false")]
-PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), _expecting("the path of a file")]
-Name = Annotated[
-    str,
-    Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"),
-    _expecting("text of at most 64 letters, digits, '.', '_' and '-' that begins with a letter or digit"),
-]
-RobotName = Annotated[
-    str,
-    Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"),
-    _expecting("text of at most 32 letters, digits, '_' and '-' that begins with a letter or digit"),
-]
-Corner = Annotated[tuple[Number, Number], _expecting("[x, y] in m")]
-Polygon = Annotated[tuple[Corner, ...], Field(json_schema_extra={"minItems": 3}), _at_least(3, "corners")]
-Place = Annotated[
-    tuple[Number, Number] | tuple[Number, Number, Number], _expecting("[x, y] in m or [x, y, heading] in m and rad")
-]
-Pace = Annotated[
-    Literal["lockstep", "realtime"] | Positive, _expecting("lockstep, realtime or a factor of real time above 0")
-]
-
-
-def _shape(value: Any) -> str:
-    """Which of a field's alternatives a value is meant to be."""
-    if isinstance(value, list | tuple):
-        return "=list"
-    return "=mapping" if isinstance(value, Mapping | BaseModel) else "=single"
-
-
-def _increasing(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    if any(later[0] <= earlier[0] for earlier, later in pairwise(points)):
-        raise _unexpected("distances that increase along the list")
-    return points
-
-
-_RANDOM_OR_PLACE = "random, [x, y] in m or [x, y, heading] in m and rad"
-Start = Annotated[
-    Annotated[Literal["random"], _expecting(_RANDOM_OR_PLACE), Tag("=single")]
-    | Annotated[Place, _expecting(_RANDOM_OR_PLACE), Tag("=list")],
-    Discriminator(_shape, "expected", "{what}", {"what": _RANDOM_OR_PLACE, "bare": False}),
-]
-_RANDOM_OR_PLACES = "random or a list of [x, y] or [x, y, heading]"
-Starts = Annotated[
-    Annotated[Literal["random"], _expecting(_RANDOM_OR_PLACES), Tag("=single")]
-    | Annotated[tuple[Place, ...], Tag("=list")],
-    Discriminator(_shape, "expected", "{what}", {"what": _RANDOM_OR_PLACES, "bare": False}),
-]
-_SHARE_OR_LIST = "a number above 0 and at most 1, or a list of [distance in m, quality]"
-QualityPoint = Annotated[tuple[NotNegative, Share], _expecting("[distance in m, quality above 0 and at most 1]")]
-Quality = Annotated[
-    Annotated[Share, _expecting(_SHARE_OR_LIST), Tag("=single")]
-    | Annotated[tuple[QualityPoint, ...], _at_least(1, "points"), AfterValidator(_increasing), Tag("=list")],
-    Discriminator(_shape, "expected", "{what}", {"what": _SHARE_OR_LIST, "bare": False}),
-]
-
-# --- the sections ----------------------------------------------------------------------------------------------------
 
 
 class Section(BaseModel):
@@ -211,12 +103,12 @@ class RobotEntry(Body):
 RobotList = Annotated[
     tuple[RobotEntry, ...],
     Field(max_length=MAX_ROBOTS, json_schema_extra={"minItems": 1}),
-    _at_least(1, "robots"),
+    at_least(1, "robots"),
 ]
 _GROUP_OR_LIST = "robots alike, {count: 5, model: car, ...}, or a list with one entry a robot"
 Robots = Annotated[
     Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")],
-    Discriminator(_shape, "expected", "{what}", {"what": _GROUP_OR_LIST, "bare": False}),
+    by_shape(_GROUP_OR_LIST),
 ]
 
 
@@ -264,7 +156,7 @@ class PatrolSpec(Section):
     def _goal_stays_ahead(self) -> Self:
         if self.refine_side > 2.0 * self.goal_distance:
             limit = f"patrol.goal_distance is {self.goal_distance:g} m, so at most {2.0 * self.goal_distance:g}"
-            raise _wrong("refine_side", f"the square must not reach behind the robot: {limit}")
+            raise _wrong("refine_side", f"the square must not reach behind the robot: {limit}", self.refine_side)
         return self
 
 
@@ -338,15 +230,17 @@ class Scenario(Section):
         if self.faults:
             raise _wrong("faults", "not available in this version; leave the list empty")
         if self.step > self.duration:
-            raise _wrong("duration", f"shorter than one step of {self.step:g} s; give at least that")
+            raise _wrong("duration", f"shorter than one step of {self.step:g} s; give at least that", self.duration)
         if self.duration / self.step > MAX_TICKS or self.duration * 1000.0 > MAX_TIME_MS:
-            raise _wrong("duration", f"too long: at most {MAX_TIME_MS // 1000} s and {MAX_TICKS} steps fit")
-        for field, least in (("watchdog", self.step), ("radio.forget_after", self.step)):
-            if _at(self, field) < least:
-                raise _wrong(field, f"shorter than one step of {least:g} s, so it would end between two messages")
+            limit = f"too long: at most {MAX_TIME_MS // 1000} s and {MAX_TICKS} steps fit"
+            raise _wrong("duration", limit, self.duration)
+        for field in ("watchdog", "radio.forget_after"):
+            if (value := _at(self, field)) < self.step:
+                limit = f"shorter than one step of {self.step:g} s, so it would end between two messages; give more"
+                raise _wrong(field, limit, value)
         for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
-            if _at(self, field) < self.point:
-                raise _wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point")
+            if (value := _at(self, field)) < self.point:
+                raise _wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
         self._check_roster()
         return self
 
@@ -357,10 +251,8 @@ class Scenario(Section):
             if names.setdefault(spec.name, spec.number) != spec.number:
                 raise _wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
             if self.radio.trail and spec.speed * self.step * 100.0 >= MAX_STEP_CM:
-                raise _wrong(
-                    f"{field}.speed",
-                    f"a trail holds steps below {MAX_STEP_CM / 100:g} m per tick; set radio.trail to 0",
-                )
+                limit = f"a trail holds steps below {MAX_STEP_CM / 100:g} m per tick; set radio.trail to 0"
+                raise _wrong(f"{field}.speed", limit, spec.speed)
 
 
 def _roster(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
@@ -395,3 +287,9 @@ def _absolute(value: str | None, info: ValidationInfo) -> str | None:
     """A path resolved against the folder that the validation's context names; unchanged without one."""
     base = info.context.get("base") if isinstance(info.context, dict) else None
     return value if value is None or base is None else str((Path(base) / value).absolute())
+
+
+def _wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:
+    """A check over several fields failed; `field` is the one to change, dotted from the model that checks."""
+    shown = "" if value is None else f" = {value:g}"
+    return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})

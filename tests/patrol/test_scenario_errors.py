@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from patrol.errors import BadInput
+from patrol.scenario import Scenario, as_mapping, load_scenario
+
+YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
+
+
+def problem(raw: dict[str, Any], overrides: dict[str, object] | None = None) -> str:
+    with pytest.raises(BadInput) as caught:
+        load_scenario(raw, overrides)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), -1, 0, True, "1", None, [1], 10**400])
+@pytest.mark.parametrize(
+    "field",
+    [
+        "point",
+        "step",
+        "duration",
+        "watchdog",
+        "pace",
+        "robots.speed",
+        "robots.radius",
+        "robots.turning_radius",
+        "robots.count",
+        "sensor.range",
+        "sensor.angle",
+        "sensor.quality",
+        "patrol.alpha",
+        "patrol.beta",
+        "patrol.length",
+        "patrol.sectors",
+        "patrol.goal_distance",
+        "patrol.refine_side",
+        "patrol.refine_reach",
+        "radio.forget_after",
+    ],
+)
+def test_what_must_be_above_zero_is_a_number_above_zero(field: str, value: object) -> None:
+    section, _, key = field.rpartition(".")
+    message = problem({**YARDS, section: {key: value}} if section else {**YARDS, key: value})
+    assert message.startswith(f"scenario: {field}")
+    assert " = " in message
+    assert "expected" in message
+
+
+@pytest.mark.parametrize(
+    "field", ["seed", "patrol.dilatation", "patrol.random_move", "patrol.tolerance", "radio.trail"]
+)
+def test_what_may_be_zero_is_never_negative(field: str) -> None:
+    load_scenario(YARDS, {field: 0})
+    for value in (-1, float("nan"), True, "'0'", None):
+        assert problem(YARDS, {field: value}).startswith(f"override {field} = ")
+
+
+@pytest.mark.parametrize(
+    ("raw", "expected"),
+    [
+        ({"dilation": 1}, "scenario: dilation: unknown key; did you mean patrol.dilatation?"),
+        ({"terain": {}}, "scenario: terain: unknown key; did you mean terrain?"),
+        ({"patrol": {"dilation": 1}}, "scenario: patrol.dilation: unknown key; did you mean dilatation?"),
+        ({"dilatation": 1}, "scenario: dilatation: unknown key; did you mean patrol.dilatation?"),
+        ({"sensor": {"seed": 1}}, "scenario: sensor.seed: unknown key; did you mean seed at the top level?"),
+        ({"robots": {"name": "x"}}, "scenario: robots.name: unknown key; did you mean name at the top level?"),
+        ({"robots": [{}, {"sped": 1}]}, "scenario: robots.1.sped: unknown key; did you mean speed?"),
+        ({"xyzzy": 1}, "scenario: xyzzy: unknown key; known are name, terrain, point"),
+        ({7: 1}, "scenario: 7: unknown key"),
+        ({"terrain": {}}, "scenario: terrain: exactly one is needed: {builtin: NAME} or {map: FILE.yaml}"),
+        ({"terrain": {"builtin": "open", "map": "a.yaml"}}, "scenario: terrain: exactly one is needed"),
+        ({"terrain": None}, "scenario: terrain = null: expected keys and values (builtin, map, keep_out)"),
+        ({"terrain": {"builtin": "yard"}}, 'terrain.builtin = "yard": expected open, yards, clutter or site; did you'),
+        ({"terrain": {"map": "a\nb"}}, "scenario: terrain.map"),
+        ({"terrain": {"builtin": "open", "keep_out": [[[0, 0], [1, 1]]]}}, "terrain.keep_out.0"),
+        ({"terrain": {"builtin": "open", "keep_out": [[[0, 0], [1, 1], [2]]]}}, "terrain.keep_out.0.2 = [2]"),
+        ({"robots": 3}, "scenario: robots = 3: expected robots alike, {count: 5, model: car, ...}, or a list"),
+        ({"robots": []}, "scenario: robots = []: expected 1 or more robots"),
+        ({"robots": [3]}, "scenario: robots.0 = 3: expected keys and values (model, speed"),
+        ({"robots": {"count": 65_001}}, "scenario: robots.count = 65001: expected a whole number from 1 to 65000"),
+        ({"robots": {"count": 3.0}}, "scenario: robots.count = 3.0: expected a whole number"),
+        ({"robots": {"model": "bike"}}, 'scenario: robots.model = "bike": expected car or holonomic'),
+        ({"robots": [{}, {"speed": 0}]}, "scenario: robots.1.speed = 0: expected a number above 0"),
+        (
+            {"robots": {"starts": [[1, 2], [3]]}},
+            "scenario: robots.starts.1 = [3]: expected [x, y] in m or [x, y, heading]",
+        ),
+        ({"robots": {"starts": [[1, float("nan")]]}}, "scenario: robots.starts.0"),
+        ({"robots": {"starts": "here"}}, 'scenario: robots.starts = "here": expected random or a list of [x, y]'),
+        ({"robots": {"count": 1, "starts": [[1, 2]] * 2}}, "scenario: robots.starts: 2 starts for 1 robots"),
+        ({"robots": [{"start": [1]}]}, "scenario: robots.0.start = [1]: expected random, [x, y] in m"),
+        ({"robots": [{"name": "a/b"}]}, 'scenario: robots.0.name = "a/b": expected text of at most 32 letters'),
+        ({"robots": [{"name": "r2"}, {}]}, "scenario: robots.1.name: robot 1 is called r2 too; rename one"),
+        ({"name": "../x"}, 'scenario: name = "../x": expected text of at most 64 letters'),
+        ({"sensor": {"angle": 361}}, "scenario: sensor.angle = 361: expected a number above 0 and at most 360"),
+        ({"sensor": {"line_of_sight": 1}}, "scenario: sensor.line_of_sight = 1: expected true or false"),
+        (
+            {"sensor": {"quality": 1.5}},
+            "scenario: sensor.quality = 1.5: expected a number above 0 and at most 1, or a list",
+        ),
+        ({"sensor": {"quality": []}}, "scenario: sensor.quality = []: expected 1 or more points"),
+        ({"sensor": {"quality": [[1, 0.5], [2, 0]]}}, "scenario: sensor.quality.1 = [2, 0]: expected [distance in m,"),
+        ({"sensor": {"quality": [[1, 1], [1, 1]]}}, "expected distances that increase along the list"),
+        ({"patrol": {"paths": "regions"}}, 'scenario: patrol.paths = "regions": expected wave or straight'),
+        ({"patrol": {"fow": "f6"}}, 'scenario: patrol.fow = "f6": expected f1, f2, f3, f4 or f5'),
+        ({"patrol": {"policy": "mine:Policy"}}, 'patrol.policy = "mine:Policy": expected potential-field'),
+        ({"patrol": {"random_move": 1.1}}, "scenario: patrol.random_move = 1.1: expected a number from 0 to 1"),
+        (
+            {"patrol": {"refine_side": 12}},
+            "scenario: patrol.refine_side = 12: the square must not reach behind the robot",
+        ),
+        ({"patrol": 3}, "scenario: patrol = 3: expected keys and values (policy, fow"),
+        ({"radio": {"trail": 5}}, "scenario: radio.trail = 5: expected a whole number from 0 to 4"),
+        ({"radio": {"trail": 1}, "robots": {"speed": 700}}, "scenario: robots.speed = 700: a trail holds steps below"),
+        ({"faults": [{"kind": "kill"}]}, "scenario: faults: not available in this version; leave the list empty"),
+        ({"duration": 0.4}, "scenario: duration = 0.4: shorter than one step of 0.5 s"),
+        ({"duration": 5e6}, "scenario: duration = 5e+06: too long: at most 4294967 s"),
+        ({"step": 1e-7}, "scenario: duration = 5000: too long"),
+        ({"step": 3}, "scenario: watchdog = 2: shorter than one step of 3 s"),
+        ({"radio": {"forget_after": 0.4}}, "scenario: radio.forget_after = 0.4: shorter than one step"),
+        ({"point": 11}, "scenario: sensor.range = 10: shorter than one point of 11 m"),
+        ({"seed": 2**63}, "scenario: seed = 9223372036854775808: expected a whole number from 0 to 2^63 - 1"),
+    ],
+)
+def test_a_wrong_scenario_is_told_in_one_line(raw: dict[str, Any], expected: str) -> None:
+    assert expected in problem({**YARDS, **raw})
+
+
+def test_a_scenario_needs_a_terrain_and_nothing_else() -> None:
+    assert problem({}) == (
+        "scenario: terrain: missing; give {builtin: open | yards | clutter | site} or {map: FILE.yaml}"
+    )
+
+
+def test_the_unit_is_told_where_a_number_is_wrong() -> None:
+    assert problem({**YARDS, "sensor": {"range": -1}}) == (
+        "scenario: sensor.range = -1: expected a number above 0 and at most 1e9 (m)"
+    )
+
+
+def test_further_problems_are_counted_and_unknown_keys_come_first() -> None:
+    message = problem({**YARDS, "point": -1, "sensor": {"range": 0}, "patrol": {"x": 1}})
+    assert message.startswith("scenario: patrol.x: unknown key;")
+    assert message.endswith("(and 2 more problems)")
+
+
+def test_a_list_that_holds_itself_is_refused() -> None:
+    endless: list[Any] = []
+    endless.append(endless)
+    for field in ("terrain", "robots", "faults", "point"):
+        problem({**YARDS, field: endless})
+
+
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=8,
+)
+sections = st.sampled_from([*Scenario.model_fields])
+
+
+@given(st.dictionaries(sections, plain, max_size=4))
+def test_no_mapping_raises_anything_but_bad_input(raw: dict[str, Any]) -> None:
+    try:
+        scenario = load_scenario({**YARDS, **raw})
+    except BadInput:
+        return
+    assert load_scenario(as_mapping(scenario)) == scenario
+
+
+# --- overrides ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [
+        ("patrol.dilation", "1", "override patrol.dilation: unknown key; did you mean dilatation?"),
+        ("patrol.alpha", "-1", "override patrol.alpha = -1: expected a number above 0 and at most 600 (weight of"),
+        ("sensor", "{range: -1}", "override sensor.range = -1: expected"),
+        ("patrol", "3", "override patrol = 3: expected keys and values"),
+        ("sensor.range", "[", "override sensor.range: line 1, column 2"),
+        ("sensor.range", "", "override sensor.range = null: expected a number"),
+        ("robots.0.speed", "2", "override robots.0.speed: there is no list to take entry 0 of; leave .0 out"),
+        ("point.x", "2", "override point.x: 0.1 has no field x; leave .x out"),
+        ("", "2", "override '': names no field"),
+        ("patrol..alpha", "2", "override 'patrol..alpha': names no field"),
+        ("faults", "[1]", "override faults: not available"),
+        ("terrain.map", "a.yaml", "override terrain: exactly one is needed"),
+    ],
+)
+def test_a_wrong_override_is_named(field: str, value: str, expected: str) -> None:
+    assert expected in problem({**YARDS, "point": 0.1}, {field: value})
+
+
+@pytest.mark.parametrize(
+    ("field", "expected"),
+    [
+        ("robots.2.speed", "override robots.2.speed: there is no entry 2; the list has entries 0 to 1"),
+        ("robots.count", "override robots.count: this is a list of 2; give an index, 0 to 1"),
+    ],
+)
+def test_a_wrong_override_of_a_list_is_named(field: str, expected: str) -> None:
+    assert problem({**YARDS, "robots": [{}, {}]}, {field: "2"}) == expected
