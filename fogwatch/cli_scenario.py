@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from patrol.errors import BadInput
-from patrol.scenario import RobotSpec, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
+from patrol.scenario import dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
 
 app = typer.Typer(help="Show, check and describe scenario files.", no_args_is_help=True)
 
@@ -37,13 +37,12 @@ def check(what: What, settings: Settings = None) -> None:
 
     prepared = prepare(scenario)
     area = float(prepared.patrolled.sum()) * scenario.point**2
+    told = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(f"{what}: can run")
-    typer.echo(
-        f"  robots     {len(scenario.roster)}, of which {_with_start(scenario.roster)} start where they are told"
-    )
-    typer.echo(f"  terrain    {prepared.terrain.name}, {area:.0f} m² to patrol in points of {scenario.point:g} m")
-    typer.echo(f"  duration   {scenario.duration:g} s, {scenario.ticks} ticks of {scenario.step:g} s")
-    typer.echo(f"  hash       {digest}")
+    typer.echo(f"  {len(scenario.roster)} robots, {told} of them from a given start, the others placed at random")
+    typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, in points of {scenario.point:g} m")
+    typer.echo(f"  {scenario.duration:g} s in {scenario.ticks} ticks of {scenario.step:g} s")
+    typer.echo(f"  scenario hash {digest}")
 
 
 @app.command()
@@ -59,7 +58,3 @@ def schema(
         out.write_text(text, encoding="utf-8")
     except OSError as error:
         raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
-
-
-def _with_start(roster: tuple[RobotSpec, ...]) -> int:
-    return sum(spec.start is not None for spec in roster)
