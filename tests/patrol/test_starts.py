@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from patrol.errors import BadInput
+from patrol.fields import cspace_of
+from patrol.pose import Pose
+from patrol.scenario import RobotSpec
+from patrol.starts import clearance_at, place_starts, starting_part
+from patrol.terrain import BoolGrid, Terrain
+
+
+def robots(*radii: float, starts: tuple[Pose | None, ...] = ()) -> list[RobotSpec]:
+    given = [*starts, *[None] * (len(radii) - len(starts))]
+    return [
+        RobotSpec(number, f"r{number}", "holonomic", 1.0, radius, 1.0, start)
+        for number, (radius, start) in enumerate(zip(radii, given, strict=True), start=1)
+    ]
+
+
+def building(side: int = 40, wall: int = 10, door: slice = slice(0, 0)) -> BoolGrid:
+    """A field of side x side points with a building whose walls stand `wall` points from the border."""
+    free = np.ones((side, side), dtype=np.bool_)
+    free[wall : side - wall, wall : side - wall] = False
+    free[wall + 1 : side - wall - 1, wall + 1 : side - wall - 1] = True
+    free[door, wall] = True
+    return free
+
+
+def inside(pose: Pose, wall_m: float, side_m: float) -> bool:
+    return wall_m < pose.x < side_m - wall_m and wall_m < pose.y < side_m - wall_m
+
+
+# --- random starts ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bodies_fit_and_keep_apart(seed: int) -> None:
+    terrain = Terrain("field", building(), 0.1, (-5.0, 3.0))
+    roster = robots(0.2, 0.3, 0.1, 0.2)
+    starts = place_starts(terrain, roster, seed)
+    for spec, start in zip(roster, starts, strict=True):
+        assert cspace_of(terrain, spec.radius)[terrain.point_at(start.x, start.y)]
+        assert -math.pi < start.heading <= math.pi
+    for (a, one), (b, other) in combinations(list(zip(roster, starts, strict=True)), 2):
+        assert math.hypot(one.x - other.x, one.y - other.y) >= a.radius + b.radius + 0.2 - 1e-9
+
+
+def test_starts_depend_on_the_seed_and_the_robots_number() -> None:
+    terrain = Terrain("field", np.ones((300, 300), dtype=np.bool_), 0.1)
+    assert place_starts(terrain, robots(0.2, 0.2, 0.2), 7) == place_starts(terrain, robots(0.2, 0.2, 0.2), 7)
+    assert place_starts(terrain, robots(0.2, 0.2, 0.2), 7) != place_starts(terrain, robots(0.2, 0.2, 0.2), 8)
+    assert len({(start.x, start.y, start.heading) for start in place_starts(terrain, robots(*[0.2] * 9), 7)}) == 9
+
+
+def test_a_crowd_fills_the_last_gap_and_one_more_is_refused() -> None:
+    # Centres may lie in columns 1 to 8 of one row; each body takes four of them from the others on either side.
+    terrain = Terrain("lane", np.ones((3, 10), dtype=np.bool_), 1.0)
+    for seed in range(20):
+        fitting = place_starts(terrain, robots(1.0, 1.0), seed)
+        assert abs(fitting[0].x - fitting[1].x) >= 4.0
+    with pytest.raises(BadInput, match=r"3 robots do not fit on lane: no place is left .* after 2"):
+        place_starts(terrain, robots(1.0, 1.0, 1.0), 1)
+
+
+def test_robots_start_inside_a_building_and_not_around_it() -> None:
+    terrain = Terrain("hall", building(), 0.1)
+    outside = cspace_of(terrain, 0.2) & ~starting_part(terrain, 0.2)
+    assert np.count_nonzero(outside) > np.count_nonzero(starting_part(terrain, 0.2))
+    for seed in range(5):
+        assert all(inside(start, 1.0, 4.0) for start in place_starts(terrain, robots(0.2, 0.2), seed))
+
+
+def test_a_shed_in_a_field_is_no_place_to_start() -> None:
+    terrain = Terrain("shed", building(side=40, wall=16), 0.1)
+    assert not starting_part(terrain, 0.2)[20, 20]
+    # With an open door as wide as the body there is one part only, and it touches the border.
+    terrain = Terrain("open hall", building(door=slice(15, 25)), 0.1)
+    assert starting_part(terrain, 0.2)[5, 5]
+    assert starting_part(terrain, 0.2)[20, 20]
+
+
+def test_a_part_is_outside_only_if_the_border_bounds_it() -> None:
+    framed = building()
+    framed[[0, -1], :] = False
+    framed[:, [0, -1]] = False
+    terrain = Terrain("framed", framed, 0.1)
+    assert starting_part(terrain, 0.2)[5, 5]
+
+
+def test_a_given_start_draws_the_others_to_its_part() -> None:
+    terrain = Terrain("hall", building(), 0.1)
+    starts = place_starts(terrain, robots(0.2, 0.2, starts=(Pose(0.5, 0.5, 1.0),)), 3)
+    assert starts[0] == Pose(0.5, 0.5, 1.0)
+    assert not inside(starts[1], 1.0, 4.0)
+
+
+# --- explicit starts -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("start", "problem"),
+    [
+        (Pose(4.5, 1.0, 0.0), "not on field, which spans x 0 to 4 m and y 0 to 4 m"),
+        (Pose(math.nan, 1.0, 0.0), "not on field"),
+        (Pose(0.19, 2.0, 0.0), r"is 0\.19 m away, nearer than the radius of 0\.2 m"),
+        (Pose(0.85, 2.0, 0.0), r"is 0\.15 m away"),
+        (Pose(1.05, 2.0, 0.0), "is 0 m away"),
+    ],
+)
+def test_a_start_that_does_not_fit_is_named(start: Pose, problem: str) -> None:
+    with pytest.raises(BadInput, match=problem) as caught:
+        place_starts(Terrain("field", building(), 0.1), robots(0.2, starts=(start,)), 1)
+    assert "of r1" in str(caught.value)
+
+
+def test_starts_that_overlap_are_named() -> None:
+    terrain = Terrain("field", np.ones((40, 40), dtype=np.bool_), 0.1)
+    touching = (Pose(1.0, 1.0, 0.0), Pose(1.5, 1.0, 0.0))
+    assert place_starts(terrain, robots(0.2, 0.3, starts=touching), 1) == list(touching)
+    with pytest.raises(BadInput, match="of r2: overlaps robot 1"):
+        place_starts(terrain, robots(0.2, 0.3, starts=(Pose(1.0, 1.0, 0.0), Pose(1.49, 1.0, 0.0))), 1)
+
+
+def test_clearance_is_exact_anywhere_within_a_point() -> None:
+    terrain = Terrain("field", building(), 0.1, (10.0, 20.0))
+    rng = np.random.default_rng(2)
+    low = np.argwhere(~terrain.passable)[:, ::-1] * 0.1 + [10.0, 20.0]
+    for x, y in rng.uniform([10.0, 20.0], [14.0, 24.0], (50, 2)):
+        away = np.maximum(np.maximum(low - [x, y], [x, y] - (low + 0.1)), 0.0)
+        edge = min(x - 10.0, y - 20.0, 14.0 - x, 24.0 - y)
+        expected = min(float(np.hypot(away[:, 0], away[:, 1]).min()), edge, 0.6)
+        assert clearance_at(terrain, x, y, 0.6) == pytest.approx(expected)
+
+
+# --- bodies too wide -------------------------------------------------------------------------------------------------
+
+
+def two_rooms(left: int, door: int) -> Terrain:
+    """Rooms of 6 m and of 6 m less `left` points, 4 m high, joined by a door `door` points wide."""
+    free = np.ones((40, 121 - left), dtype=np.bool_)
+    free[:, 60] = False
+    free[10 : 10 + door, 60] = True
+    return Terrain("rooms", free, 0.1)
+
+
+def test_a_body_that_fits_nowhere_is_refused() -> None:
+    with pytest.raises(BadInput, match="fits nowhere on rooms"):
+        place_starts(two_rooms(0, 9), robots(2.5), 1)
+
+
+def test_a_body_too_wide_for_every_door_is_refused_unless_told_where_to_start() -> None:
+    assert place_starts(two_rooms(0, 9), robots(0.4), 1)
+    with pytest.raises(
+        BadInput, match=r"too wide for every door of rooms; the widest, at \(6\.05, .* radius of 0\.4 m"
+    ):
+        place_starts(two_rooms(0, 9), robots(0.45), 1)
+    chosen = Pose(3.0, 2.0, 0.0)
+    assert place_starts(two_rooms(0, 9), robots(0.45, starts=(chosen,)), 1) == [chosen]
+
+
+def test_being_shut_out_of_a_closet_does_not_matter() -> None:
+    assert place_starts(two_rooms(55, 9), robots(0.45), 1)[0].x < 6.0
