@@ -99,7 +99,13 @@ def _expected(problem: ErrorDetails, section: type[Section]) -> str:
 
 
 def _is_overridden(field: str, overridden: Collection[str]) -> bool:
-    return any(field == name or field.startswith(f"{name}.") or name.startswith(f"{field}.") for name in overridden)
+    """Whether an override gave the field, what it lies in or something in it; robots.speed gave robots.0.speed too."""
+    everywhere = ".".join(part for part in field.split(".") if not part.isdecimal())
+    return any(
+        spelled == name or spelled.startswith(f"{name}.") or name.startswith(f"{spelled}.")
+        for name in overridden
+        for spelled in (field, everywhere)
+    )
 
 
 def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:

@@ -139,6 +139,12 @@ _SHARE_OR_LIST = "a number above 0 and at most 1, or a list of [distance in m, q
 QualityPoint = Annotated[tuple[NotNegative, Share], _expecting("[distance in m, quality above 0 and at most 1]")]
 Quality = Annotated[
     Annotated[Share, _expecting(_SHARE_OR_LIST), Tag("=single")]
-    | Annotated[tuple[QualityPoint, ...], at_least(1, "points"), AfterValidator(_increasing), Tag("=list")],
+    | Annotated[
+        tuple[QualityPoint, ...],
+        Field(json_schema_extra={"minItems": 1}),
+        at_least(1, "points"),
+        AfterValidator(_increasing),
+        Tag("=list"),
+    ],
     by_shape(_SHARE_OR_LIST),
 ]
