@@ -203,7 +203,7 @@ def _no_extension(code: int, _data: bytes) -> object:
 
 
 def _trail(flat: object) -> tuple[tuple[int, int], ...]:
-    if type(flat) is not list or not flat or len(flat) % 2:
+    if type(flat) is not list or not flat:
         raise ValueError("a trail is an array of pairs")
     return tuple(zip(flat[::2], flat[1::2], strict=True))
 

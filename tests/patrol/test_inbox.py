@@ -50,6 +50,13 @@ def test_rounding_never_makes_an_honest_robot_too_fast(moves: list[tuple[float, 
     assert box.rejected == 0
 
 
+def test_a_step_early_and_rounded_apart_a_robot_is_still_believed() -> None:
+    """2.006 m in one step: sent as 10.00 and 12.01 m, and arriving at once."""
+    box = Inbox(own=1, roster=[2], bounds=BOUNDS, max_speed=4.012, step=STEP)
+    assert box.accept(frame(0, 10.004), 0.0) is not None
+    assert box.accept(frame(1, 12.010), 0.0) is not None
+
+
 def test_what_cannot_be_decoded_is_counted_by_reason() -> None:
     box = inbox(KEY)
     assert box.accept(b"rubbish", 0.0) is None

@@ -272,5 +272,8 @@ def test_a_long_form_of_the_tag_is_malformed() -> None:
 
 
 def test_too_long_a_frame_is_not_looked_at() -> None:
+    wide = b"".join(b"\xcf" + value.to_bytes(8, "big") for value in (VERSION, 1, 2, 3, 4, 5, 6))
+    assert decode(b"\x97" + wide) == Position(1, 2, 3, 4, 5, 6), "64 bytes, spelt wider than need be"
+    assert rejected(b"\x98" + wide + b"\x92\x00\x00") is RejectReason.MALFORMED
     assert rejected(packed(VERSION, 1, 2, 3, 4, 5, 6, [0] * 70)) is RejectReason.MALFORMED
     assert rejected(b"\x91" * 10_000_000) is RejectReason.MALFORMED
