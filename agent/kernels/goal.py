@@ -46,8 +46,7 @@ def _reaches(state, row, col, to_row, to_col):
 
 @njit(int64(STATE, PSI, int64, int64, float64, float64, int64), cache=True, nogil=True)
 def refine(state, psi, goal_row, goal_col, from_row, from_col, side):
-    """The flat index of the point with the lowest psi in a square of half-width ``side`` points about the goal
-    (paper, psi).
+    """The flat index of the point with the lowest psi within ``side`` rows and columns of the goal (paper, psi).
 
     Only open points are taken that a straight line from the goal and one from the robot at (from_row, from_col), in
     points, both reach. Of several as good the one nearest the goal is taken, of those the first row by row.

@@ -1,0 +1,112 @@
+"""The belief: fog from positions alone, its dilatation kept up to date, trails, and silent peers."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from agent.belief import Belief
+from agent.kernels.dilate import dilate
+from patrol.fields import StaticFields
+from patrol.fog import Fog
+from patrol.footprint import Footprint
+from patrol.inbox import Inbox
+from patrol.message import Position, encode
+from patrol.pose import Pose
+from patrol.terrain import Terrain
+
+STEP = 0.5
+
+
+def belief_on(passable: NDArray[np.bool_], dilatation: int, sensor: float = 4.0) -> tuple[Belief, Footprint]:
+    terrain = Terrain("t", passable, 0.5)
+    fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
+    footprint = Footprint(terrain, sensor)
+    inbox = Inbox(1, (1, 2, 3), terrain.bounds, 10.0, None, STEP)
+    return Belief(fields, footprint, inbox, dilatation), footprint
+
+
+def frame(robot: int, k: int, x: float, y: float, trail: tuple[tuple[int, int], ...] = ()) -> bytes:
+    return encode(Position.of(robot, k, k * STEP, Pose(x, y, 0.0), trail))
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10**6), dilatation=st.integers(0, 4), walls=st.sampled_from([0.0, 0.1]))
+def test_the_dilated_fog_is_always_what_dilating_all_of_it_would_give(seed: int, dilatation: int, walls: float) -> None:
+    rng = np.random.default_rng(seed)
+    passable = rng.random((40, 50)) >= walls
+    passable[0, 0] = True
+    belief, _ = belief_on(passable, dilatation)
+    x, y = 10.0, 10.0
+    for k in range(12):
+        x, y = (float(np.clip(v + rng.normal(0, 2), 0, limit)) for v, limit in ((x, 24.9), (y, 19.9)))
+        heard = [frame(2, k, 24.0 - k, 5.0), frame(3, k, 3.0, 15.0 - k)]
+        belief.update(k, Pose(x, y, 0.0), heard, STEP)
+        whole = np.empty_like(belief.fog.last_seen)
+        grid = passable.view(np.uint8)
+        dilate(belief.fog.last_seen, grid, grid, whole, 0, 39, 0, 49, dilatation, k)
+        known = np.where(passable, np.maximum(belief.dilated, 0), 0)
+        assert np.array_equal(known, np.where(passable, whole, 0))
+
+
+def test_a_belief_that_hears_everything_equals_the_truth() -> None:
+    passable = np.ones((40, 50), dtype=np.bool_)
+    belief, footprint = belief_on(passable, 2)
+    truth = Fog(passable)
+    for k in range(20):
+        own, peer = Pose(2.0 + k * 0.5, 5.0, 0.0), Pose(20.0 - k * 0.5, 15.0, 0.0)
+        belief.update(k, own, [frame(2, k, peer.x, peer.y)], STEP)
+        for pose in (own, peer):
+            truth.observe(footprint.visible(pose), k)
+        assert np.array_equal(belief.fog.last_seen, truth.last_seen)
+        assert belief.fog.mfow(k) == truth.mfow(k)
+
+
+def test_without_communication_a_robot_knows_only_what_it_saw_itself() -> None:
+    belief, footprint = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    alone = Fog(np.ones((40, 50), dtype=np.bool_))
+    for k in range(5):
+        own = Pose(5.0 + k, 10.0, 0.0)
+        belief.update(k, own, [], STEP)
+        alone.observe(footprint.visible(own), k)
+    assert np.array_equal(belief.fog.last_seen, alone.last_seen)
+
+
+def test_a_trail_fills_in_what_was_missed_and_nothing_twice() -> None:
+    belief, footprint = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    expected = Fog(np.ones((40, 50), dtype=np.bool_))
+    own = Pose(1.0, 19.0, 0.0)
+    places = {0: (10.0, 5.0), 1: (12.0, 5.0), 2: (14.0, 5.0), 3: (16.0, 5.0)}
+    for k in range(4):
+        heard = []
+        if k in (0, 3):
+            trail = tuple((-200, 0) for _ in range(min(k, 2)))
+            heard = [frame(2, k, *places[k], trail=trail)]
+        belief.update(k, own, heard, STEP)
+    for k in (0, 1, 2, 3):
+        expected.observe(footprint.visible(own), k)
+        expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
+    assert np.array_equal(belief.fog.last_seen, expected.last_seen)
+
+
+def test_garbage_changes_nothing_and_is_counted() -> None:
+    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 2)
+    other, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 2)
+    own = Pose(5.0, 5.0, 0.0)
+    junk = [b"", b"\xc1", b"x" * 1000, frame(9, 0, 3.0, 3.0), frame(1, 0, 3.0, 3.0), frame(2, 0, 500.0, 3.0)]
+    belief.update(0, own, junk, STEP)
+    other.update(0, own, [], STEP)
+    assert np.array_equal(belief.dilated, other.dilated)
+    assert belief.inbox.rejected == len(junk)
+
+
+def test_a_peer_long_unheard_is_an_obstacle_where_it_was_last() -> None:
+    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    belief.update(0, Pose(5.0, 5.0, 0.0), [frame(2, 0, 15.0, 15.0), frame(3, 0, 20.0, 5.0)], STEP)
+    for k in range(1, 12):
+        belief.update(k, Pose(5.0, 5.0, 0.0), [frame(3, k, 20.0, 5.0)], STEP)
+    radii = {1: 1.0, 2: 0.7, 3: 1.0}
+    assert belief.silent(10, 10, radii, 1.25) == []
+    assert belief.silent(11, 10, radii, 1.25) == [(15.0, 15.0, 1.95)]

@@ -1,0 +1,152 @@
+"""A mind as a whole: pure, deterministic, and a patrol."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.decision import Decision, State
+from agent.mind import Mind, MindSetup
+from agent.refine import psi_field
+from patrol.fields import compute_fields
+from patrol.message import decode
+from patrol.pose import Drive, Pose, Velocity
+from patrol.scenario import Scenario, load_scenario
+from patrol.sweep import advance, path_is_free
+from patrol.terrain import Terrain
+
+MODELS = ["car", "holonomic"]
+
+
+def scenario_of(model: str, **patrol: Any) -> Scenario:
+    robots = {"count": 2, "model": model}
+    return load_scenario(
+        {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots, "patrol": {"dilatation": 2.0, **patrol}}
+    )
+
+
+def rooms() -> Terrain:
+    """Two rooms of 24 x 30 m joined by a gap of 6 m."""
+    passable = np.ones((60, 100), dtype=np.bool_)
+    passable[:, 48:52] = False
+    passable[24:36, 48:52] = True
+    return Terrain("rooms", passable, 0.5)
+
+
+def minds(scenario: Scenario, terrain: Terrain, starts: list[Pose]) -> list[Mind]:
+    fields = compute_fields(terrain, 1.0, scenario.sensor.range, True, starts)
+    psi = psi_field(terrain, scenario.patrol.refine_reach)
+    return [Mind(MindSetup(scenario, number, terrain, fields, psi)) for number in (1, 2)]
+
+
+def patrol(
+    scenario: Scenario, ticks: int, *, radio: bool = True
+) -> tuple[list[Mind], list[list[Decision]], list[Pose]]:
+    """Two robots in the rooms, moved as they command where walls allow it; the second hears nothing without radio."""
+    terrain = rooms()
+    poses = [Pose(6.0, 6.0, 0.3), Pose(40.0, 20.0, 2.0)]
+    robots = minds(scenario, terrain, poses)
+    decisions = []
+    bumped = [False, False]
+    for k in range(ticks):
+        frames = [mind.frame(k, pose) for mind, pose in zip(robots, poses, strict=True)]
+        heard = [[frames[1]], [frames[0]] if radio else []]
+        decided = [
+            mind.step(k, pose, ears, bump) for mind, pose, ears, bump in zip(robots, poses, heard, bumped, strict=True)
+        ]
+        decisions.append(decided)
+        for index, decision in enumerate(decided):
+            free = path_is_free(terrain, poses[index], decision.command, 0.5, 1.0)
+            bumped[index] = not free
+            if free:
+                poses[index] = advance(poses[index], decision.command, 0.5)
+    return robots, decisions, poses
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_two_robots_keep_seeing_everything(model: str) -> None:
+    robots, decisions, _ = patrol(scenario_of(model), 400)
+    fog = robots[0].belief.fog
+    assert fog.seen == fog.points
+    late = [decided[0].mfow * 0.5 for decided in decisions[200:]]
+    assert max(late) < 90.0
+    assert decisions[-1][0].rejected == 0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_same_inputs_give_the_same_decisions(model: str) -> None:
+    assert patrol(scenario_of(model), 60)[1:] == patrol(scenario_of(model), 60)[1:]
+
+
+@pytest.mark.parametrize("direction", ["mode", "vector"])
+@pytest.mark.parametrize("model", MODELS)
+def test_robots_never_command_themselves_into_a_wall(model: str, direction: str) -> None:
+    terrain = rooms()
+    scenario = scenario_of(model, direction=direction)
+    _, decisions, _ = patrol(scenario, 200)
+    assert all(d.sector_sums for decided in decisions for d in decided)
+    pose = Pose(6.0, 6.0, 0.3)
+    for decided in decisions:
+        assert path_is_free(terrain, pose, decided[0].command, 0.5, 1.0)
+        pose = advance(pose, decided[0].command, 0.5)
+
+
+def test_a_car_keeps_to_its_speed_and_turning_radius_and_reverses_only_when_stuck() -> None:
+    _, decisions, _ = patrol(scenario_of("car"), 300)
+    for decision in (d for decided in decisions for d in decided):
+        assert isinstance(decision.command, Drive)
+        assert abs(decision.command.curvature) <= 1 / 3.5
+        assert abs(decision.command.speed) <= 4.4
+        assert decision.command.speed >= 0.0 or decision.state is State.DEAD_END
+    assert any(d.state is State.PATROLLING for decided in decisions for d in decided)
+
+
+def test_about_one_in_ten_holonomic_moves_is_random_and_none_without_chance() -> None:
+    _, decisions, _ = patrol(scenario_of("holonomic"), 300)
+    random = [d for decided in decisions for d in decided if d.goal is None]
+    assert 0.05 < len(random) / 600 < 0.16
+    _, decisions, _ = patrol(scenario_of("holonomic", random_move=0.0), 50)
+    assert all(d.goal is not None for decided in decisions for d in decided)
+    for decision in (d for decided in decisions for d in decided):
+        assert isinstance(decision.command, Velocity)
+        assert math.hypot(decision.command.vx, decision.command.vy) <= 4.4 + 1e-9
+
+
+def test_frames_say_where_the_robot_is_and_nothing_else() -> None:
+    mind = minds(scenario_of("car"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    frame = mind.frame(7, Pose(6.004, 6.126, -1.0))
+    assert len(frame) <= 32
+    position = decode(frame)
+    assert (position.robot, position.sequence, position.time_ms) == (1, 7, 3500)
+    assert (position.x_cm, position.y_cm) == (600, 613)
+    assert position.trail == ()
+
+
+def test_trails_carry_the_last_positions() -> None:
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "radio": {"trail": 2}})
+    mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    frames = [mind.frame(k, Pose(x, 6.0, 0.0)) for k, x in enumerate((6.0, 7.0, 9.0, 9.5))]
+    assert decode(frames[-1]).past == ((9.0, 6.0), (7.0, 6.0))
+
+
+def test_a_robot_off_the_reachable_ground_holds() -> None:
+    terrain = rooms()
+    mind = minds(scenario_of("car"), terrain, [Pose(6.0, 6.0, 0.0)])[0]
+    decision = mind.step(0, Pose(24.9, 2.0, 0.0), [], bumped=False)
+    assert decision.state is State.HOLDING
+    assert decision.command == Drive(0.0, 0.0)
+    assert decision.goal is None
+
+
+def test_a_bumped_car_backs_out() -> None:
+    terrain = rooms()
+    mind = minds(scenario_of("car"), terrain, [Pose(6.0, 6.0, 0.0)])[0]
+    pose = Pose(12.0, 15.0, 0.0)
+    assert mind.step(0, pose, [], bumped=False).state is State.PATROLLING
+    decision = mind.step(1, pose, [], bumped=True)
+    assert decision.state is State.DEAD_END
+    assert isinstance(decision.command, Drive)
+    assert decision.command.speed < 0.0
