@@ -76,7 +76,7 @@ def planning_radius(radius: float, point: float) -> float:
 
 def needed_level(radius: float, point: float) -> int:
     """Least squared clearance, in half points, at which a body of `radius` m has its planning radius."""
-    halves = 2.0 * (planning_radius(radius, point) - TOLERANCE) / point
+    halves = min(2.0 * (planning_radius(radius, point) - TOLERANCE) / point, 46_000.0)  # its square fits int32
     return max(math.ceil(halves * halves), 1)
 
 

@@ -123,9 +123,9 @@ def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: dict
 def clearance_at(terrain: Terrain, x: float, y: float, limit: float) -> float:
     """Distance in m from (x, y) to the nearest blocked square or the terrain's edge, or `limit` where that is less."""
     xmin, ymin, xmax, ymax = terrain.bounds
-    clear = min(limit, x - xmin, y - ymin, xmax - x, ymax - y)
-    row0, col0 = terrain.point_at(x - limit, y - limit)
-    row1, col1 = terrain.point_at(x + limit, y + limit)
+    clear = max(min(limit, x - xmin, y - ymin, xmax - x, ymax - y), 0.0)
+    row0, col0 = terrain.point_at(x - clear, y - clear)
+    row1, col1 = terrain.point_at(x + clear, y + clear)
     row0, col0 = max(row0, 0), max(col0, 0)
     rows, cols = np.nonzero(~terrain.free[row0 : row1 + 1, col0 : col1 + 1])
     if rows.size == 0:
