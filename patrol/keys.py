@@ -1,4 +1,4 @@
-"""Where messages go: the key expressions of a fleet, and the secret that tags its positions.
+"""Where messages go: the key expressions of a fleet.
 
     fogwatch/<fleet>/position/<robot>            positions, when robots talk directly
     fogwatch/<fleet>/robot/<robot>/tick|reply    phases A and B of a simulated robot
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
 from patrol.errors import BadInput
 
@@ -22,7 +21,6 @@ ROOT = "fogwatch"
 WORLD = ".world"
 _FLEET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
 _LOCATOR = re.compile(r"(?:tcp|udp|tls|quic|ws)/[^\s/]+:\d{1,5}")
-_HEX = re.compile(r"(?:[0-9a-fA-F]{2}){16,64}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,18 +82,3 @@ def check_locator(locator: str, option: str) -> str:
     if not _LOCATOR.fullmatch(locator) or not 0 < int(port) < 65536:
         raise BadInput(f"{option} {locator!r}: no address of a router; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
     return locator
-
-
-def read_tag_key(path: Path) -> bytes:
-    """The key of the positions' tags: a file with 16 to 64 bytes as hexadecimal digits, blanks around them ignored.
-
-    Raises BadInput, which never shows what the file holds.
-    """
-    try:
-        text = path.read_text(encoding="ascii").strip()
-    except (OSError, ValueError) as error:
-        problem = getattr(error, "strerror", None) or "no text"
-        raise BadInput(f"{path}: the key of the positions' tags cannot be read ({problem})") from None
-    if not _HEX.fullmatch(text):
-        raise BadInput(f"{path}: holds no key; write 16 to 64 bytes as hexadecimal digits (openssl rand -hex 32)")
-    return bytes.fromhex(text)

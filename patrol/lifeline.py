@@ -1,0 +1,107 @@
+"""How a process learns that it should leave: by a signal, or because whoever started it has died.
+
+A launcher gives each child the reading end of a pipe that it alone can write to and never does. When the launcher ends,
+however it ends, the pipe is at its end, and the child has `GRACE_S` to leave in order before it is made to.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from types import FrameType
+from typing import NoReturn
+
+GRACE_S = 1.5
+INTERRUPTED = 130
+"""The exit code of a process that was asked to leave."""
+
+CRASHED = 70
+"""The exit code of a process that met a mistake of ours, with a traceback."""
+
+_PR_SET_PDEATHSIG = 1
+
+
+class Ending:
+    """Whether this process should leave, and why."""
+
+    def __init__(self) -> None:
+        self._asked = threading.Event()
+        self.reason = ""
+
+    def __bool__(self) -> bool:
+        return self._asked.is_set()
+
+    def ask(self, reason: str) -> None:
+        """Leave soon; the first reason counts."""
+        if not self._asked.is_set():
+            self.reason = reason
+            self._asked.set()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until asked to leave, at most so long; whether asked."""
+        return self._asked.wait(timeout_s)
+
+
+def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None) -> Ending:
+    """Heed signals and the lifeline, a file descriptor, from now on; called on the main thread.
+
+    on_death: called when the process has not left in time after its launcher's death, right before it ends.
+    """
+    ending = Ending()
+
+    def by_signal(number: int, _frame: FrameType | None) -> None:
+        ending.ask(f"told to by {signal.Signals(number).name}")
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, by_signal)
+    if lifeline is not None:
+        _continue_when_orphaned()
+        threading.Thread(target=_hold, args=(lifeline, ending, on_death), daemon=True).start()
+    return ending
+
+
+def run_process(main: Callable[[], int]) -> NoReturn:
+    """Run a process's main function and end with its exit code; what it raises is printed and ends with `CRASHED`."""
+    try:
+        code = main()
+    except SystemExit as asked:
+        code = asked.code if isinstance(asked.code, int) else 0
+    except BaseException:  # noqa: BLE001 - the process is over, and must not hang on threads of libraries
+        traceback.print_exc()
+        code = CRASHED
+    leave(code)
+
+
+def leave(code: int) -> NoReturn:
+    """End the process now, whatever threads of libraries are doing."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
+
+
+def _hold(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
+    while True:
+        try:
+            if not os.read(lifeline, 1):
+                break
+        except InterruptedError:
+            continue
+        except OSError:
+            break
+    ending.ask("its launcher has died")
+    threading.Event().wait(GRACE_S)
+    on_death()
+    leave(INTERRUPTED)
+
+
+def _continue_when_orphaned() -> None:
+    """Have a stopped process continue when its parent dies, so that it can notice; where the system offers that."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0)

@@ -1,0 +1,272 @@
+"""The one link to Zenoh: a client of a router, with mailboxes that any number of subscriptions fill.
+
+Messages arrive on Zenoh's own thread, which decodes them and puts them into a `Mailbox`; whoever owns the mailbox takes
+them out with a time limit. What is too long, malformed, unknown or more than there is room for is dropped there and
+counted, so that it never wakes the owner. Room is per key, so that a flood on one takes nothing from the others.
+
+Socket buffers are small: with the system's, a flood of a million tiny messages a second left 300 000 of them between a
+tick and its reader, who then heard it seconds late; so it is a tenth of a second.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+import zenoh
+
+LEASE_S = 60.0
+"""A client that is silent for so long is gone for the router; longer than a paused robot may take to answer."""
+
+CLOSE_S = 2.0
+"""How long closing may take; under loss it has been seen to take longer."""
+
+_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
+_ROOM = 256
+_SOCKET = 65536
+
+T = TypeVar("T")
+
+Post = Callable[[bytes], None]
+"""Sends one payload under the key it was made for."""
+
+
+class LinkDown(Exception):
+    """No router answered in time, or none can be here; one line says which."""
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """The news that a liveliness token has come or gone."""
+
+    present: bool
+
+
+class Payload(Protocol):
+    """What a message holds before it is copied out of Zenoh."""
+
+    def __len__(self) -> int:
+        """How many bytes."""
+        ...
+
+    def to_bytes(self) -> bytes:
+        """The bytes."""
+        ...
+
+
+class Mailbox(Generic[T]):
+    """Messages that have arrived and wait to be taken, in order within a key and fairly between keys.
+
+    keys: those it accepts. decode: turns a payload into a message, or raises ValueError. longest: bytes of the longest
+    payload that it looks at. room: messages that wait per key; when there are more the oldest is dropped. `refused`
+    counts what was dropped: unknown, oversized, malformed, overflow. One thread puts, another gets.
+    """
+
+    def __init__(self, keys: Collection[str], decode: Callable[[bytes], T], longest: int, room: int = _ROOM) -> None:
+        self.refused: Counter[str] = Counter()
+        self._decode = decode
+        self._longest = longest
+        self._waiting: dict[str, deque[T]] = {key: deque(maxlen=room) for key in keys}
+        self._ready: deque[str] = deque()
+        self._changed = threading.Condition()
+
+    def deliver(self, key: str, payload: Payload) -> None:
+        """Decode one message and let it in; called on Zenoh's thread."""
+        if len(payload) > self._longest:
+            self.refused["oversized"] += 1
+            return
+        try:
+            message = self._decode(payload.to_bytes())
+        except ValueError:
+            self.refused["malformed"] += 1
+            return
+        self.put(key, message)
+
+    def put(self, key: str, message: T) -> None:
+        """Let one message in; called from any thread."""
+        waiting = self._waiting.get(key)
+        if waiting is None:
+            self.refused["unknown"] += 1
+            return
+        with self._changed:
+            if not waiting:
+                self._ready.append(key)
+                self._changed.notify()
+            elif len(waiting) == waiting.maxlen:
+                self.refused["overflow"] += 1
+            waiting.append(message)
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, T] | None:
+        """The next message and its key, or None when none came in time."""
+        with self._changed:
+            if not self._ready and timeout_s > 0.0:
+                self._changed.wait(timeout_s)
+            if not self._ready:
+                return None
+            key = self._ready.popleft()
+            waiting = self._waiting[key]
+            message = waiting.popleft()
+            if waiting:
+                self._ready.append(key)
+            return key, message
+
+
+class Link:
+    """A session with a router. Everything declared on it lives until `close`."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._declared: list[Any] = []
+
+    @property
+    def connected(self) -> bool:
+        """Whether a router is at the other end now; clients find back to one that returns by themselves."""
+        return bool(self._session.info.routers_zid())
+
+    def post(self, key: str) -> Post:
+        """What ticks and answers are sent with: at once, ahead of all else, waiting where a queue is full."""
+        publisher = self._session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+        )
+        self._declared.append(publisher)
+        return publisher.put
+
+    def show(self, key: str) -> Post:
+        """What eyes are shown: dropped where a queue is full, so that it never holds up a tick."""
+        publisher = self._session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.DATA_LOW
+        )
+        self._declared.append(publisher)
+        return publisher.put
+
+    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
+        """Let messages under a key expression into a mailbox."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            mailbox.deliver(str(sample.key_expr), sample.payload)
+
+        handler = zenoh.handlers.Callback(receive, indirect=False)
+        self._declared.append(self._session.declare_subscriber(key, handler))
+
+    def watch(self, key: str, mailbox: Mailbox[Any]) -> None:
+        """Let the liveliness tokens under a key expression into a mailbox: those there are, and every change."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            mailbox.put(str(sample.key_expr), Presence(sample.kind == zenoh.SampleKind.PUT))
+
+        handler = zenoh.handlers.Callback(receive, indirect=False)
+        self._declared.append(self._session.liveliness().declare_subscriber(key, handler, history=True))
+
+    def live(self, key: str) -> None:
+        """Declare a liveliness token, which ends with this process or its link."""
+        self._declared.append(self._session.liveliness().declare_token(key))
+
+    def close(self, limit_s: float = CLOSE_S) -> bool:
+        """Close the session; False when that takes longer than the limit, after which only ending the process helps."""
+        closing = threading.Thread(target=self._close, daemon=True)
+        closing.start()
+        closing.join(limit_s)
+        return not closing.is_alive()
+
+    def _close(self) -> None:
+        for declared in reversed(self._declared):
+            declared.undeclare()
+        self._declared.clear()
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+def open_link(
+    router: str,
+    wait_s: float,
+    waiting: Callable[[float], None] = lambda _waited: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Link:
+    """Join the router at a locator such as ``tcp/127.0.0.1:7447``.
+
+    waiting: called about once a second, with the seconds waited, while no router answers. Raises LinkDown when none has
+    after wait_s, or when `stopped` says so.
+    """
+    box: list[zenoh.Session | Exception] = []
+    done = threading.Event()
+
+    def join() -> None:
+        try:
+            box.append(zenoh.open(client_config(router)))
+        except zenoh.ZError as error:
+            box.append(error)
+        done.set()
+
+    threading.Thread(target=join, daemon=True).start()
+    began = time.monotonic()
+    told = 0.0
+    while not done.wait(0.1):
+        waited = time.monotonic() - began
+        if stopped() or waited >= wait_s:
+            raise LinkDown(f"no router answers at {router}")
+        if waited >= told + 1.0:
+            told = waited
+            waiting(waited)
+    opened = box[0]
+    if isinstance(opened, Exception):
+        raise LinkDown(f"no router at {router} ({_first_line(opened)})")
+    return Link(opened)
+
+
+def open_router(listen: str) -> Link:
+    """Be a router at a locator; LinkDown, in one line, when that is not to be had."""
+    try:
+        return Link(zenoh.open(router_config(listen)))
+    except zenoh.ZError as error:
+        busy = "in use" in str(error)
+        problem = "the port is busy; choose another" if busy else f"cannot listen there ({_first_line(error)})"
+        raise LinkDown(f"{listen}: {problem}") from None
+
+
+def _first_line(error: Exception) -> str:
+    """What Zenoh says, without where in its sources it says so."""
+    text = str(error).partition(" at /")[0].partition("\n")[0]
+    system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)
+    return system[1] if system else text
+
+
+def client_config(router: str) -> zenoh.Config:
+    """A client of one router, that waits for it and finds back to it."""
+    return _config(
+        {
+            "mode": "client",
+            "connect/endpoints": [router],
+            "connect/timeout_ms": -1,
+            "connect/exit_on_failure": False,
+            "connect/retry": _RETRY,
+            "listen/endpoints": [],
+            "transport/link/tx/lease": round(LEASE_S * 1000),
+        }
+    )
+
+
+def router_config(listen: str) -> zenoh.Config:
+    """A router that listens at one locator."""
+    return _config({"mode": "router", "listen/endpoints": [listen], "connect/endpoints": []})
+
+
+def _config(values: dict[str, object]) -> zenoh.Config:
+    config = zenoh.Config()
+    quiet = {
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tcp/so_rcvbuf": _SOCKET,
+        "transport/link/tcp/so_sndbuf": _SOCKET,
+    }
+    for key, value in {**quiet, **values}.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
