@@ -1,7 +1,7 @@
 """``python -m agent``: one robot as a process."""
 
 from agent.process import main
-from patrol.lifeline import leave
+from patrol.lifeline import run_process
 
 if __name__ == "__main__":
-    leave(main())
+    run_process(main)

@@ -1,0 +1,48 @@
+"""What a mind is put into: a robot to read and command, a radio to send and hear with.
+
+`agent.process` knows only these two protocols. `agent.robots.sim` implements both for a robot of the world simulator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from agent.decision import Decision
+from patrol.pose import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """What a robot knows of itself at the beginning of tick k. bumped: its last move was cancelled."""
+
+    k: int
+    pose: Pose
+    bumped: bool
+
+
+class Robot(Protocol):
+    """A body that can be read and commanded."""
+
+    def sense(self) -> Sensed | None:
+        """Wait for the next tick; None when it is time to leave."""
+        ...
+
+    def act(self, decision: Decision, decision_ms: float) -> None:
+        """Obey for one step. decision_ms: wall time that the decision took."""
+        ...
+
+
+class Radio(Protocol):
+    """A broadcast of position frames."""
+
+    def send(self, frame: bytes) -> None:
+        """Send this robot's position."""
+        ...
+
+    def hear(self) -> list[bytes] | None:
+        """The frames that have arrived for this tick's decision, by sender and sequence.
+
+        None when the tick is over, so that a decision would come too late, or when it is time to leave.
+        """
+        ...

@@ -1,0 +1,234 @@
+"""A robot of the world simulator: the world stands in for its body and its radio, over Zenoh.
+
+Each tick the world sends phase A (the robot's pose), takes the robot's frame, sends phase B (what it hears) and takes
+its command. In lockstep the world waits, and repeats itself when it has waited long: a repeat is answered from the last
+answer, so that nothing is decided twice. At any other pace the world waits for nobody: a robot that comes late goes on
+with the newest tick, and decides on everything it has heard since its last decision.
+
+Messages for another process of this robot (another incarnation or instance) are not for us and are counted.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from agent.decision import Decision
+from agent.robots import Sensed
+from patrol.keys import WORLD, FleetKeys
+from patrol.lifeline import Ending
+from patrol.link import Link, Mailbox, Post, Presence
+from patrol.phases import (
+    ANYONE,
+    Hello,
+    HelloReply,
+    PhaseA,
+    PhaseB,
+    ReplyA,
+    ReplyB,
+    Stop,
+    ToRobot,
+    decode_to_robot,
+    encode,
+    max_to_robot,
+)
+
+SILENCE_S = 5.0
+"""A robot that the world does not speak to for so long asks whether it is still part of the run."""
+
+_POLL_S = 0.2
+_BACKLOG = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Which process this is. instance: random, above 0. scenario: its hash."""
+
+    name: str
+    incarnation: int
+    instance: int
+    scenario: str
+
+
+class SimRobot:
+    """Robot and radio of one simulated robot (`agent.robots.Robot`, `agent.robots.Radio`).
+
+    patience_s: how long it does without a world before it leaves. waiting: called every `SILENCE_S` with the seconds
+    that it has waited for a world. Afterwards `farewell` says why it left and `orderly` whether that was in order.
+    """
+
+    def __init__(
+        self,
+        mailbox: Mailbox[ToRobot | Presence],
+        post: Post,
+        identity: Identity,
+        ending: Ending,
+        patience_s: float,
+        *,
+        waiting: Callable[[float], None] = lambda _waited: None,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.farewell = ""
+        self.orderly = False
+        self._mailbox = mailbox
+        self._post = post
+        self._identity = identity
+        self._ending = ending
+        self._patience_s = patience_s
+        self._waiting = waiting
+        self._now = now
+        self._run: int | None = None
+        self._world_present = False
+        self._last_news = self._last_said = now()
+        self._k = -1
+        self._heard_k = -1
+        self._next: PhaseA | None = None
+        self._frames: list[bytes] = []
+        self._answer_a = (-1, b"")
+        self._answer_b = (-1, b"")
+
+    # --- Robot and Radio ---------------------------------------------------------------------------------------------
+
+    def sense(self) -> Sensed | None:
+        """Wait for phase A of a new tick, the newest there is; None when it is time to leave."""
+        while self._next is None:
+            if not self._receive():
+                return None
+        for _ in range(_BACKLOG):
+            if (arrived := self._mailbox.get()) is None:
+                break
+            self._take(arrived[1])
+        phase, self._next = self._next, None
+        self._k = phase.k
+        return Sensed(phase.k, phase.pose, phase.bumped)
+
+    def send(self, frame: bytes) -> None:
+        """Answer phase A with this robot's position frame."""
+        payload = encode(ReplyA(self._identity.incarnation, self._identity.instance, self._k, frame))
+        self._answer_a = (self._k, payload)
+        self._post(payload)
+
+    def hear(self) -> list[bytes] | None:
+        """Wait for phase B; all frames since the last decision, or None when there is nothing to decide."""
+        while self._heard_k < self._k:
+            if self._next is not None or not self._receive():
+                return None
+        heard, self._frames = self._frames, []
+        return heard
+
+    def act(self, decision: Decision, decision_ms: float) -> None:
+        """Answer phase B with the decision."""
+        reply = ReplyB(
+            self._identity.incarnation,
+            self._identity.instance,
+            self._k,
+            command=decision.command,
+            state=decision.state.value,
+            goal=decision.refined,
+            decision_ms=decision_ms,
+            rejected=decision.rejected + self.refused,
+        )
+        payload = encode(reply)
+        self._answer_b = (self._k, payload)
+        self._post(payload)
+
+    @property
+    def refused(self) -> int:
+        """Messages dropped before anybody looked at what they say."""
+        return self._mailbox.refused.total()
+
+    # --- receiving ---------------------------------------------------------------------------------------------------
+
+    def _receive(self) -> bool:
+        """Wait for one message and take it in; False when it is time to leave."""
+        while not self._ending and not self.farewell:
+            arrived = self._mailbox.get(_POLL_S)
+            if arrived is not None:
+                self._take(arrived[1])
+                return not self.farewell
+            self._mind_the_silence()
+        if not self.farewell:
+            self.farewell = self._ending.reason
+        return False
+
+    def _take(self, message: ToRobot | Presence) -> None:
+        if isinstance(message, Presence):
+            self._world_present = message.present
+            self._last_news = self._now()
+        elif isinstance(message, Hello):
+            self._greet(message)
+        elif message.instance != self._identity.instance or message.incarnation != self._identity.incarnation:
+            if not (isinstance(message, Stop) and message.instance == ANYONE):
+                self._mailbox.refused["stranger"] += 1
+            else:
+                self._leave(message.reason, orderly=message.orderly)
+        else:
+            self._last_news = self._now()
+            self._obey(message)
+
+    def _obey(self, message: PhaseA | PhaseB | Stop) -> None:
+        match message:
+            case PhaseA(k=k) if k == self._answer_a[0]:
+                self._post(self._answer_a[1])
+            case PhaseA(k=k) if k > self._k and (self._next is None or k > self._next.k):
+                self._next = message
+            case PhaseB(k=k) if k == self._answer_b[0]:
+                self._post(self._answer_b[1])
+            case PhaseB(k=k) if k > self._heard_k:
+                self._heard_k = k
+                self._frames.extend(message.frames)
+            case Stop():
+                self._leave(message.reason, orderly=message.orderly)
+
+    def _greet(self, message: Hello) -> None:
+        if self._run is not None and message.run != self._run:
+            self._leave("another world has taken over this fleet", orderly=False)
+            return
+        self._run = message.run
+        self._last_news = self._now()
+        self._say_hello()
+
+    def _say_hello(self) -> None:
+        me = self._identity
+        self._last_said = self._now()
+        assert self._run is not None
+        self._post(encode(HelloReply(me.incarnation, me.instance, max(self._k, 0), self._run, me.scenario)))
+
+    def _mind_the_silence(self) -> None:
+        """Nothing has come for a while: ask whether we still belong to the run, or give up on a world that is gone."""
+        now = self._now()
+        silent_s = now - self._last_news
+        if not self._world_present and silent_s > self._patience_s:
+            self._leave(f"no world for {silent_s:.0f} s", orderly=False)
+        elif min(silent_s, now - self._last_said) > SILENCE_S:
+            if self._run is None:
+                self._last_said = now
+                self._waiting(silent_s)
+            elif self._world_present:
+                self._say_hello()
+
+    def _leave(self, reason: str, *, orderly: bool) -> None:
+        if not self.farewell:
+            self.farewell = reason
+            self.orderly = orderly
+
+
+def join(
+    link: Link,
+    keys: FleetKeys,
+    identity: Identity,
+    robots: int,
+    ending: Ending,
+    patience_s: float,
+    waiting: Callable[[float], None],
+) -> SimRobot:
+    """Take a robot's place in a fleet of so many. Ticks are listened to before the token says that somebody is here."""
+    mailbox: Mailbox[ToRobot | Presence] = Mailbox(
+        (keys.tick(identity.name), keys.alive(WORLD)), decode_to_robot, max_to_robot(robots)
+    )
+    robot = SimRobot(mailbox, link.post(keys.reply(identity.name)), identity, ending, patience_s, waiting=waiting)
+    link.subscribe(keys.tick(identity.name), mailbox)
+    link.watch(keys.alive(WORLD), mailbox)
+    link.live(keys.alive(identity.name))
+    return robot
