@@ -21,8 +21,11 @@ class Fleet(Protocol):
         """
         ...
 
-    def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
-        """Tell the living robots what they hear; returns their replies. A robot missing from the answer has died."""
+    def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
+        """Tell the living robots what they hear; returns their replies, None from one that is late.
+
+        A robot missing from the answer has died.
+        """
         ...
 
     def lost(self) -> Iterable[tuple[int, Status, str]]:

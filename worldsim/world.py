@@ -104,7 +104,7 @@ class World:
         self._delivery = self.ether.carry(self.tick, sent, present, living)
         return self._delivery.heard
 
-    def end_tick(self, replies: Mapping[int, Reply]) -> TickRecord:
+    def end_tick(self, replies: Mapping[int, Reply | None]) -> TickRecord:
         """The living obey their commands for one step; returns the record of the tick that ends by it."""
         for number in self.living:
             self._obey(self.bodies[number], replies.get(number))

@@ -1,0 +1,109 @@
+"""A fleet of processes at the pace of the wall clock: the world waits for nobody.
+
+Tick k begins k steps after the first. Its phase A goes out at once, phase B a fifth of a step later with the frames
+that have come by then, and the step ends with the commands that have come by then. A frame that comes later is lost; a
+command that comes later counts for the tick it comes in, when that has none of its own. Each is a missed deadline.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from patrol.journal import Status
+from patrol.phases import ReplyA, ReplyB
+from worldsim.lockstep import pass_on, reply_of, tell
+from worldsim.seats import POLL_S, Seats
+from worldsim.world import Reply, Report
+
+PHASE_B_SHARE = 0.2
+"""When phase B begins, as a share of the step."""
+
+
+class PacedFleet:
+    """A `worldsim.loop.Fleet` of processes that keeps to the clock. step_s: of wall time.
+
+    late_frames, late_commands: missed deadlines by robot number. slipped_s: by how much the world itself has fallen
+    behind and given up on catching up.
+    """
+
+    def __init__(self, seats: Seats, step_s: float) -> None:
+        self.late_frames: Counter[int] = Counter()
+        self.late_commands: Counter[int] = Counter()
+        self.slipped_s = 0.0
+        self._seats = seats
+        self._step_s = step_s
+        self._k = 0
+        self._begins: float | None = None
+        self._living: list[int] = []
+        self._commands: dict[int, ReplyB] = {}
+
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
+        """The frames that have come when phase B is due, None for the others."""
+        self._living = list(reports)
+        self._k = k
+        begins = self._begin()
+        for number, report in reports.items():
+            self._seats.send(number, tell(k, report))
+        frames: dict[int, bytes | None] = {}
+        self._collect(frames, begins + PHASE_B_SHARE * self._step_s)
+        self.late_frames.update(number for number in reports if number not in frames)
+        return {number: frames.get(number) for number in reports}
+
+    def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
+        """The newest commands that have come when the step ends, None for robots that sent none."""
+        begins = self._begins
+        assert begins is not None
+        for number, frames in heard.items():
+            self._seats.send(number, pass_on(k, frames))
+        self._collect({}, begins + self._step_s)
+        commands, self._commands = self._commands, {}
+        self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)
+        return {number: reply_of(commands[number]) if number in commands else None for number in heard}
+
+    def lost(self) -> list[tuple[int, Status, str]]:
+        """Whose process is gone. One that is only slow or paused is not lost: its watchdog has stopped it."""
+        gone = self._seats.gone(self._living)
+        for number in gone:
+            self._seats.dismiss(number, self._k, "left out: its process was gone", orderly=False)
+        return [(number, Status.LOST, "its process was gone") for number in gone]
+
+    def finish(self, k: int) -> None:
+        """Send everybody home."""
+        self._seats.close(k, "the run is over")
+
+    def notes(self) -> dict[str, Any]:
+        """What the journal's end says of the pace: missed deadlines by robot number, and the world's own slip."""
+        return {
+            "late_frames": dict(sorted(self.late_frames.items())),
+            "late_commands": dict(sorted(self.late_commands.items())),
+            "slipped_s": self.slipped_s,
+        }
+
+    def _begin(self) -> float:
+        """Set when this tick begins: a step after the last one, or now when that is more than a step ago."""
+        now = self._seats.now
+        due = now if self._begins is None else self._begins + self._step_s
+        if now > due + self._step_s:
+            self.slipped_s += now - due
+            due = now
+        self._begins = due
+        return due
+
+    def _collect(self, frames: dict[int, bytes | None], until: float) -> None:
+        """Take what has come, and what comes until then."""
+        while True:
+            left = until - self._seats.now
+            arrived = self._seats.take(min(max(left, 0.0), POLL_S))
+            if arrived is not None:
+                self._note(*arrived, frames)
+            elif left <= 0.0:
+                return
+
+    def _note(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, bytes | None]) -> None:
+        if isinstance(answer, ReplyA):
+            if answer.k == self._k:
+                frames[number] = answer.frame
+        elif number not in self._commands or answer.k >= self._commands[number].k:
+            self._commands[number] = answer

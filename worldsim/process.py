@@ -1,0 +1,238 @@
+"""The process around the world: it gathers the robots, runs the ticks, and writes down what happens as it happens."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+from patrol.lifeline import INTERRUPTED as EXIT_INTERRUPTED
+from patrol.lifeline import Ending, heed
+
+if TYPE_CHECKING:
+    from patrol.journal import Event, TickRecord
+    from patrol.keys import FleetKeys
+    from patrol.link import Link
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
+    from worldsim.record import Recorder
+    from worldsim.seats import Seats
+    from worldsim.table import TicksTable
+    from worldsim.world import World
+
+HELP = """
+The world of a fleet whose router and robots run elsewhere. All processes are given the same scenario file and the same
+name for the fleet:
+
+  python -m fogwatch.router --listen tcp/0.0.0.0:7447
+  python -m worldsim --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
+  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r1
+  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r2
+
+The run begins when all robots of the scenario are there. The folder gets the journal, ticks.csv and, started by hand,
+summary.json. Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown, 130 interrupted.
+"""
+
+UNKNOWN = 3
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one world; the exit code."""
+    options = _options(arguments)
+    ending = heed(options.lifeline)
+    try:
+        return _run(options, ending)
+    except BadInput as bad:
+        print(f"world: {bad}", file=sys.stderr)
+        return 2
+
+
+def _run(options: argparse.Namespace, ending: Ending) -> int:
+    from patrol.keys import check_locator, fleet_keys
+    from patrol.scenario import load_scenario
+    from patrol.warmup import warm
+
+    router = check_locator(options.router, "--router")
+    keys = fleet_keys(options.fleet)
+    scenario = load_scenario(options.scenario)
+    _check_folder(options.out)
+    warm(("patrol", "worldsim"), _say)
+
+    from patrol.link import LinkDown, open_link
+    from patrol.prepare import Prepared, prepare
+    from worldsim.seats import Interrupted, Missing
+
+    prepared = prepare(scenario) if options.static is None else Prepared.load(scenario, options.static)
+
+    def waiting(waited_s: float) -> None:
+        _say(f"waiting for a router at {router} ({waited_s:.0f} s)")
+
+    try:
+        link = open_link(router, options.wait, waiting, lambda: bool(ending))
+    except LinkDown as down:
+        if ending:
+            return EXIT_INTERRUPTED
+        raise BadInput(f"{down}; start one with: python -m fogwatch.router --listen {router}") from None
+    try:
+        seats = _gather(link, keys, scenario, options.wait, ending)
+        wall_s = _record(options, prepared, link, keys, seats, ending)
+    except Interrupted:
+        return EXIT_INTERRUPTED
+    except Missing as missing:
+        _say(f"{missing}; start each with: python -m agent --router {router} --fleet {keys.fleet} --robot NAME ...")
+        return UNKNOWN
+    finally:
+        link.close()
+    code = _judge(options.out, prepared, wall_s) if options.lifeline is None else 0
+    return EXIT_INTERRUPTED if ending else code
+
+
+def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, ending: Ending) -> Seats:
+    """Listen to the robots, say that there is a world, and wait until somebody has come for each robot."""
+    from patrol.keys import WORLD
+    from patrol.link import Mailbox, Presence
+    from patrol.phases import MAX_REPLY, ToWorld, decode_to_world
+    from patrol.scenario import scenario_hash
+    from worldsim.seats import Seats, Wire
+
+    names = {spec.number: spec.name for spec in scenario.roster}
+    accepted = [key for name in names.values() for key in (keys.reply(name), keys.alive(name))]
+    mailbox: Mailbox[ToWorld | Presence] = Mailbox(accepted, decode_to_world, MAX_REPLY)
+    posts = {number: link.post(keys.tick(name)) for number, name in names.items()}
+    wire = Wire(keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(ending))
+    seats = Seats(wire, int.from_bytes(os.urandom(8), "big") >> 1, scenario_hash(scenario))
+    link.subscribe(keys.reply("*"), mailbox)
+    link.watch(keys.alive("*"), mailbox)
+    link.live(keys.alive(WORLD))
+    seats.gather(wait_s, lambda missing, s: _say(f"waiting for {', '.join(missing[:8])} ({s:.0f} s)"))
+    return seats
+
+
+def _record(
+    options: argparse.Namespace, prepared: Prepared, link: Link, keys: FleetKeys, seats: Seats, ending: Ending
+) -> float:
+    """Run the ticks and write down what happens; the wall time that they took (s)."""
+    from patrol.journal import JournalWriter
+    from worldsim.lockstep import LockstepFleet
+    from worldsim.loop import run_ticks
+    from worldsim.paced import PacedFleet
+    from worldsim.record import COMPLETED, INTERRUPTED, Recorder, header_of
+    from worldsim.seats import Interrupted
+    from worldsim.table import TicksTable
+    from worldsim.world import World
+
+    scenario = prepared.scenario
+    world = World(scenario, prepared.terrain, prepared.starts, prepared.fields)
+    fleet: LockstepFleet | PacedFleet
+    if scenario.factor is None:
+        fleet = LockstepFleet(seats, options.deadline)
+    else:
+        fleet = PacedFleet(seats, scenario.step / scenario.factor)
+    header = header_of(world, datetime.now(UTC).isoformat(timespec="seconds"))
+    with (
+        JournalWriter(options.out / "journal", header) as journal,
+        closing(TicksTable(options.out / "ticks.csv", scenario.step)) as table,
+    ):
+        recorder = Recorder(journal)
+        on_tick, on_event = _sinks(world, link, keys, recorder, table)
+        reason = INTERRUPTED
+        began = time.monotonic()
+        try:
+            if run_ticks(world, fleet, on_tick, on_event, lambda: bool(ending)):
+                reason = COMPLETED
+        except Interrupted:
+            pass
+        except BaseException as error:
+            reason = f"failed: {type(error).__name__}: {error}"
+            raise
+        finally:
+            wall_s = time.monotonic() - began
+            recorder.end(reason, {"wall_s": wall_s, "refused": dict(seats.refused), **fleet.notes()})
+    return wall_s
+
+
+def _sinks(
+    world: World, link: Link, keys: FleetKeys, recorder: Recorder, table: TicksTable
+) -> tuple[Callable[[TickRecord], None], Callable[[Event], None]]:
+    """Where ticks and events go: into the files, and before the eyes of whoever looks."""
+    from patrol.eyes import EVENTS, METRICS, Watcher, show
+
+    scenario = world.scenario
+    names = {spec.number: spec.name for spec in scenario.roster}
+    watcher = Watcher(names, world.truth.fog.points, scenario.step, scenario.ticks, time.monotonic)
+    to_metrics, to_events = link.show(keys.truth(METRICS)), link.show(keys.truth(EVENTS))
+
+    def on_tick(record: TickRecord) -> None:
+        recorder.tick(record)
+        table.tick(record)
+        metrics = watcher.take(record)
+        if metrics is not None:
+            to_metrics(show(metrics))
+
+    def on_event(event: Event) -> None:
+        recorder.event(event)
+        notice = watcher.notice(event)
+        to_events(show(notice))
+        _say(f"tick {event.k}: {notice.robot} {event.kind}: {event.detail}")
+
+    return on_tick, on_event
+
+
+def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
+    """Summarise and judge a run whose agents somebody else has started; the exit code."""
+    from patrol.journal import read_journal
+    from worldsim.summary import summarise
+    from worldsim.verdict import judge
+
+    journal = read_journal(out / "journal")
+    verdict = judge(journal, {}, terrain=prepared.terrain)
+    summary = summarise(journal, verdict, wall_s)
+    (out / "summary.json").write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
+    _say(f"verdict {verdict.outcome}, mean MFoW {summary['mfow_mean_s']} s; see {out / 'summary.json'}")
+    for check in verdict.failed:
+        _say(f"  {check.name}: {check.detail}")
+    return verdict.exit_code
+
+
+def _check_folder(out: Path) -> None:
+    """The folder can be written to and holds no other run."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        taken = (out / "journal").exists() or (out / "ticks.csv").exists()
+    except OSError as error:
+        raise BadInput(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from None
+    if taken:
+        raise BadInput(f"--out {out}: holds a run already; choose another folder")
+    if not os.access(out, os.W_OK):
+        raise BadInput(f"--out {out}: cannot be written; choose another folder")
+
+
+def _say(line: str) -> None:
+    print(f"world: {line}", file=sys.stderr, flush=True)
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m worldsim",
+        description="The world of a simulated fleet, as a process.",
+        epilog=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--router", required=True, metavar="tcp/HOST:PORT", help="the router that the fleet meets at")
+    add("--fleet", required=True, metavar="NAME", help="the fleet's name, the same for all its processes")
+    add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
+    add("--out", required=True, type=Path, metavar="DIR", help="folder for the journal and ticks.csv")
+    add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
+    add("--wait", type=float, default=60.0, metavar="S", help="how long to wait for router and robots (%(default)g s)")
+    add("--deadline", type=float, default=10.0, metavar="S", help="lockstep: wall time for an answer (%(default)g s)")
+    add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
+    return parser.parse_args(arguments)

@@ -1,0 +1,42 @@
+"""ticks.csv: one line a tick, for spreadsheets and quick plots; the journal has everything."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from patrol.journal import Status, TickRecord
+
+HEAD = "k,time_s,mfow_s,fog_mean_s,seen,living,sent,delivered,dropped,collisions"
+
+
+class TicksTable:
+    """Writes ticks.csv as the run goes; each line reaches the operating system when its tick is done.
+
+    step: s. Raises OSError (FileExistsError for a file that is there) when it cannot write.
+    """
+
+    def __init__(self, path: Path, step: float) -> None:
+        self._file = path.open("x", encoding="ascii", newline="", buffering=1)
+        self._step = step
+        self._file.write(f"{HEAD}\n")
+
+    def tick(self, record: TickRecord) -> None:
+        """Append one tick's line."""
+        delivered, dropped = len(record.deliveries), len(record.dropped)
+        numbers = (
+            record.k,
+            f"{record.k * self._step:.6g}",
+            f"{record.mfow * self._step:.6g}",
+            f"{record.fog_mean * self._step:.6g}",
+            record.seen,
+            sum(robot.status is Status.ALIVE for robot in record.robots),
+            delivered + dropped,
+            delivered,
+            dropped,
+            sum(robot.bumped for robot in record.robots),
+        )
+        self._file.write(f"{','.join(map(str, numbers))}\n")
+
+    def close(self) -> None:
+        """Close the file; closing twice is fine."""
+        self._file.close()
