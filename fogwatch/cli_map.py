@@ -17,6 +17,7 @@ from patrol.mapcheck import MapReport, Reason, SealedPart, check_map
 from patrol.maps import read_terrain
 from patrol.pose import Pose
 from patrol.rooms import Door
+from patrol.scenario_errors import did_you_mean
 from patrol.terrain import Terrain
 
 app = typer.Typer(help="Look at a map: what can be reached and seen, and what stands in the way.", no_args_is_help=True)
@@ -51,8 +52,7 @@ def check(
         if not (math.isfinite(value) and value > 0.0):
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
     starts = [_start(text) for text in start or []]
-    terrain = builtin_terrain(what, point) if what in LAYOUTS else read_terrain(Path(what), point)
-    report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
+    report = check_map(_terrain(what, point), radius, sensor_range, line_of_sight, starts)
     console = Console()
     if console.is_terminal:
         _print_tables(console, report)
@@ -82,7 +82,7 @@ def plain_lines(report: MapReport) -> Iterator[str]:
 def headline(terrain: Terrain) -> str:
     """What the terrain is and how large."""
     xmin, ymin, xmax, ymax = terrain.bounds
-    about = f" ({LAYOUTS[terrain.name].about}; a reconstruction)" if terrain.name in LAYOUTS else ""
+    about = f" ({LAYOUTS[terrain.name].about}; a reconstruction of the paper's)" if terrain.name in LAYOUTS else ""
     size = f"{xmax - xmin:g} x {ymax - ymin:g} m, {terrain.width} x {terrain.height} points of {terrain.point:g} m"
     return f"{terrain.name}{about}: {size}"
 
@@ -155,11 +155,12 @@ def place(at: SealedPart | Door) -> str:
 def _share(part: SealedPart) -> str:
     if part.seen == 0.0:
         return "nothing"
-    return "all" if part.seen == part.area else f"{100.0 * part.seen / part.area:.0f} %"
+    percent = min(math.floor(100.0 * part.seen / part.area), 99)
+    return "all" if part.seen == part.area else f"{percent} %" if percent else "less than 1 %"
 
 
 def _print_tables(console: Console, report: MapReport) -> None:
-    console.print(f"[bold]{headline(report.terrain)}[/bold]", highlight=False)
+    console.print(headline(report.terrain), style="bold", highlight=False, markup=False)
     console.print(body(report), highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="cyan")
@@ -193,6 +194,14 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
 
 def _yes(passes: bool) -> str:
     return "yes" if passes else "[red]no[/red]"
+
+
+def _terrain(what: str, point: float) -> Terrain:
+    if what in LAYOUTS:
+        return builtin_terrain(what, point)
+    if not Path(what).exists():
+        raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
+    return read_terrain(Path(what), point)
 
 
 def _start(text: str) -> Pose:

@@ -41,7 +41,7 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A line of the legend: a colour as a patch, or with a marker or a line."""
+    """A line of the legend: a colour as a patch, with another marker, as a line (-), or text alone."""
 
     colour: str
     label: str

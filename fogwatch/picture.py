@@ -108,7 +108,7 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     journal = read_journal(run_folder / "journal")
     if prepared is None:
         prepared = prepare(load_scenario(run_folder / "scenario.yaml"))
-    run = _replay(journal, prepared)
+    run = replay(journal, prepared)
     terrain, scenario = prepared.terrain, prepared.scenario
     counted = run.fog.patrolled.view(np.bool_)
     never = counted & (run.fog.last_seen == NEVER)
@@ -127,6 +127,7 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
         image[layer.mask] = rgb(layer.colour)
     paint(axes, terrain, image)
     keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
+    keys.append(Key("#ffffff", f"paths, the last {RECENT_S:g} s strong:", ""))
     recent = max(round(RECENT_S / scenario.step), 1)
     for index, facts in enumerate(journal.header.robots):
         colour = PATHS[index % len(PATHS)]
@@ -135,7 +136,7 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
         if index < MOST_NAMES:
             keys.append(Key(colour, f"{facts.name}{_fate(run.last[facts.number].status)}", "-"))
     if len(journal.header.robots) > MOST_NAMES:
-        keys.append(Key("#ffffff", f"and {len(journal.header.robots) - MOST_NAMES} more robots"))
+        keys.append(Key("#ffffff", f"and {len(journal.header.robots) - MOST_NAMES} more", ""))
     legend(axes, keys)
     scale_bar(axes, terrain)
     colour_bar(figure, axes, scale, "time since last seen (s)")
@@ -143,8 +144,8 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
 
 
 @dataclass(frozen=True, slots=True)
-class _Run:
-    """A run at its last tick. tracks: by robot, float64 (ticks, 2) in m, NaN while it was not alive."""
+class FinalFog:
+    """The true fog at a run's last tick. tracks: by robot, float64 (ticks, 2) in m, NaN while it was not alive."""
 
     tick: int
     fog: Fog
@@ -152,7 +153,8 @@ class _Run:
     last: dict[int, RobotTick]
 
 
-def _replay(journal: Journal, prepared: Prepared) -> _Run:
+def replay(journal: Journal, prepared: Prepared) -> FinalFog:
+    """The fog at a journal's last whole tick and how the robots got there; BadInput when it holds none."""
     scenario = prepared.scenario
     numbers = [facts.number for facts in journal.header.robots]
     places: list[list[tuple[float, float, float]]] = []
@@ -170,7 +172,7 @@ def _replay(journal: Journal, prepared: Prepared) -> _Run:
         alive = [(number, Pose(*pose)) for number, pose in zip(numbers, poses[index].tolist(), strict=True)]
         truth.observe(tick, [(number, pose) for number, pose in alive if not math.isnan(pose.x)])
     tracks = {number: poses[:, index, :2] for index, number in enumerate(numbers)}
-    return _Run(record.k, truth.fog, tracks, {robot.number: robot for robot in record.robots})
+    return FinalFog(record.k, truth.fog, tracks, {robot.number: robot for robot in record.robots})
 
 
 def _draw_path(axes: Axes, track: NDArray[np.float64], recent: int, colour: str) -> None:
