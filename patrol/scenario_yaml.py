@@ -17,6 +17,7 @@ from patrol.errors import BadInput
 from patrol.scenario_model import Section
 
 _COMMENT_COLUMN = 32
+_CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r")
 
 
 class _Loader(yaml.SafeLoader):
@@ -69,9 +70,9 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _int)
 
 
 def read_text(path: Path) -> str:
-    """The text of a UTF-8 file; BadInput when it cannot be read."""
+    """The text of a file in UTF-8, or else in Latin-1, as old maps' comments are; BadInput when it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return _decode(path.read_bytes())
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
     except IsADirectoryError:
@@ -80,6 +81,15 @@ def read_text(path: Path) -> str:
         raise BadInput(f"{path}: no UTF-8 text (byte {error.start}); give a text file") from None
     except (OSError, ValueError) as error:
         raise BadInput(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+
+
+def _decode(content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        if _CONTROLS.intersection(content):
+            raise
+        return content.decode("latin-1")
 
 
 def parse_yaml(text: str, source: str) -> Any:

@@ -124,13 +124,14 @@ def test_a_16_bit_png(tmp_path: Path) -> None:
     assert free_of(tmp_path, image, image="plan.png") == [[True, True, False, False]]
 
 
-def test_foreign_comments_and_a_missing_last_newline(tmp_path: Path) -> None:
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
+def test_foreign_comments_and_a_missing_last_newline(tmp_path: Path, encoding: str) -> None:
     WHITE.save(tmp_path / "plan.pgm")
     path = tmp_path / "plan.yaml"
     path.write_text(
         "image: plan.pgm\nresolution: 5e-2\norigin: [-1, 2.5, 0.0]\nnegate: 0   # se negate=1 -> preto é livre\n"
         "occupied_thresh: 0.65\nfree_thresh: 0.19",
-        encoding="utf-8",
+        encoding=encoding,
     )
     says = read_map_file(path)
     assert (says.resolution, says.origin, says.negate, says.mode) == (0.05, (-1.0, 2.5), False, "trinary")
