@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.fields import clearance_levels, cspace_of, needed_level, parts_of, planning_radius
+from patrol.fields import clearance_levels, needed_level, parts_of, planning_radius
 from patrol.kernels.doors import FIRST, ROOM, SADDLE, SECOND, falling_order, find_doors, spread_rooms
 from patrol.terrain import BoolGrid, Terrain
 
@@ -127,7 +127,7 @@ def _split(terrain: Terrain, radius: float) -> tuple[NDArray[np.int32], NDArray[
     order = order[: falling_order(flat, np.empty(int(flat.max()) + 2, dtype=np.int32), order)]
     body = needed_level(radius, point)
     room = max(math.ceil(ROOM_AREA / terrain.point_area), 1)
-    most = 2 * (order.size // room + parts_of(cspace_of(terrain, radius))[1] + 1)
+    most = 2 * (order.size // room + parts_of(levels >= body)[1] + 1)
     nodes = np.full((most, 4), -1, dtype=np.int32)
     size, top, node = (np.empty(flat.size, dtype=np.int32) for _ in range(3))
     parent = np.full(flat.size, -1, dtype=np.int32)
