@@ -17,9 +17,9 @@ from patrol.keyfile import fleet_key
 from patrol.prepare import Prepared, prepare
 from worldsim.loop import run_ticks
 from worldsim.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
-from worldsim.summary import summarise
+from worldsim.summary import Totals, summarise
 from worldsim.truth import footprint_of
-from worldsim.verdict import Verdict, judge
+from worldsim.verdict import Judge, Verdict, judge
 from worldsim.world import Reply, Report, World
 
 if TYPE_CHECKING:
@@ -113,28 +113,33 @@ def run_in_process(
     events: Callable[[Event], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
     threads: int = 1,
+    keep: bool = True,
 ) -> Outcome:
     """Run a scenario to its end, or until `stop` (asked between ticks) says so.
 
-    journal: where to write the journal; without it the records stay in memory. started: wall time for its header, ISO
-    8601. progress, events: take each tick's record and each event, after they are recorded. threads: minds that step
-    at once. Raises BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
+    journal: where to write the journal; without it the records stay in memory, or without `keep` only what they add up
+    to, so that the memory needed does not grow with the run. started: wall time for its header, ISO 8601. progress,
+    events: take each tick's record and each event, after they are recorded. threads: minds that step at once. Raises
+    BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     footprint = footprint_of(prepared.scenario, prepared.terrain)
     world = World(prepared.scenario, prepared.terrain, prepared.starts, prepared.fields, footprint=footprint)
     fleet = InProcessFleet(make_minds(prepared, footprint, threads), threads)
     header = header_of(world, started)
+    watchers = () if progress is None else (progress,)
     begun = time.perf_counter()
-    record: RunRecord
     if journal is None:
-        record = memory = MemoryJournal(header)
-        _run(world, fleet, memory, progress, events, stop)
-    else:
-        with JournalWriter(journal, header) as writer:
-            _run(world, fleet, writer, progress, events, stop)
-        record = read_journal(journal)
+        memory = MemoryJournal(header, keep)
+        judging = Judge(memory, {}, terrain=prepared.terrain)
+        totals = Totals(header)
+        _run(world, fleet, memory, (judging.tick, totals.tick, *watchers), events, stop)
+        verdict = judging.verdict()
+        return Outcome(memory, totals.summary(memory, verdict, time.perf_counter() - begun), verdict)
+    with JournalWriter(journal, header) as writer:
+        _run(world, fleet, writer, watchers, events, stop)
     wall_s = time.perf_counter() - begun
+    record = read_journal(journal)
     verdict = judge(record, {}, terrain=prepared.terrain)
     return Outcome(record, summarise(record, verdict, wall_s), verdict)
 
@@ -143,7 +148,7 @@ def _run(
     world: World,
     fleet: InProcessFleet,
     writer: Writer,
-    progress: Callable[[TickRecord], None] | None,
+    watchers: Sequence[Callable[[TickRecord], None]],
     events: Callable[[Event], None] | None,
     stop: Callable[[], bool],
 ) -> None:
@@ -151,8 +156,8 @@ def _run(
 
     def on_tick(record: TickRecord) -> None:
         recorder.tick(record)
-        if progress is not None:
-            progress(record)
+        for watcher in watchers:
+            watcher(record)
 
     def on_event(event: Event) -> None:
         recorder.event(event)

@@ -100,12 +100,9 @@ class NobodyLost:
     """No robot died unasked."""
 
     def __init__(self, journal: RunRecord) -> None:
+        self._journal = journal
         self._names = _names(journal)
-        self._lost = {
-            event.robot: f"{self._names[event.robot]} at tick {event.k} ({event.detail})"
-            for event in journal.events
-            if event.kind == Status.LOST.name.lower() and event.robot in self._names
-        }
+        self._lost: dict[int, str] = {}
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
@@ -115,7 +112,12 @@ class NobodyLost:
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
-        details = "; ".join(self._lost.values())
+        told = {
+            event.robot: f"{self._names[event.robot]} at tick {event.k} ({event.detail})"
+            for event in self._journal.events
+            if event.kind == Status.LOST.name.lower() and event.robot in self._names
+        }
+        details = "; ".join({**self._lost, **told}.values())
         return Check("nobody lost", not details, f"lost: {details}" if details else "nobody")
 
 
@@ -123,25 +125,26 @@ class ExitCodes:
     """Every process ended with 0, but for robots that were killed or lost."""
 
     def __init__(self, journal: RunRecord, exit_codes: Mapping[str, int | None]) -> None:
-        names = _names(journal)
+        self._journal = journal
         self._codes = exit_codes
-        self._excused = {
-            names[event.robot]
-            for event in journal.events
-            if event.robot in names and event.kind in (Status.LOST.name.lower(), Status.DEAD.name.lower())
-        }
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
+        names = _names(self._journal)
+        excused = {
+            names[event.robot]
+            for event in self._journal.events
+            if event.robot in names and event.kind in (Status.LOST.name.lower(), Status.DEAD.name.lower())
+        }
         wrong = [
             f"{name} ended with {code}" if code is not None else f"{name} did not end"
             for name, code in self._codes.items()
-            if code != 0 and name not in self._excused
+            if code != 0 and name not in excused
         ]
-        judged = [name for name in self._codes if name not in self._excused]
+        judged = [name for name in self._codes if name not in excused]
         good = f"{len(judged)} processes ended with 0" if self._codes else "there were no processes"
         return Check("exit codes", not wrong, "; ".join(wrong) or good)
 

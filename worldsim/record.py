@@ -82,12 +82,13 @@ class RunRecord(Protocol):
 
 
 class MemoryJournal:
-    """A run's records in memory: written like a journal, read like one."""
+    """A run's records in memory: written like a journal, read like one. Without `keep` its ticks are let go."""
 
     truncated = False
 
-    def __init__(self, header: Header) -> None:
+    def __init__(self, header: Header, keep: bool = True) -> None:
         self.header = header
+        self._keep = keep
         self.records: list[TickRecord] = []
         self.events: tuple[Event, ...] = ()
         self.end: End | None = None
@@ -101,7 +102,8 @@ class MemoryJournal:
         """Append one record."""
         match record:
             case TickRecord():
-                self.records.append(record)
+                if self._keep:
+                    self.records.append(record)
             case Event():
                 self.events += (record,)
             case End():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from patrol.journal import RobotTick, Status, TickRecord
+from patrol.journal import Header, RobotTick, Status, TickRecord
 from patrol.pose import Drive, Velocity
 from worldsim.motion import length
 
@@ -74,6 +74,60 @@ class _Robot:
         }
 
 
+class Totals:
+    """What a run's ticks add up to, one by one; see `summarise`."""
+
+    def __init__(self, header: Header) -> None:
+        self._header = header
+        self._step = float(header.scenario["step"])
+        self._robots = {robot.number: _Robot(robot.model) for robot in header.robots}
+        self._mfow: list[int] = []
+        self._fog: list[float] = []
+        self._seen = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        self._mfow.append(record.mfow)
+        self._fog.append(record.fog_mean)
+        self._seen = record.seen
+        _take(self._robots, record, self._step)
+
+    def summary(self, journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
+        """The run's summary, once all ticks are in and the journal has ended; the journal's ticks are not looked at."""
+        header, step, mfow = self._header, self._step, self._mfow
+        ticks = len(mfow)
+        for event in journal.events:
+            if event.k >= ticks and event.robot in self._robots and event.kind.upper() in Status.__members__:
+                self._robots[event.robot].status = Status[event.kind.upper()]
+        patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
+        return {
+            "name": header.scenario["name"],
+            "scenario_hash": header.scenario_hash,
+            "trace_hash": journal.end.trace_hash if journal.end else None,
+            "ended": journal.end.reason if journal.end else None,
+            "ticks": ticks,
+            "simulated_s": ticks * step,
+            "wall_s": wall_s,
+            "realtime_factor": ticks * step / wall_s if wall_s else None,
+            "mfow_mean_s": float(np.mean(mfow)) * step if ticks else None,
+            "mfow_max_s": max(mfow) * step if ticks else None,
+            "mfow_end_s": mfow[-1] * step if ticks else None,
+            "fog_mean_s": float(np.mean(self._fog)) * step if ticks else None,
+            "seen_share": self._seen / patrolled,
+            "bound_s": header.bound_s,
+            "patrolled_area_m2": header.patrolled_area_m2,
+            "point_m": header.terrain.point,
+            "sensor_range_m": float(header.scenario["sensor"]["range"]),
+            "messages": _messages(list(self._robots.values()), step),
+            "robots": {facts.name: self._robots[facts.number].facts() for facts in header.robots},
+            "verdict": {
+                "valid": verdict.valid,
+                "outcome": verdict.outcome,
+                "checks": [{"name": check.name, "ok": check.ok, "detail": check.detail} for check in verdict.checks],
+            },
+        }
+
+
 def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
     """The run's summary, ready for JSON.
 
@@ -82,48 +136,10 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     bytes that a living robot sends per second. `missed`: ticks in which no command came in time. wall_s: wall time of
     the ticks, s, or None when unknown.
     """
-    header = journal.header
-    step = float(header.scenario["step"])
-    robots = {robot.number: _Robot(robot.model) for robot in header.robots}
-    mfow: list[int] = []
-    fog: list[float] = []
-    seen = 0
+    totals = Totals(journal.header)
     for record in journal.ticks:
-        mfow.append(record.mfow)
-        fog.append(record.fog_mean)
-        seen = record.seen
-        _take(robots, record, step)
-    ticks = len(mfow)
-    for event in journal.events:
-        if event.k >= ticks and event.robot in robots and event.kind.upper() in Status.__members__:
-            robots[event.robot].status = Status[event.kind.upper()]
-    patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
-    return {
-        "name": header.scenario["name"],
-        "scenario_hash": header.scenario_hash,
-        "trace_hash": journal.end.trace_hash if journal.end else None,
-        "ended": journal.end.reason if journal.end else None,
-        "ticks": ticks,
-        "simulated_s": ticks * step,
-        "wall_s": wall_s,
-        "realtime_factor": ticks * step / wall_s if wall_s else None,
-        "mfow_mean_s": float(np.mean(mfow)) * step if ticks else None,
-        "mfow_max_s": max(mfow) * step if ticks else None,
-        "mfow_end_s": mfow[-1] * step if ticks else None,
-        "fog_mean_s": float(np.mean(fog)) * step if ticks else None,
-        "seen_share": seen / patrolled,
-        "bound_s": header.bound_s,
-        "patrolled_area_m2": header.patrolled_area_m2,
-        "point_m": header.terrain.point,
-        "sensor_range_m": float(header.scenario["sensor"]["range"]),
-        "messages": _messages(list(robots.values()), step),
-        "robots": {facts.name: robots[facts.number].facts() for facts in header.robots},
-        "verdict": {
-            "valid": verdict.valid,
-            "outcome": verdict.outcome,
-            "checks": [{"name": check.name, "ok": check.ok, "detail": check.detail} for check in verdict.checks],
-        },
-    }
+        totals.tick(record)
+    return totals.summary(journal, verdict, wall_s)
 
 
 def _take(robots: dict[int, _Robot], record: TickRecord, step: float) -> None:

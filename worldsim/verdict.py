@@ -19,6 +19,7 @@ from worldsim.checks import (
 )
 
 if TYPE_CHECKING:
+    from patrol.journal import TickRecord
     from patrol.terrain import Terrain
     from worldsim.record import RunRecord
     from worldsim.truth import Truth
@@ -52,6 +53,41 @@ class Verdict:
         return tuple(check for check in self.checks if not check.ok)
 
 
+class Judge:
+    """A verdict in the making: give it every tick's record, then ask. The journal's ticks are not looked at."""
+
+    def __init__(
+        self,
+        journal: RunRecord,
+        exit_codes: Mapping[str, int | None],
+        *,
+        terrain: Terrain | None = None,
+        truth: Truth | None = None,
+    ) -> None:
+        """As for `judge`; the journal may still be being written."""
+        self._journal = journal
+        self._tallies: list[Tally] = [
+            Complete(journal),
+            TraceAgrees(journal),
+            NobodyLost(journal),
+            ExitCodes(journal, exit_codes),
+            BodiesApart(journal, terrain),
+            LinksAddUp(journal),
+        ]
+        if truth is not None:
+            self._tallies.append(FogIsTrue(journal, truth))
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        for tally in self._tallies:
+            tally.tick(record)
+
+    def verdict(self) -> Verdict:
+        """The verdict, once all ticks are in and the journal has ended."""
+        checks = tuple(tally.check() for tally in self._tallies)
+        return Verdict(_outcome(self._journal, checks), checks)
+
+
 def judge(
     journal: RunRecord | None,
     exit_codes: Mapping[str, int | None],
@@ -67,21 +103,10 @@ def judge(
     """
     if journal is None:
         return Verdict("unknown", (Check("journal", False, "there is no journal"),))
-    tallies: list[Tally] = [
-        Complete(journal),
-        TraceAgrees(journal),
-        NobodyLost(journal),
-        ExitCodes(journal, exit_codes),
-        BodiesApart(journal, terrain),
-        LinksAddUp(journal),
-    ]
-    if truth is not None:
-        tallies.append(FogIsTrue(journal, truth))
+    judging = Judge(journal, exit_codes, terrain=terrain, truth=truth)
     for record in journal.ticks:
-        for tally in tallies:
-            tally.tick(record)
-    checks = tuple(tally.check() for tally in tallies)
-    return Verdict(_outcome(journal, checks), checks)
+        judging.tick(record)
+    return judging.verdict()
 
 
 def _outcome(journal: RunRecord, checks: Iterable[Check]) -> Outcome:

@@ -101,3 +101,12 @@ def test_a_mind_that_fails_ends_the_run_and_the_journal_says_so(
     assert verdict.outcome == "invalid"
     assert [check.name for check in verdict.failed] == ["complete"]
     assert events == []
+
+
+def test_a_run_that_keeps_no_records_is_summed_up_and_judged_all_the_same() -> None:
+    kept, let_go = run_in_process(scenario()), run_in_process(scenario(), keep=False)
+    assert list(let_go.journal.ticks) == []
+    assert trace(kept) == trace(let_go)
+    assert kept.verdict == let_go.verdict
+    for key in ("mfow_mean_s", "mfow_max_s", "fog_mean_s", "messages", "seen_share", "ticks"):
+        assert kept.summary[key] == let_go.summary[key]
