@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -13,12 +13,14 @@ from rich.table import Table
 
 from patrol.builtins import LAYOUTS, builtin_terrain
 from patrol.errors import BadInput
-from patrol.mapcheck import MapReport, Reason, SealedPart, check_map
-from patrol.maps import read_terrain
 from patrol.pose import Pose
-from patrol.rooms import Door
 from patrol.scenario_errors import did_you_mean
 from patrol.terrain import Terrain
+from patrol.warmup import warm
+
+if TYPE_CHECKING:
+    from patrol.mapcheck import MapReport, SealedPart
+    from patrol.rooms import Door
 
 app = typer.Typer(help="Look at a map: what can be reached and seen, and what stands in the way.", no_args_is_help=True)
 
@@ -52,6 +54,9 @@ def check(
         if not (math.isfinite(value) and value > 0.0):
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
     starts = [_start(text) for text in start or []]
+    warm(("patrol",), lambda line: typer.echo(line, err=True))
+    from patrol.mapcheck import check_map  # not before its kernels are compiled
+
     report = check_map(_terrain(what, point), radius, sensor_range, line_of_sight, starts)
     console = Console()
     if console.is_terminal:
@@ -118,11 +123,7 @@ def sealed_headline(report: MapReport) -> str:
 
 def why(part: SealedPart) -> str:
     """Why a part cannot be reached, and how much of it is seen nevertheless."""
-    reason = {
-        Reason.DOOR: "",
-        Reason.WALL: "walled off, no opening at all",
-        Reason.NARROW: "too narrow for the body",
-    }[part.reason]
+    reason = str(part.reason)
     if part.door is not None:
         reason = f"its door at {place(part.door)} is too narrow, {part.door.width:.2f} m, and {passing(part.door)}"
     where = "; touches the map's border" if part.at_border else ""
@@ -201,6 +202,8 @@ def _terrain(what: str, point: float) -> Terrain:
         return builtin_terrain(what, point)
     if not Path(what).exists():
         raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
+    from patrol.maps import read_terrain
+
     return read_terrain(Path(what), point)
 
 

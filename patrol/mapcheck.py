@@ -24,8 +24,8 @@ class Reason(StrEnum):
     """Why a part of the free space cannot be reached."""
 
     DOOR = "door too narrow"
-    WALL = "walled off"
-    NARROW = "no room for the body"
+    WALL = "walled off, no opening at all"
+    NARROW = "too narrow for the body"
 
 
 @dataclass(frozen=True, slots=True)
