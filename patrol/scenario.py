@@ -59,15 +59,22 @@ _HASH_FORMAT = "fogwatch-scenario/1"
 _IMAGES = (".pgm", ".png", ".jpg", ".jpeg", ".bmp")
 
 
-def load_scenario(source: Path | str | Mapping[str, Any], overrides: Overrides | None = None) -> Scenario:
+def load_scenario(
+    source: Path | str | Mapping[str, Any],
+    overrides: Overrides | None = None,
+    *,
+    base: Path | None = None,
+    called: str = "scenario",
+) -> Scenario:
     """The scenario in a YAML file, or in a mapping of the same shape.
 
     overrides: values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every entry
-    of a list); texts are read as YAML. Relative paths are relative to the file's folder, those of a mapping to the
-    current folder. Raises BadInput, one line that names the file, the field, the value and the remedy.
+    of a list); texts are read as YAML. Relative paths are relative to the file's folder, those of a mapping to `base`
+    or else the current folder. called: what errors call a mapping. Raises BadInput, one line that names the file, the
+    field, the value and the remedy.
     """
     if isinstance(source, Mapping):
-        return _resolve(copy.deepcopy(dict(source)), overrides or {}, "scenario", Path.cwd(), None)
+        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None)
     path = Path(source)
     raw = _read_mapping(path)
     return _resolve(raw, overrides or {}, str(path), path.parent, path.stem)
