@@ -191,7 +191,7 @@ def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
     where = f"{says.path}: image = {says.image}"
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # MAX_CELLS says it better
+            warnings.simplefilter("ignore")  # of sizes, which MAX_CELLS judges, and of oddities in what can be read
             with Image.open(says.image, formats=FORMATS) as image:
                 if image.width * image.height > MAX_CELLS:
                     raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {MAX_CELLS}; crop it")

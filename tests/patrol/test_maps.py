@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -245,6 +247,25 @@ def test_an_image_that_is_none_is_named(tmp_path: Path, content: bytes, problem:
         read_terrain(write_map(tmp_path, content), 0.1)
     assert "plan.pgm" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@settings(max_examples=150)
+@given(
+    kind=st.sampled_from(["PNG", "PPM", "BMP", "JPEG"]),
+    cut=st.integers(0, 200),
+    at=st.integers(0, 120),
+    byte=st.integers(0, 255),
+)
+def test_a_damaged_image_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, kind: str, cut: int, at: int, byte: int
+) -> None:
+    sound = io.BytesIO()
+    WHITE.save(sound, kind)
+    content = bytearray(sound.getvalue())
+    content[at % len(content)] = byte
+    path = write_map(tmp_path_factory.mktemp("damaged"), bytes(content[: len(content) - cut]))
+    with suppress(BadInput):
+        assert free_cells(read_map_file(path)).size > 0
 
 
 def test_a_missing_image_or_file_is_named(tmp_path: Path) -> None:
