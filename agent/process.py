@@ -73,7 +73,9 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     keys = fleet_keys(options.fleet)
     scenario = load_scenario(options.scenario)
     spec = _spec(scenario, options.robot)
-    mind = _mind(scenario, spec, options.incarnation, options.static)
+    mind = _mind(scenario, spec, options, ending)
+    if mind is None:
+        return INTERRUPTED
 
     from agent.robots.sim import Identity, join
     from patrol.link import LinkDown, open_link
@@ -110,8 +112,8 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
     raise BadInput(f"--robot {name!r}: no robot of scenario {scenario.name}; its first are {names}")
 
 
-def _mind(scenario: Scenario, spec: RobotSpec, incarnation: int, static: Path | None) -> Mind:
-    """The robot's mind, with the launcher's static fields or ones of its own making."""
+def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, ending: Ending) -> Mind | None:
+    """The robot's mind, with the launcher's static fields or ones of its own making; None when told to leave."""
     from patrol.warmup import warm
 
     warm(("patrol", "agent"), lambda line: print(f"{spec.name}: {line}", file=sys.stderr, flush=True))
@@ -122,6 +124,11 @@ def _mind(scenario: Scenario, spec: RobotSpec, incarnation: int, static: Path | 
     from patrol.keyfile import fleet_key
     from patrol.prepare import Prepared, prepare
 
+    static: Path | None = options.static
+    if static is not None and not ending.wait_for(static, options.wait):
+        if ending:
+            return None
+        raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")
     prepared = prepare(scenario) if static is None else Prepared.load(scenario, static)
     psi = None
     if scenario.patrol.avoidance == "goal-refinement":
@@ -134,7 +141,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, incarnation: int, static: Path | 
             prepared.terrain,
             prepared.fields[spec.number],
             psi,
-            incarnation=incarnation,
+            incarnation=options.incarnation,
             key=fleet_key(scenario),
         )
     )

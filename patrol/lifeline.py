@@ -14,6 +14,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
@@ -25,20 +26,23 @@ CRASHED = 70
 """The exit code of a process that met a mistake of ours, with a traceback."""
 
 _PR_SET_PDEATHSIG = 1
+_POLL_S = 0.02
 
 
 class Ending:
-    """Whether this process should leave, and why."""
+    """Whether this process should leave, why, and how often it was told."""
 
     def __init__(self) -> None:
-        self._asked = threading.Event()
         self.reason = ""
+        self.times = 0
+        self._asked = threading.Event()
 
     def __bool__(self) -> bool:
         return self._asked.is_set()
 
     def ask(self, reason: str) -> None:
         """Leave soon; the first reason counts."""
+        self.times += 1
         if not self._asked.is_set():
             self.reason = reason
             self._asked.set()
@@ -46,6 +50,15 @@ class Ending:
     def wait(self, timeout_s: float) -> bool:
         """Wait until asked to leave, at most so long; whether asked."""
         return self._asked.wait(timeout_s)
+
+    def wait_for(self, path: Path, limit_s: float) -> bool:
+        """Wait until there is something at the path, at most so long; whether there is."""
+        waited_s = 0.0
+        while not path.exists():
+            if waited_s >= limit_s or self._asked.wait(_POLL_S):
+                return False
+            waited_s += _POLL_S
+        return True
 
 
 def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None) -> Ending:

@@ -70,7 +70,12 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     from patrol.prepare import Prepared, prepare
     from worldsim.seats import Interrupted, Missing
 
-    prepared = prepare(scenario) if options.static is None else Prepared.load(scenario, options.static)
+    static: Path | None = options.static
+    if static is not None and not ending.wait_for(static, options.wait):
+        if ending:
+            return EXIT_INTERRUPTED
+        raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")
+    prepared = prepare(scenario) if static is None else Prepared.load(scenario, static)
 
     def waiting(waited_s: float) -> None:
         _say(f"waiting for a router at {router} ({waited_s:.0f} s)")
@@ -91,7 +96,9 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
         return UNKNOWN
     finally:
         link.close()
-    code = _judge(options.out, prepared, wall_s) if options.lifeline is None else 0
+    if options.lifeline is not None:
+        return 0  # the journal is whole; the launcher judges it
+    code = _judge(options.out, prepared, wall_s)
     return EXIT_INTERRUPTED if ending else code
 
 

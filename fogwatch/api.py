@@ -1,0 +1,241 @@
+"""Run a scenario from Python: `fogwatch.run(scenario)`, in this process or as a fleet of processes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fogwatch.live import Show, Silent
+from fogwatch.runfolder import RunFolder, create
+from patrol.errors import BadInput
+from patrol.eyes import Metrics, Notice, Watcher
+from patrol.scenario import Scenario, load_scenario, open_scenario
+from patrol.warmup import warm
+
+if TYPE_CHECKING:
+    from patrol.journal import Event, TickRecord
+    from patrol.prepare import Prepared
+    from worldsim.record import RunRecord
+    from worldsim.verdict import Verdict
+
+PSI = "psi.npy"
+MOST_THREADS = 8
+PACKAGES = ("patrol", "agent", "worldsim")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """What a run came to.
+
+    summary: as in summary.json. folder: where everything is. mfow_s: MFoW after each tick, s. interrupted: somebody
+    stopped it before its end.
+    """
+
+    summary: Mapping[str, Any]
+    folder: Path
+    mfow_s: NDArray[np.float64]
+    verdict: Verdict
+    interrupted: bool = False
+
+    @property
+    def trace_hash(self) -> str:
+        """One number for everything that happened; equal for equal runs, however they were run."""
+        return str(self.summary["trace_hash"])
+
+    def __repr__(self) -> str:
+        mean, bound = self.summary["mfow_mean_s"], self.summary["bound_s"]
+        mfow = "no ticks" if mean is None else f"MFoW mean {mean:.1f} s (bound {bound:.1f} s)"
+        done = f"{self.summary['simulated_s']:g} s simulated{', interrupted' if self.interrupted else ''}"
+        return f"<Result {self.summary['name']}: {mfow}, {done}, verdict {self.verdict.outcome}, in {self.folder}>"
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """How a run is to be done, and who is told.
+
+    port: of the router, or None for a free one. stop: asked all the time whether to end early; urgent: whether to end
+    by force.
+    """
+
+    out: Path | None = None
+    in_process: bool = False
+    port: int | None = None
+    show: Show = field(default_factory=Silent)
+    stop: Callable[[], bool] = lambda: False
+    urgent: Callable[[], bool] = lambda: False
+
+
+def run(
+    scenario: Scenario | Mapping[str, Any] | str | Path,
+    *,
+    out: str | Path | None = None,
+    in_process: bool = True,
+    progress: Callable[[Metrics], None] | None = None,
+    overrides: Mapping[str, object] | None = None,
+) -> Result:
+    """Run a scenario to its end.
+
+    scenario: a file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario file, or a
+    loaded scenario. out: folder for what the run leaves, new or empty; ``runs/<name>-<time>`` unless given.
+    in_process: in this process, or as one process per robot over Zenoh; both give the same trace. progress: called
+    with the run so far, at most ten times a second. overrides: values by dotted field, ``{"patrol.dilatation": 0}``.
+
+    Raises BadInput, one line that says what is wrong, and KeyboardInterrupt after leaving everything in order.
+    """
+    if isinstance(scenario, Scenario):
+        loaded = load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
+    elif isinstance(scenario, Mapping):
+        loaded = load_scenario(scenario, overrides)
+    else:
+        loaded = open_scenario(str(scenario), overrides)
+    show = Silent() if progress is None else _Calling(progress)
+    return execute(loaded, Wishes(None if out is None else Path(out), in_process, show=show))
+
+
+def execute(scenario: Scenario, wishes: Wishes) -> Result:
+    """Run a loaded scenario as wished. Raises BadInput, and `fogwatch.launcher.Failed` when no fleet would run."""
+    warm(PACKAGES, wishes.show.say)
+    folder = create(scenario, wishes.out, datetime.now().astimezone())
+    try:
+        resolved = folder.load()
+        return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
+    except BadInput:
+        folder.discard()
+        raise
+    finally:
+        wishes.show.close()
+
+
+def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
+    from experiments.inprocess import run_in_process
+    from patrol.prepare import prepare
+    from worldsim.table import TicksTable
+
+    prepared = prepare(scenario)
+    names = {spec.number: spec.name for spec in scenario.roster}
+    points = int(np.count_nonzero(prepared.patrolled))
+    watcher = Watcher(names, points, scenario.step, scenario.ticks, time.monotonic)
+    with closing(TicksTable(folder.ticks, scenario.step)) as table:
+
+        def on_tick(record: TickRecord) -> None:
+            table.tick(record)
+            metrics = watcher.take(record)
+            if metrics is not None:
+                wishes.show.metrics(metrics)
+
+        def on_event(event: Event) -> None:
+            wishes.show.notice(watcher.notice(event))
+
+        outcome = run_in_process(
+            prepared,
+            journal=folder.journal,
+            started=datetime.now().astimezone().isoformat(timespec="seconds"),
+            progress=on_tick,
+            events=on_event,
+            stop=wishes.stop,
+            threads=min(len(names), os.cpu_count() or 1, MOST_THREADS),
+        )
+    return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, wishes)
+
+
+def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
+    from fogwatch.launcher import WORLD, Failed, Launch
+    from patrol.prepare import prepare
+
+    names = [spec.name for spec in scenario.roster]
+    launch = Launch(folder, names, wishes.show, wishes.stop, wishes.port, wishes.urgent)
+    try:
+        launch.start()
+        prepared = prepare(scenario)
+        _save_static(prepared, folder)
+        launch.watch()
+    except BaseException:
+        launch.interrupted = True
+        raise
+    finally:
+        exit_codes = launch.finish()
+        shutil.rmtree(folder.static, ignore_errors=True)
+
+    from patrol.journal import read_journal
+    from worldsim.summary import summarise
+    from worldsim.verdict import judge
+
+    if not folder.journal.exists():
+        if launch.interrupted:
+            raise KeyboardInterrupt
+        raise Failed(launch.obituary(WORLD))
+    journal = read_journal(folder.journal)
+    verdict = judge(journal, exit_codes, terrain=prepared.terrain)
+    notes = journal.end.notes if journal.end else {}
+    summary = {**summarise(journal, verdict, notes.get("wall_s")), "notes": notes, "exit_codes": dict(exit_codes)}
+    return _result(folder, prepared, journal, verdict, summary, wishes)
+
+
+def _save_static(prepared: Prepared, folder: RunFolder) -> None:
+    """Write the static fields for the processes, which go on as soon as the folder is there."""
+    from agent.refine import psi_field
+
+    part = folder.static.with_suffix(".part")
+    prepared.save(part)
+    patrol = prepared.scenario.patrol
+    if patrol.avoidance == "goal-refinement":
+        np.save(part / PSI, psi_field(prepared.terrain, patrol.refine_reach))
+    part.rename(folder.static)
+
+
+def _result(
+    folder: RunFolder,
+    prepared: Prepared,
+    journal: RunRecord,
+    verdict: Verdict,
+    summary: Mapping[str, Any],
+    wishes: Wishes,
+) -> Result:
+    """Write the summary and the picture."""
+    from worldsim.record import INTERRUPTED
+
+    folder.write_summary(summary)
+    step = prepared.scenario.step
+    mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
+    if len(mfow_s) and not wishes.urgent():
+        wishes.show.say("drawing the final fog ...")
+        _draw(folder, prepared, wishes)
+    interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
+    return Result(summary, folder.path, mfow_s, verdict, interrupted)
+
+
+def _draw(folder: RunFolder, prepared: Prepared, wishes: Wishes) -> None:
+    try:
+        from fogwatch.picture import run_picture
+
+        run_picture(folder.path, folder.picture, prepared)
+    except ImportError as error:
+        wishes.show.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
+    except (BadInput, OSError) as error:
+        wishes.show.say(f"no picture: {error}")
+
+
+class _Calling:
+    """Passes metrics on to a function and shows nothing else."""
+
+    def __init__(self, metrics: Callable[[Metrics], None]) -> None:
+        self.metrics = metrics
+
+    def say(self, line: str) -> None:
+        """Nothing."""
+
+    def notice(self, notice: Notice) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""

@@ -1,0 +1,157 @@
+"""The command `fogwatch`. Commands import the heavy libraries that they need, so that help and errors are quick."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fogwatch import cli_map, cli_scenario
+from patrol.errors import BadInput
+from patrol.scenario import BUILTINS, open_scenario, parse_overrides
+
+INTERRUPTED = 130
+UNKNOWN = 3
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Patrol with no centre: robots that share only their positions and are drawn to what nobody has seen for "
+    "longest.",
+    epilog="Try: fogwatch run yards --robots 5 --duration 600",
+)
+app.add_typer(cli_scenario.app, name="scenario")
+app.add_typer(cli_map.app, name="map")
+
+EXIT_CODES = "Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 could not be judged, 130 interrupted."
+BODY = "Robots"
+RUN = "Run"
+
+
+@app.command(epilog=EXIT_CODES)
+def run(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO|MAP.yaml|BUILTIN",
+            help=f"A scenario file, a map_server map, or a built-in terrain: {', '.join(BUILTINS)}.",
+        ),
+    ],
+    robots: Annotated[int | None, typer.Option(metavar="N", help="How many robots.", rich_help_panel=BODY)] = None,
+    model: Annotated[str | None, typer.Option(metavar="car|holonomic", help="Kind.", rich_help_panel=BODY)] = None,
+    radius: Annotated[float | None, typer.Option(metavar="M", help="Body radius, m.", rich_help_panel=BODY)] = None,
+    speed: Annotated[float | None, typer.Option(metavar="M/S", help="Top speed, m/s.", rich_help_panel=BODY)] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="Start of the next robot, m. Repeatable.", rich_help_panel=BODY),
+    ] = None,
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Simulated time, s.", rich_help_panel=RUN)] = None,
+    seed: Annotated[int | None, typer.Option(metavar="K", help="Of all randomness.", rich_help_panel=RUN)] = None,
+    pace: Annotated[
+        str | None,
+        typer.Option(metavar="lockstep|realtime|X", help="As fast as it goes, or X times real.", rich_help_panel=RUN),
+    ] = None,
+    point: Annotated[float | None, typer.Option(metavar="M", help="Side of a point, m.", rich_help_panel=RUN)] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="FIELD=VALUE", help="Override any field. Repeatable.", rich_help_panel=RUN),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Run folder, new or empty.")] = None,
+    in_process: Annotated[bool, typer.Option("--in-process", help="One process, without Zenoh: same trace.")] = False,
+    port: Annotated[int | None, typer.Option(metavar="N", help="TCP port of the router (default: a free one).")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print the run folder and nothing else.")] = False,
+) -> int:
+    """Run a fleet, each robot a process of its own, and judge the run.
+
+    A scenario file says everything; the options override its fields. Without a file: five cars for 5000 s.
+    """
+    overrides: dict[str, object] = {
+        "robots.count": robots,
+        "robots.model": model,
+        "robots.radius": radius,
+        "robots.speed": speed,
+        "robots.starts": [_place(text) for text in start] if start else None,
+        "duration": duration,
+        "seed": seed,
+        "pace": pace,
+        "point": point,
+    }
+    given = {field: value for field, value in overrides.items() if value is not None}
+    if port is not None and not 0 < port < 65536:
+        raise BadInput(f"--port {port}: no TCP port; give one from 1 to 65535")
+    scenario = open_scenario(what, {**given, **parse_overrides(settings or [])})
+
+    from rich.console import Console
+
+    from fogwatch.api import Wishes, execute
+    from fogwatch.launcher import Failed
+    from fogwatch.live import make_show
+    from fogwatch.report import print_report
+    from patrol.lifeline import heed
+
+    ending = heed(None)
+    wishes = Wishes(out, in_process, port, make_show(quiet), lambda: bool(ending), lambda: ending.times > 1)
+    try:
+        result = execute(scenario, wishes)
+    except Failed as failed:
+        print(f"fogwatch: {failed}", file=sys.stderr)
+        return UNKNOWN
+    if quiet:
+        print(result.folder)
+    else:
+        print_report(Console(), result.summary, str(result.folder), (result.folder / "fog.png").exists())
+    return INTERRUPTED if ending else result.verdict.exit_code
+
+
+@app.command()
+def version() -> None:
+    """Print the versions of fogwatch and of what it stands on."""
+    print(f"fogwatch {metadata.version('fogwatch')}")
+    print(f"Python {platform.python_version()} on {platform.platform()}")
+    for name in ("eclipse-zenoh", "numpy", "numba", "pydantic", "msgpack", "Pillow", "matplotlib", "scipy"):
+        try:
+            print(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            print(f"{name} not installed")
+
+
+def main() -> int:
+    """The command's entry point; the exit code."""
+    return guarded(lambda: app(standalone_mode=False))
+
+
+def guarded(command: Callable[[], Any]) -> int:
+    """Run a command; what the user can mend is one line on the standard error."""
+    try:
+        code = command()
+    except BadInput as bad:
+        print(f"fogwatch: {bad}", file=sys.stderr)
+        return 2
+    except (KeyboardInterrupt, typer.Abort):
+        print("fogwatch: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        return 0
+    except Exception as error:
+        if not hasattr(error, "format_message"):
+            raise
+        print(f"fogwatch: {error.format_message()}", file=sys.stderr)
+        return 2
+    return code if isinstance(code, int) else 0
+
+
+def _place(text: str) -> list[float]:
+    """A start: X,Y or X,Y,HEADING."""
+    try:
+        place = [float(part) for part in text.split(",")]
+    except ValueError:
+        place = []
+    if len(place) not in (2, 3):
+        raise BadInput(f"--start {text}: expected X,Y or X,Y,HEADING in m and rad, for example --start 12.5,40")
+    return place

@@ -1,0 +1,243 @@
+"""The launcher: a fleet as processes of this machine, from the first to the last.
+
+It spawns a router, the world and one agent per robot, each in a session of its own, so that Ctrl-C reaches the launcher
+alone; it restarts a router that dies; it ends everything in order, and by force where order takes too long. Children
+hold the reading end of a pipe whose end tells them that the launcher is gone.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fogwatch.live import Show
+from fogwatch.router import READY
+from fogwatch.runfolder import RunFolder
+from patrol.errors import BadInput
+from patrol.eyes import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
+from patrol.keys import fleet_keys
+from patrol.link import Link, Mailbox, open_link
+
+ROUTER, WORLD = "router", "world"
+LOG_LINES = 5
+ROUTER_S = 10.0
+"""How long a router may take to listen."""
+GOODBYE_S = 5.0
+"""How long processes may take to leave by themselves once the run is over."""
+TERM_S = 2.0
+"""How long a process may take to heed a signal before it is killed."""
+MOST_ROUTERS = 20
+_TICK_S = 0.05
+
+
+class Failed(Exception):
+    """The fleet could not be brought to run; one line says why."""
+
+
+@dataclass(slots=True)
+class Child:
+    """A process of ours. code: its exit code, negative for the signal that killed it, None while it lives."""
+
+    name: str
+    process: subprocess.Popen[bytes]
+    log: Path
+    code: int | None = None
+
+    def poll(self) -> int | None:
+        """Its exit code, when it has ended."""
+        self.code = self.process.poll()
+        return self.code
+
+    def last_words(self) -> str:
+        """The end of its log, on one line each, indented."""
+        try:
+            lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            lines = []
+        return "\n".join(f"    {line}" for line in lines[-LOG_LINES:] if line.strip())
+
+
+@dataclass(slots=True)
+class Launch:
+    """One run as processes. stop: asked all the time; urgent: whether to end by force at once."""
+
+    folder: RunFolder
+    robots: Sequence[str]
+    show: Show
+    stop: Callable[[], bool]
+    port: int | None = None
+    urgent: Callable[[], bool] = lambda: False
+    children: dict[str, Child] = field(default_factory=dict)
+    interrupted: bool = False
+    _pipe: tuple[int, int] = (-1, -1)
+    _endpoint: str = ""
+    _routers: int = 0
+    _reported: set[str] = field(default_factory=set)
+
+    @property
+    def fleet(self) -> str:
+        """The fleet's name: the run's, so that two runs on one router never meet."""
+        return (
+            "".join(c if c.isalnum() or c in "._-" else "-" for c in self.folder.path.name).lstrip("._-")[:120] or "run"
+        )
+
+    def start(self) -> None:
+        """Spawn everything. Agents and world then wait for the static fields, which the caller computes meanwhile."""
+        self._pipe = os.pipe()
+        self._start_router()
+        common = ["--router", self._endpoint, "--fleet", self.fleet, "--scenario", str(self.folder.scenario)]
+        common += ["--static", str(self.folder.static)]
+        self._spawn(WORLD, "worldsim", [*common, "--out", str(self.folder.path)])
+        for name in self.robots:
+            self._spawn(name, "agent", [*common, "--robot", name])
+
+    def watch(self) -> None:
+        """Show how the run goes until the world has ended, or somebody wants it to."""
+        link = open_link(self._endpoint, ROUTER_S)
+        try:
+            self._watch(link)
+        finally:
+            link.close()
+
+    def finish(self) -> Mapping[str, int | None]:
+        """End whatever is left, in order; the exit codes by name."""
+        if self.interrupted:
+            self._signal([WORLD], signal.SIGTERM)
+        world = self.children.get(WORLD)
+        if world is not None and (self.interrupted or world.poll() == 0):
+            self._wait([WORLD, *self.robots], GOODBYE_S)
+        rest = [name for name in self.children if name != ROUTER]
+        self._end(rest)
+        self._end([ROUTER] if ROUTER in self.children else [])
+        for end in self._pipe:
+            if end >= 0:
+                os.close(end)
+        self._pipe = (-1, -1)
+        return {name: child.code for name, child in self.children.items()}
+
+    def obituary(self, name: str) -> str:
+        """How a process ended and the end of its log."""
+        child = self.children[name]
+        return f"{name} {_how(child.code)}; the end of its log ({child.log}):\n{child.last_words()}"
+
+    # --- starting ----------------------------------------------------------------------------------------------------
+
+    def _start_router(self) -> None:
+        for _ in range(MOST_ROUTERS):
+            port = self.port or _free_port()
+            self._endpoint = f"tcp/127.0.0.1:{port}"
+            router = self._spawn(ROUTER, "fogwatch.router", ["--listen", self._endpoint])
+            if self._listens(router):
+                return
+            busy = "busy" in router.last_words()
+            if not busy:
+                raise Failed(f"the router did not start:\n{router.last_words()}")
+            if self.port is not None:
+                raise BadInput(f"--port {port}: the port is busy; choose another, or leave the choice to fogwatch")
+        raise Failed("found no free port for the router")
+
+    def _listens(self, router: Child) -> bool:
+        until = time.monotonic() + ROUTER_S
+        while router.poll() is None and time.monotonic() < until:
+            if READY in router.log.read_text(encoding="utf-8", errors="replace"):
+                return True
+            time.sleep(0.01)
+        return False
+
+    def _spawn(self, name: str, module: str, arguments: Sequence[str]) -> Child:
+        log = self.folder.log(name)
+        command = [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._pipe[0])]
+        with log.open("ab") as output:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                pass_fds=[self._pipe[0]],
+                start_new_session=True,
+            )
+        child = Child(name, process, log)
+        self.children[name] = child
+        return child
+
+    # --- watching ----------------------------------------------------------------------------------------------------
+
+    def _watch(self, link: Link) -> None:
+        keys = fleet_keys(self.fleet)
+        metrics, events = keys.truth(METRICS), keys.truth(EVENTS)
+        seen = Mailbox([metrics], read_metrics, MAX_VIEW, room=1)
+        heard = Mailbox([events], read_notice, MAX_VIEW)
+        link.subscribe(metrics, seen)
+        link.subscribe(events, heard)
+        while self.children[WORLD].poll() is None:
+            if self.stop():
+                self.interrupted = True
+                break
+            if (arrived := seen.get(_TICK_S)) is not None:
+                self.show.metrics(arrived[1])
+            while (news := heard.get()) is not None:
+                self.show.notice(news[1])
+            self._look_after_children()
+
+    def _look_after_children(self) -> None:
+        """Restart a router that has died; report an agent that has, and give up when it never got to work."""
+        router = self.children[ROUTER]
+        if router.poll() is not None and not self.stop():
+            self._routers += 1
+            if self._routers > MOST_ROUTERS:
+                raise Failed(f"the router keeps dying:\n{router.last_words()}")
+            self.show.say(f"the router {_how(router.code)}; starting it again")
+            self._spawn(ROUTER, "fogwatch.router", ["--listen", self._endpoint])
+        for name in self.robots:
+            child = self.children[name]
+            if name in self._reported or not child.poll():
+                continue
+            self._reported.add(name)
+            if not self.folder.journal.exists():
+                raise Failed(f"the run could not begin: {self.obituary(name)}")
+            self.show.say(self.obituary(name))
+
+    # --- ending ------------------------------------------------------------------------------------------------------
+
+    def _end(self, names: Sequence[str]) -> None:
+        """SIGTERM, and SIGKILL for whoever does not heed it; a stopped process continues first."""
+        if not self.urgent():
+            self._signal(names, signal.SIGTERM)
+            self._signal(names, signal.SIGCONT)
+            self._wait(names, TERM_S)
+        self._signal(names, signal.SIGKILL)
+        for name in names:
+            self.children[name].process.wait()
+            self.children[name].poll()
+
+    def _signal(self, names: Sequence[str], number: signal.Signals) -> None:
+        for name in names:
+            if name in self.children and self.children[name].poll() is None:
+                self.children[name].process.send_signal(number)
+
+    def _wait(self, names: Sequence[str], limit_s: float) -> None:
+        until = time.monotonic() + limit_s
+        while time.monotonic() < until and not self.urgent():
+            if all(self.children[name].poll() is not None for name in names if name in self.children):
+                return
+            time.sleep(0.01)
+
+
+def _how(code: int | None) -> str:
+    """How a process ended, in words."""
+    if code is not None and code < 0:
+        return f"was killed by {signal.Signals(-code).name}"
+    return f"ended with exit code {code}"
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

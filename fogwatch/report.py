@@ -1,0 +1,78 @@
+"""A run's summary for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from fogwatch.live import clock
+
+_VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
+MOST_ROBOTS = 40
+
+
+def print_report(console: Console, summary: Mapping[str, Any], folder: str, picture: bool) -> None:
+    """Print what a run came to: the measures, the robots, the verdict, and where the files are."""
+    for line in measures(summary):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+    console.print(_robots(summary["robots"]))
+    verdict = summary["verdict"]
+    text = Text("verdict     ").append(verdict["outcome"], _VERDICTS[verdict["outcome"]])
+    if verdict["valid"]:
+        text.append(f": {len(verdict['checks'])} checks passed")
+    console.print(text, highlight=False)
+    for check in verdict["checks"]:
+        if not check["ok"]:
+            console.print(f"  {check['name']}: {check['detail']}", style="red", highlight=False, soft_wrap=True)
+    what = "summary.json, journal, ticks.csv, logs" + (", fog.png" if picture else "")
+    console.print(f"files       {folder} ({what})", markup=False, highlight=False, soft_wrap=True)
+
+
+def measures(summary: Mapping[str, Any]) -> list[str]:
+    """The run's measures, one a line."""
+    lines = [f"{summary['name']}: {summary['simulated_s']:g} s in {summary['ticks']} ticks"]
+    if summary["ended"] != "completed":
+        lines[0] += f", {summary['ended'] or 'cut off'}"
+    if summary["wall_s"]:
+        lines[0] += f"; {clock(summary['wall_s'])} of wall time, {summary['realtime_factor']:.1f} x real time"
+    if not summary["ticks"]:
+        return lines
+    mean, bound = summary["mfow_mean_s"], summary["bound_s"]
+    ratio = f", {mean / bound:.2f} x the lower bound of {bound:.1f} s" if bound else ""
+    lines.append(f"MFoW        mean {mean:.1f} s, most {summary['mfow_max_s']:.1f} s{ratio}")
+    lines.append(f"mean fog    {summary['fog_mean_s']:.1f} s")
+    area = f"{summary['patrolled_area_m2']:.0f} m² to patrol"
+    lines.append(f"coverage    {100.0 * summary['seen_share']:.2f} % of {area}")
+    messages = summary["messages"]
+    counts = ", ".join(f"{messages[name]} {name}" for name in ("sent", "delivered", "dropped", "rejected"))
+    lines.append(f"messages    {counts}; {messages['bytes_per_robot_s']:.0f} bytes per robot and second")
+    late = sum(summary.get("notes", {}).get("late_commands", {}).values())
+    if late:
+        lines.append(f"deadlines   {late} commands came late")
+    return lines
+
+
+def _robots(robots: Mapping[str, Mapping[str, Any]]) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    heads = ("robot", "status", "distance m", "dead end %", "collisions", "decisions", "p50 ms", "p99 ms")
+    for head in heads:
+        table.add_column(head, justify="left" if head in ("robot", "status") else "right")
+    for name, facts in list(robots.items())[:MOST_ROBOTS]:
+        p50, p99 = (facts[f"decision_ms_p{percent}"] for percent in (50, 99))
+        table.add_row(
+            name,
+            Text(facts["status"], "" if facts["status"] == "alive" else "bold red"),
+            f"{facts['distance_m']:.0f}",
+            f"{100.0 * facts['dead_end_share']:.1f}",
+            str(facts["collisions"]),
+            str(facts["decisions"]),
+            "-" if p50 is None else f"{p50:.1f}",
+            "-" if p99 is None else f"{p99:.1f}",
+        )
+    if len(robots) > MOST_ROBOTS:
+        table.add_row(f"and {len(robots) - MOST_ROBOTS} more", *[""] * (len(heads) - 1))
+    return table

@@ -1,0 +1,145 @@
+"""The run folder: everything a run leaves, and enough of what it was given to run it again.
+
+    scenario.yaml  resolved; `fogwatch run FOLDER/scenario.yaml` repeats the run
+    map/           a copy of the map, when there is one
+    journal        the world's own record (`patrol.journal`)
+    ticks.csv      one line a tick
+    summary.json   what it adds up to, and the verdict
+    fog.png        the final fog and the robots' paths
+    logs/          what each process printed
+
+A fleet's key is a secret and is not copied: the scenario goes on naming its file.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from patrol.errors import BadInput
+from patrol.maps import read_map_file
+from patrol.scenario import Scenario, dump_scenario, load_scenario
+
+RUNS = Path("runs")
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """The places in a run folder. made: whether the folder was not there before."""
+
+    path: Path
+    made: bool = False
+
+    @property
+    def scenario(self) -> Path:
+        """The resolved scenario."""
+        return self.path / "scenario.yaml"
+
+    @property
+    def journal(self) -> Path:
+        """The world's record."""
+        return self.path / "journal"
+
+    @property
+    def ticks(self) -> Path:
+        """One line a tick."""
+        return self.path / "ticks.csv"
+
+    @property
+    def summary(self) -> Path:
+        """What it adds up to."""
+        return self.path / "summary.json"
+
+    @property
+    def picture(self) -> Path:
+        """The final fog."""
+        return self.path / "fog.png"
+
+    @property
+    def static(self) -> Path:
+        """Static fields for the processes; gone when the run is over."""
+        return self.path / "static"
+
+    def log(self, name: str) -> Path:
+        """What a process printed."""
+        return self.path / "logs" / f"{name}.log"
+
+    def load(self) -> Scenario:
+        """The scenario, as every process of the run reads it."""
+        return load_scenario(self.scenario)
+
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        """Write summary.json."""
+        self.summary.write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
+
+    def discard(self) -> None:
+        """Take everything away again: the run could not begin."""
+        for entry in self.path.iterdir():
+            if entry.is_dir():
+                shutil.rmtree(entry, ignore_errors=True)
+            else:
+                entry.unlink(missing_ok=True)
+        if self.made:
+            self.path.rmdir()
+
+
+def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
+    """Make the folder of a new run: `out`, or ``runs/<name>-<time>``.
+
+    Raises BadInput when it is not empty or cannot be written to.
+    """
+    path = (out or _fresh(scenario.name, now)).absolute()
+    shown = f"--out {out}" if out else str(path)
+    folder = RunFolder(path, made=not path.exists())
+    try:
+        if path.is_dir() and any(path.iterdir()):
+            raise BadInput(f"{shown}: is not empty; choose a folder that is, or that does not exist yet")
+        (folder.path / "logs").mkdir(parents=True, exist_ok=True)
+        copied = _with_own_map(scenario, folder.path / "map")
+        folder.scenario.write_text(dump_scenario(copied), encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{shown}: cannot be written ({error.strerror}); choose another folder") from None
+    return folder
+
+
+def _fresh(name: str, now: datetime) -> Path:
+    """The default folder's name; two runs of one second get different ones."""
+    first = RUNS / f"{name}-{now:%Y%m%d-%H%M%S}"
+    path = first
+    number = 2
+    while path.exists():
+        path = first.with_name(f"{first.name}-{number}")
+        number += 1
+    return path
+
+
+def _with_own_map(scenario: Scenario, folder: Path) -> Scenario:
+    """The scenario with its map copied into `folder`, named relative to the scenario's file."""
+    if scenario.terrain.map is None:
+        return scenario
+    source = read_map_file(scenario.base / scenario.terrain.map)
+    folder.mkdir()
+    try:
+        shutil.copyfile(source.image, folder / source.image.name)
+    except OSError as error:
+        raise BadInput(f"{source.path}: image = {source.image}: cannot be read ({error.strerror})") from None
+    says = {
+        "image": source.image.name,
+        "resolution": source.resolution,
+        "origin": [*source.origin, 0.0],
+        "negate": int(source.negate),
+        "occupied_thresh": source.occupied_thresh,
+        "free_thresh": source.free_thresh,
+        "mode": source.mode,
+    }
+    name = source.path.name
+    (folder / name).write_text(yaml.safe_dump(says, sort_keys=False), encoding="utf-8")
+    terrain = scenario.terrain.model_copy(update={"map": f"{folder.name}/{name}"})
+    return scenario.model_copy(update={"terrain": terrain})
