@@ -1,0 +1,8 @@
+"""``python -m fogwatch``: the command."""
+
+import sys
+
+from fogwatch.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

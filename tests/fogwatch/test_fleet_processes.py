@@ -1,0 +1,229 @@
+"""Whole fleets as real processes over real Zenoh: what they do when everything is well, and when something dies."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import fogwatch
+from patrol.journal import Status, read_journal
+
+pytestmark = pytest.mark.processes
+
+COARSE = {"point": 0.5, "patrol": {"dilatation": 0.0}}
+OPEN: dict[str, Any] = {
+    "name": "small",
+    "terrain": {"builtin": "open"},
+    "duration": 100,
+    "robots": {"count": 3, "model": "holonomic"},
+    **COARSE,
+}
+PATIENCE_S = 60.0
+
+
+def until(what: Callable[[], bool], limit_s: float = PATIENCE_S) -> None:
+    """Wait for something to become true."""
+    end = time.monotonic() + limit_s
+    while not what():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.005)
+
+
+class Run:
+    """A ``fogwatch run`` as a process, its children found by what they were started with."""
+
+    def __init__(self, scenario: dict[str, Any], folder: Path, *arguments: str) -> None:
+        folder.mkdir()
+        self.file = folder / "given.yaml"
+        self.file.write_text(json.dumps(scenario), encoding="utf-8")
+        self.folder = folder / "run"
+        command = [sys.executable, "-P", "-m", "fogwatch", "run", str(self.file), "--out", str(self.folder), *arguments]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def children(self) -> dict[str, int]:
+        """Process ids by name."""
+        found = {}
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                words = (entry / "cmdline").read_bytes().decode().split("\0")
+                if "Z" in (entry / "stat").read_text().rpartition(")")[2].split()[0]:
+                    continue
+            except OSError:
+                continue
+            if "-m" not in words or (f"{self.folder}/scenario.yaml" not in words and "fogwatch.router" not in words):
+                continue
+            if "fogwatch.router" in words and self._parent(entry) != self.process.pid:
+                continue
+            name = words[words.index("--robot") + 1] if "--robot" in words else words[words.index("-m") + 1]
+            found[name] = int(entry.name)
+        return found
+
+    def _parent(self, entry: Path) -> int:
+        return int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+
+    def ticks(self) -> int:
+        """Ticks done so far."""
+        try:
+            return (self.folder / "ticks.csv").read_text(encoding="ascii").count("\n") - 1
+        except OSError:
+            return 0
+
+    def end(self) -> int:
+        """Wait for the end; the exit code."""
+        self.output, self.errors = self.process.communicate(timeout=PATIENCE_S)
+        return self.process.returncode
+
+    def summary(self) -> dict[str, Any]:
+        """What the run left."""
+        summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
+        return summary
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
+    """Starts runs, and ends them with everything that they have started."""
+    runs: list[Run] = []
+
+    def begin(scenario: dict[str, Any], *arguments: str) -> Run:
+        runs.append(Run(scenario, tmp_path / f"run-{len(runs)}", *arguments))
+        return runs[-1]
+
+    yield begin
+    for run in runs:
+        for pid in [*run.children().values(), *([run.process.pid] if run.process.poll() is None else [])]:
+            os.kill(pid, signal.SIGKILL)
+        run.process.communicate(timeout=PATIENCE_S)
+
+
+def in_process(scenario: dict[str, Any], folder: Path) -> str:
+    return fogwatch.run(scenario, out=folder).trace_hash
+
+
+MADE_MAP = "P2\n24 20\n255\n" + "\n".join(
+    " ".join("0" if x in (0, 23) or y in (0, 19) or (x == 12 and 4 < y < 15) else "254" for x in range(24))
+    for y in range(20)
+)
+
+
+@pytest.mark.parametrize("model", ["holonomic", "car"])
+@pytest.mark.parametrize("terrain", ["open", "yards", "made"])
+def test_a_run_is_the_same_as_processes_and_in_one(
+    model: str, terrain: str, start: Callable[..., Run], tmp_path: Path
+) -> None:
+    (tmp_path / "made.pgm").write_text(MADE_MAP, encoding="ascii")
+    (tmp_path / "made.yaml").write_text(
+        "image: made.pgm\nresolution: 1.0\norigin: [-3, 2, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n",
+        encoding="utf-8",
+    )
+    where = {"map": str(tmp_path / "made.yaml")} if terrain == "made" else {"builtin": terrain}
+    scenario = {**OPEN, "terrain": where, "duration": 30, "robots": {"count": 3, "model": model}}
+    run = start(scenario)
+    assert run.end() == 0, run.errors
+    assert run.summary()["trace_hash"] == in_process(scenario, tmp_path / "one")
+    assert run.summary()["verdict"]["valid"]
+    again = fogwatch.run(run.folder / "scenario.yaml", out=tmp_path / "again")
+    assert again.trace_hash == run.summary()["trace_hash"]
+
+
+def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Path) -> None:
+    run = start({**OPEN, "duration": 300})
+    until(lambda: run.ticks() > 20)
+    agent = run.children()["r2"]
+    os.kill(agent, signal.SIGSTOP)
+    before = run.ticks()
+    time.sleep(2.5)  # long enough for the world to repeat itself
+    assert run.ticks() <= before + 2
+    os.kill(agent, signal.SIGCONT)
+    assert run.end() == 0, run.errors
+    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": 300}, tmp_path / "one")
+
+
+def test_a_router_that_dies_is_started_again_and_nothing_changes(start: Callable[..., Run], tmp_path: Path) -> None:
+    run = start({**OPEN, "duration": 300})
+    until(lambda: run.ticks() > 20)
+    os.kill(run.children()["fogwatch.router"], signal.SIGKILL)
+    assert run.end() == 0, run.errors
+    assert "router was killed by SIGKILL" in run.errors
+    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": 300}, tmp_path / "one")
+
+
+def test_a_killed_agent_is_named_and_the_others_go_on(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 200})
+    until(lambda: run.ticks() > 20)
+    os.kill(run.children()["r2"], signal.SIGKILL)
+    assert run.end() == 1, run.errors
+    summary = run.summary()
+    assert summary["ticks"] == 400
+    assert summary["ended"] == "completed"
+    assert not summary["verdict"]["valid"]
+    failed = [check for check in summary["verdict"]["checks"] if not check["ok"]]
+    assert [check["name"] for check in failed] == ["nobody lost"]
+    assert "r2" in failed[0]["detail"]
+    assert summary["robots"]["r2"]["status"] == "lost"
+    assert summary["robots"]["r1"]["decisions"] == 400
+    statuses = [tick.robots[1].status for tick in read_journal(run.folder / "journal").ticks]
+    assert statuses[0] is Status.ALIVE
+    assert statuses[-1] is Status.LOST
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_ends_everything_and_can_be_read(number: signal.Signals, start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000})
+    until(lambda: run.ticks() > 20)
+    children = run.children()
+    assert len(children) == 5
+    run.process.send_signal(number)
+    assert run.end() == 130, run.errors
+    assert not run.children()
+    summary = run.summary()
+    assert summary["ended"] == "interrupted"
+    assert summary["ticks"] > 20
+    assert summary["exit_codes"] == dict.fromkeys(["router", "world", "r1", "r2", "r3"], 0)
+    journal = read_journal(run.folder / "journal")
+    assert journal.end is not None
+    assert not journal.truncated
+
+
+def test_nothing_outlives_a_killed_launcher(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000})
+    until(lambda: run.ticks() > 20)
+    os.kill(run.children()["r3"], signal.SIGSTOP)
+    run.process.kill()
+    run.process.wait()
+    until(lambda: not run.children(), limit_s=5.0)
+    assert sum(1 for _ in read_journal(run.folder / "journal").ticks) > 20
+
+
+def test_a_dead_world_ends_the_run_unjudged(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000})
+    until(lambda: run.ticks() > 20)
+    os.kill(run.children()["worldsim"], signal.SIGKILL)
+    assert run.end() == 3, run.errors
+    assert not run.children()
+    assert run.summary()["verdict"]["outcome"] == "unknown"
+
+
+def test_real_pace_waits_for_nobody_and_counts(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 60, "pace": 20, "watchdog": 1.0})
+    until(lambda: run.ticks() > 10)
+    agent = run.children()["r1"]
+    os.kill(agent, signal.SIGSTOP)
+    until(lambda: run.ticks() > 60)
+    os.kill(agent, signal.SIGCONT)
+    assert run.end() == 0, run.errors
+    summary = run.summary()
+    assert summary["ticks"] == 120
+    assert summary["realtime_factor"] == pytest.approx(20, rel=0.2)
+    assert summary["notes"]["late_commands"]["1"] >= 30
+    rows = [tick.robots[0] for tick in read_journal(run.folder / "journal").ticks]
+    assert any((row.c0, row.c1) == (0.0, 0.0) for row in rows[20:60]), "the watchdog did not stop it"
+    assert all(row.status is Status.ALIVE for row in rows)
