@@ -46,9 +46,7 @@ def squares(*points: tuple[int, int]) -> np.ndarray:
     return blocked
 
 
-terrains = st.lists(st.tuples(st.integers(0, 11), st.integers(0, 13)), max_size=12).map(
-    lambda ps: squares(*ps)
-)
+terrains = st.lists(st.tuples(st.integers(0, 11), st.integers(0, 13)), max_size=12).map(lambda ps: squares(*ps))
 xs = st.floats(-1.0, 6.0)
 ys = st.floats(2.0, 8.0)
 radii = st.floats(0.05, 1.0)
@@ -97,6 +95,23 @@ def test_an_arc_lies_on_its_circle(
     assert math.dist(centre, (end_x, end_y)) == pytest.approx(1.0 / curvature, rel=1e-9)
     assert -math.pi < turned <= math.pi
     assert math.cos(turned - heading - distance * signed) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("radius", [0.3, 0.9, 1.7])
+@pytest.mark.parametrize("outside", [True, False])
+@pytest.mark.parametrize("forwards", [True, False])
+def test_an_arc_passes_a_corner_that_is_a_radius_away(radius: float, outside: bool, forwards: bool) -> None:
+    # A quarter circle of 3.5 m round (0, 0); one square whose corner lies on the diagonal, beside the arc's middle.
+    ring = 3.5
+    for gap, passes in ((radius + 2 * sweep.SAGITTA, True), (radius - 2 * sweep.SAGITTA, False)):
+        corner = (ring + (gap if outside else -gap)) * math.sqrt(0.5)
+        row = 20 if outside else 19  # the square grows away from the arc
+        blocked = np.zeros((40, 40), dtype=np.uint8)
+        blocked[row, row] = 1
+        origin = corner - 20 * POINT
+        pose = (ring, 0.0, math.pi / 2 if forwards else -math.pi / 2)
+        way = (ring * math.pi / 2, 1 / ring) if forwards else (-ring * math.pi / 2, -1 / ring)
+        assert bool(sweep.free_arc(blocked, POINT, origin, origin, *pose, *way, radius)) == passes
 
 
 def test_a_straight_arc_is_a_line_and_bends_continuously() -> None:
