@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from patrol.journal import Status
@@ -60,6 +60,10 @@ places = st.builds(Pose, st.floats(-2, 6), st.floats(-1, 7), st.floats(-math.pi,
 walls = st.lists(st.tuples(st.integers(0, 15), st.integers(0, 15)), max_size=8)
 
 
+FOUND = (Phase.explicit, Phase.reuse, Phase.generate)
+"""A scene is shown as found: making one smaller takes longer than a test may."""
+
+
 @st.composite
 def scenes(draw: st.DrawFn) -> tuple[Terrain, list[Body]]:
     """A terrain with some obstacles and the bodies that fit out of eight, some of them dead."""
@@ -76,7 +80,7 @@ def scenes(draw: st.DrawFn) -> tuple[Terrain, list[Body]]:
     return terrain, bodies
 
 
-@settings(max_examples=150)
+@settings(max_examples=150, phases=FOUND)
 @given(scenes(), st.lists(st.lists(commands, min_size=8, max_size=8), min_size=1, max_size=3))
 def test_no_body_ever_enters_a_wall_or_another_body(
     scene: tuple[Terrain, list[Body]], orders: list[list[Command]]
@@ -98,7 +102,7 @@ def test_no_body_ever_enters_a_wall_or_another_body(
         assert not bodies or worst(terrain, [one.pose for one in bodies], radii) > -1e-8
 
 
-@settings(max_examples=100)
+@settings(max_examples=100, phases=FOUND)
 @given(scenes(), st.lists(commands, min_size=8, max_size=8), st.permutations(range(8)))
 def test_the_outcome_does_not_depend_on_the_order_of_the_bodies(
     scene: tuple[Terrain, list[Body]], order: list[Command], shuffle: list[int]
