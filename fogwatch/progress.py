@@ -1,0 +1,117 @@
+"""How far a sweep is: a bar with the time left on a terminal, one line a run elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from experiments.plan import Run
+from experiments.probe import seconds_per_run
+from experiments.results import Result
+from experiments.sweep import Outcome
+
+
+class SweepProgress:
+    """Shows a sweep's progress; an `experiments.sweep.Watcher`, and a context manager that clears its bar away."""
+
+    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic, foretell: bool = False) -> None:
+        """clock: in s, for the time left. foretell: try a few runs first, to say how long all will take."""
+        self._foretell = foretell
+        self._console = console
+        self._clock = clock
+        self._begun = 0.0
+        self._todo = self._there = self._made = 0
+        self._bar = Progress(
+            TextColumn("{task.description}", style="cyan"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+            console=console,
+            transient=True,
+        )
+        self._task = self._bar.add_task("runs", total=None, left="")
+
+    @property
+    def made(self) -> int:
+        """How many runs have been made."""
+        return self._made
+
+    @property
+    def total(self) -> int:
+        """How many runs there are in all."""
+        return self._there + self._todo
+
+    @property
+    def done(self) -> int:
+        """How many of them have a result."""
+        return self._there + self._made
+
+    def __enter__(self) -> Self:
+        if self._console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._bar.stop()
+
+    def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
+        """The runs still to be made, and the results that were there."""
+        self._todo, self._there = len(todo), len(done)
+        there = f", {self._there} are there already" if self._there else ""
+        self.say(f"{self._todo} runs to make{there}; {workers} at a time{self._forecast(todo, workers)}")
+        self._bar.update(self._task, total=self.total, completed=self.done)
+        self._begun = self._clock()
+
+    def result(self, result: Result) -> None:
+        """One more run is done."""
+        self._made += 1
+        left = self._left()
+        self._bar.update(self._task, completed=self.done, description=f"{result.case} seed {result.seed}", left=left)
+        if not result.ok:
+            self.say(f"{result.case} seed {result.seed} failed: {result.error}")
+        elif not self._console.is_terminal:
+            mfow = result.metrics.get("mfow_mean_s")
+            found = "" if mfow is None else f"mean MFoW {mfow:.1f} s, "
+            self.say(f"{self.done}/{self.total} {result.case} seed {result.seed}: {found}{result.wall_s:.1f} s; {left}")
+
+    def say(self, text: str) -> None:
+        """Print a line above the bar."""
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def _forecast(self, todo: list[Run], workers: int) -> str:
+        each = seconds_per_run(todo) if self._foretell else None
+        return "" if each is None else f", {duration(each)} each: about {duration(each * len(todo) / workers)}"
+
+    def _left(self) -> str:
+        spent = self._clock() - self._begun
+        return f"{duration(spent / self._made * (self._todo - self._made))} left"
+
+
+def duration(seconds: float) -> str:
+    """A time for people: 42 s, 7 min, 2 h 05 min."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def print_failures(console: Console, outcome: Outcome) -> None:
+    """The runs that failed, and what to make of results from other versions."""
+    if outcome.failed:
+        table = Table("case", "seed", "why", box=None, pad_edge=False, header_style="red", title="failed runs")
+        for run in outcome.failed:
+            table.add_row(run.case, str(run.seed), run.error)
+        console.print(table, highlight=False, markup=False)
+        console.print("start again to try them again", style="red")
+    if outcome.other_software:
+        versions = ", ".join(outcome.other_software)
+        console.print(
+            f"some results were made by fogwatch {versions}; choose a new --out to make them anew", style="red"
+        )
