@@ -27,6 +27,9 @@ FIRST_INCARNATION = 1
 ANYONE = 0
 """The instance in a message that is meant for whoever listens."""
 
+NO_RUN = 0
+"""The run in the answer of a robot that no world has greeted yet: it asks to be."""
+
 MAX_REPLY = 2048
 """Bytes of the longest message from a robot."""
 

@@ -115,7 +115,7 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
     mailbox: Mailbox[ToWorld | Presence] = Mailbox(accepted, decode_to_world, MAX_REPLY)
     posts = {number: link.post(keys.tick(name)) for number, name in names.items()}
     wire = Wire(keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(ending))
-    seats = Seats(wire, int.from_bytes(os.urandom(8), "big") >> 1, scenario_hash(scenario))
+    seats = Seats(wire, int.from_bytes(os.urandom(8), "big") >> 1 | 1, scenario_hash(scenario))
     link.subscribe(keys.reply("*"), mailbox)
     link.watch(keys.alive("*"), mailbox)
     link.live(keys.alive(WORLD))

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 from patrol.errors import BadInput
 from patrol.keys import FleetKeys
-from patrol.phases import ANYONE, PROTOCOL, Hello, HelloReply, ReplyA, ReplyB, Stop, ToRobot, ToWorld, encode
+from patrol.phases import ANYONE, NO_RUN, PROTOCOL, Hello, HelloReply, ReplyA, ReplyB, Stop, ToRobot, ToWorld, encode
 
 POLL_S = 0.1
 HELLO_S = 1.0
@@ -204,11 +204,13 @@ class Seats:
         return seat == _Seat(message.incarnation, message.instance) and number not in self._dismissed
 
     def _seat(self, number: int, message: HelloReply) -> None:
-        """Somebody answers a hello, or asks whether it still belongs to the run."""
+        """Somebody answers a hello, asks for one, or asks whether it still belongs to the run."""
         name = self._wire.names[number]
         seat = self._seats.get(number)
-        if message.run != self._run:
+        if message.run not in (self._run, NO_RUN):
             self._wire.mailbox.refused["stranger"] += 1
+        elif seat is None and message.run == NO_RUN:
+            self._greet(number)
         elif seat is None:
             self._check(name, message)
             self._seats[number] = _Seat(message.incarnation, message.instance)

@@ -21,6 +21,7 @@ from patrol.lifeline import Ending
 from patrol.link import Link, Mailbox, Post, Presence
 from patrol.phases import (
     ANYONE,
+    NO_RUN,
     Hello,
     HelloReply,
     PhaseA,
@@ -36,6 +37,9 @@ from patrol.phases import (
 
 SILENCE_S = 5.0
 """A robot that the world does not speak to for so long asks whether it is still part of the run."""
+
+UNGREETED_S = 1.0
+"""A robot that the world has not greeted asks for it."""
 
 _POLL_S = 0.2
 _BACKLOG = 256
@@ -54,7 +58,7 @@ class Identity:
 class SimRobot:
     """Robot and radio of one simulated robot (`agent.robots.Robot`, `agent.robots.Radio`).
 
-    patience_s: how long it does without a world before it leaves. waiting: called every `SILENCE_S` with the seconds
+    patience_s: how long it does without a world before it leaves. waiting: called about once a second with the seconds
     that it has waited for a world. Afterwards `farewell` says why it left and `orderly` whether that was in order.
     """
 
@@ -143,11 +147,11 @@ class SimRobot:
     def _receive(self) -> bool:
         """Wait for one message and take it in; False when it is time to leave."""
         while not self._ending and not self.farewell:
+            self._mind_the_silence()  # each time: messages that are not for us break no silence
             arrived = self._mailbox.get(_POLL_S)
             if arrived is not None:
                 self._take(arrived[1])
                 return not self.farewell
-            self._mind_the_silence()
         if not self.farewell:
             self.farewell = self._ending.reason
         return False
@@ -192,8 +196,8 @@ class SimRobot:
     def _say_hello(self) -> None:
         me = self._identity
         self._last_said = self._now()
-        assert self._run is not None
-        self._post(encode(HelloReply(me.incarnation, me.instance, max(self._k, 0), self._run, me.scenario)))
+        run = NO_RUN if self._run is None else self._run
+        self._post(encode(HelloReply(me.incarnation, me.instance, max(self._k, 0), run, me.scenario)))
 
     def _mind_the_silence(self) -> None:
         """Nothing has come for a while: ask whether we still belong to the run, or give up on a world that is gone."""
@@ -201,12 +205,12 @@ class SimRobot:
         silent_s = now - self._last_news
         if not self._world_present and silent_s > self._patience_s:
             self._leave(f"no world for {silent_s:.0f} s", orderly=False)
-        elif min(silent_s, now - self._last_said) > SILENCE_S:
-            if self._run is None:
+        elif min(silent_s, now - self._last_said) > (UNGREETED_S if self._run is None else SILENCE_S):
+            if self._world_present:
+                self._say_hello()
+            elif self._run is None:
                 self._last_said = now
                 self._waiting(silent_s)
-            elif self._world_present:
-                self._say_hello()
 
     def _leave(self, reason: str, *, orderly: bool) -> None:
         if not self.farewell:

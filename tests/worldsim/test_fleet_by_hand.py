@@ -1,0 +1,240 @@
+"""Router, world and agents started one by one, as on several hosts, and what strangers send to them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import fogwatch
+from patrol.journal import read_journal
+from patrol.keys import FleetKeys
+from patrol.link import open_link
+from patrol.phases import PhaseA, ReplyA, Stop, encode
+from patrol.pose import Pose
+
+pytestmark = pytest.mark.processes
+
+SCENARIO: dict[str, Any] = {
+    "name": "by-hand",
+    "terrain": {"builtin": "open"},
+    "point": 0.5,
+    "duration": 100,
+    "robots": [{"name": "anna", "model": "holonomic"}, {"name": "bert", "model": "car"}],
+    "patrol": {"dilatation": 0.0},
+}
+PATIENCE_S = 60.0
+
+
+class Hand:
+    """Starts the processes of one fleet and ends them."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.router = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.folder = folder
+        self.out = folder / "run"
+        self.scenario = folder / "scenario.yaml"
+        self.fleet = "by-hand-1"
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.write(SCENARIO)
+
+    def write(self, scenario: dict[str, Any]) -> None:
+        self.scenario.write_text(json.dumps(scenario), encoding="utf-8")
+
+    def start(self, name: str, module: str, *arguments: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-P", "-m", module, *arguments]
+        with self.log(name).open("ab") as output:
+            self.processes[name] = subprocess.Popen(command, stdout=output, stderr=output)
+        return self.processes[name]
+
+    def start_router(self) -> None:
+        self.start("router", "fogwatch.router", "--listen", self.router)
+
+    def start_world(self, *arguments: str) -> None:
+        self.start("world", "worldsim", *self.common(), "--out", str(self.out), *arguments)
+
+    def start_agent(self, robot: str, *arguments: str, name: str = "") -> None:
+        self.start(name or robot, "agent", *self.common(), "--robot", robot, *arguments)
+
+    def common(self) -> list[str]:
+        return ["--router", self.router, "--fleet", self.fleet, "--scenario", str(self.scenario)]
+
+    def log(self, name: str) -> Path:
+        return self.folder / f"{name}.log"
+
+    def said(self, name: str) -> str:
+        return self.log(name).read_text(encoding="utf-8") if self.log(name).exists() else ""
+
+    def ticks(self) -> int:
+        table = self.out / "ticks.csv"
+        return table.read_text(encoding="ascii").count("\n") - 1 if table.exists() else 0
+
+    def code(self, name: str) -> int:
+        return self.processes[name].wait(PATIENCE_S)
+
+    def until(self, what: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while not what():
+            assert time.monotonic() < end, {name: self.said(name) for name in self.processes}
+            time.sleep(0.005)
+
+
+@pytest.fixture
+def hand(tmp_path: Path) -> Iterator[Hand]:
+    hand = Hand(tmp_path)
+    yield hand
+    for process in hand.processes.values():
+        process.kill()
+        process.wait(PATIENCE_S)
+
+
+def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> None:
+    hand.start_world()
+    hand.start_agent("bert")
+    hand.start_router()
+    hand.start_agent("anna")
+    assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0]
+    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["verdict"]["valid"]
+    assert summary["trace_hash"] == fogwatch.run(SCENARIO, out=tmp_path / "one").trace_hash
+    hand.processes["router"].terminate()
+    assert hand.code("router") == 0
+
+
+def test_an_agent_that_is_paused_too_long_is_left_out_and_leaves(hand: Hand) -> None:
+    hand.write({**SCENARIO, "duration": 400})
+    hand.start_router()
+    hand.start_world("--deadline", "1")
+    for robot in ("anna", "bert"):
+        hand.start_agent(robot)
+    hand.until(lambda: hand.ticks() > 20)
+    hand.processes["anna"].send_signal(signal.SIGSTOP)
+    paused = hand.ticks()
+    hand.until(lambda: hand.ticks() > paused + 10)
+    hand.processes["anna"].send_signal(signal.SIGCONT)
+    assert hand.code("anna") == 1
+    assert "left out: no answer in phase" in hand.said("anna")
+    assert hand.code("world") == 1
+    assert hand.code("bert") == 0
+    assert hand.ticks() == 800
+    assert "anna lost" in hand.said("world")
+
+
+def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Path) -> None:
+    scenario = {**SCENARIO, "duration": 300}
+    hand.write(scenario)
+    hand.start_router()
+    hand.start_world()
+    for robot in ("anna", "bert"):
+        hand.start_agent(robot)
+    hand.until(lambda: hand.ticks() > 10)
+    keys = FleetKeys(hand.fleet)
+    link = open_link(hand.router, PATIENCE_S)
+    head = (1, 12345, 7)
+    hostile = [
+        b"",
+        b"junk",
+        os.urandom(60),
+        bytes(100_000),
+        b"\xdd\xff\xff\xff\xff",
+        encode(ReplyA(*head, b"frame")),
+        encode(PhaseA(*head, Pose(0.0, 0.0, 0.0), bumped=False)),
+        encode(Stop(*head, orderly=True, reason="go home")),
+    ]
+    names = ("anna", "bert", "nobody")
+    targets = [make(name) for name in names for make in (keys.tick, keys.reply, keys.telemetry, keys.position)]
+    targets += [keys.truth("metrics"), keys.truth("events"), keys.control("stop"), f"{keys.alive('nobody')}"]
+    posts = [link.post(target) for target in targets]
+    for _ in range(30):
+        for post in posts:
+            for payload in hostile:
+                post(payload)
+    link.live(keys.alive("nobody"))
+    flood = link.show(keys.reply("anna"))
+    for _ in range(20_000):
+        flood(b"junk")
+    link.close()
+    assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0], hand.said("world")
+    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one").trace_hash
+    end = read_journal(hand.out / "journal").end
+    assert end is not None
+    refused = end.notes["refused"]
+    assert refused["malformed"] >= 2 * 30 * 3
+    assert refused["oversized"] >= 2 * 30
+    assert refused["stranger"] >= 2 * 30
+    assert refused["unknown"] >= 30
+    assert summary["robots"]["anna"]["rejected"] >= 30 * 6
+
+
+def test_a_second_process_for_a_robot_is_turned_away(hand: Hand) -> None:
+    hand.write({**SCENARIO, "duration": 1000})
+    hand.start_router()
+    hand.start_world()
+    for robot in ("anna", "bert"):
+        hand.start_agent(robot)
+    hand.until(lambda: hand.ticks() > 10)
+    hand.start_agent("anna", name="impostor")
+    assert hand.code("impostor") == 1
+    assert "another process is anna already" in hand.said("impostor")
+    assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0]
+
+
+def test_another_scenario_is_refused(hand: Hand) -> None:
+    hand.start_router()
+    hand.start_world()
+    hand.start_agent("anna")
+    hand.until(lambda: "waiting for bert" in hand.said("world"))
+    hand.write({**SCENARIO, "seed": 8})
+    hand.start_agent("bert")
+    assert hand.code("world") == 2
+    assert "bert was started with another scenario" in hand.said("world")
+
+
+def test_without_a_router_or_a_world_people_are_told(hand: Hand) -> None:
+    hand.start_agent("anna", "--wait", "2")
+    hand.start_world("--wait", "2")
+    assert hand.code("anna") == 2
+    assert hand.code("world") == 2
+    for name in ("anna", "world"):
+        assert "waiting for a router at" in hand.said(name)
+        assert "start one with: python -m fogwatch.router --listen" in hand.said(name)
+    hand.start_router()
+    hand.start_agent("bert", "--wait", "6")
+    hand.start("alone", "worldsim", *hand.common(), "--out", str(hand.folder / "other"), "--wait", "6")
+    hand.fleet = "another-fleet"
+    hand.start_agent("anna", "--wait", "6", name="lonely")
+    assert hand.code("alone") == 3
+    assert "nobody came for anna" in hand.said("alone")
+    assert hand.code("lonely") == 1
+    assert "waiting for the world of fleet another-fleet" in hand.said("lonely")
+
+
+def test_what_cannot_be_started_is_said_in_one_line(hand: Hand) -> None:
+    hand.start("unknown", "agent", *hand.common(), "--robot", "carl")
+    hand.start("address", "agent", "--router", "here", *hand.common()[2:], "--robot", "anna")
+    hand.start("fleet", "worldsim", *hand.common()[:2], "--fleet", "a/*", *hand.common()[4:], "--out", str(hand.out))
+    hand.start("static", "agent", *hand.common(), "--robot", "anna", "--static", "none", "--wait", "0.1")
+    hand.start("taken", "worldsim", *hand.common(), "--out", str(hand.scenario))
+    for name in ("unknown", "address", "fleet", "static", "taken"):
+        assert hand.code(name) == 2
+        assert hand.said(name).count("\n") == 1, hand.said(name)
+
+
+def test_a_busy_port_is_said_in_one_line(hand: Hand) -> None:
+    hand.start_router()
+    hand.until(lambda: "router ready" in hand.said("router"))
+    hand.start("second", "fogwatch.router", "--listen", hand.router)
+    assert hand.code("second") == 2
+    assert hand.said("second") == f"fogwatch router: {hand.router}: the port is busy; choose another\n"
