@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 import logging
 from collections.abc import Iterator, Sequence
@@ -33,8 +34,10 @@ class ClusterCrew:
         dask = _distributed()
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it logs tracebacks of connections that end
         try:
+            # A client that finds nobody keeps trying while it is taken down, so see first whether anybody answers.
+            asyncio.run(_knock(self._address, self._patience_s))
             self._client = dask.Client(self._address, timeout=self._patience_s, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
+        except Exception as error:  # noqa: BLE001 - whatever answers there may not be Dask
             why = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise BadInput(
                 f"--cluster = {self._address}: cannot be reached ({why}); give the address of a running Dask "
@@ -55,7 +58,7 @@ class ClusterCrew:
         """The answer to every task, as they come. BadInput when the cluster is lost; what is answered stays."""
         futures = [self._client.submit(run_task, task, pure=False) for task in tasks]
         given = {future.key: task for future, task in zip(futures, tasks, strict=True)}
-        for future in _distributed().as_completed(futures):
+        for future in _distributed().as_completed(futures, loop=self._client.loop):
             task = given[future.key]
             if future.status in ("cancelled", "lost"):
                 raise BadInput(
@@ -91,6 +94,12 @@ class ClusterCrew:
                     "install the same on both"
                 )
         self.size = sum(client.nthreads().values())
+
+
+async def _knock(address: str, patience_s: float) -> None:
+    """See whether a Dask scheduler, or anything that greets like one, answers at an address."""
+    answering = await importlib.import_module("distributed.comm").connect(address, timeout=patience_s)
+    await answering.close()
 
 
 def _distributed() -> Any:
