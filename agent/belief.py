@@ -15,6 +15,7 @@ from patrol.footprint import Footprint
 from patrol.inbox import Inbox
 from patrol.message import Position
 from patrol.pose import Pose
+from patrol.terrain import Terrain
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,17 +33,18 @@ class Belief:
     dilated: int32 (h, w), the tick at which each point was last seen, made worse by dilatation; without any, the
     fog's own.
 
-    Staleness spreads over the points on which this robot can stand, and from them only: what it sees through a gap too
-    narrow for it must pull it to the one place that sees it, not to wherever the gap is near.
+    Staleness spreads through passable points and never through a wall.
     """
 
-    def __init__(self, fields: StaticFields, footprint: Footprint, inbox: Inbox, dilatation: int) -> None:
+    def __init__(
+        self, terrain: Terrain, fields: StaticFields, footprint: Footprint, inbox: Inbox, dilatation: int
+    ) -> None:
         """dilatation: half-width of the window, points; 0 for none."""
         self.fog = Fog(fields.patrolled)
         self.inbox = inbox
         self.peers: dict[int, Peer] = {}
         self._footprint = footprint
-        self._standable = np.ascontiguousarray(fields.reach).view(np.uint8)
+        self._passable = np.ascontiguousarray(terrain.passable).view(np.uint8)
         self._dilatation = dilatation
         self.dilated = self.fog.last_seen
         if dilatation > 0:
@@ -92,8 +94,8 @@ class Belief:
         """Dilate anew wherever a point of ``box`` is within the window."""
         dilate(
             self.fog.last_seen,
-            self._standable,
-            self._standable,
+            self.fog.patrolled,
+            self._passable,
             self.dilated,
             box[0] - self._dilatation,
             box[1] + self._dilatation,

@@ -20,10 +20,10 @@ def sector_table(sectors: int, reach: int) -> NDArray[np.uint16]:
     return table
 
 
-def sectors_by_force(sums: NDArray[np.float64]) -> list[tuple[int, float]]:
-    """Mode: the sectors that exert force and their bisectors (rad), strongest first (of equals the lowest sector)."""
+def bearings_by_force(sums: NDArray[np.float64]) -> list[float]:
+    """Mode: the bisectors of the sectors that exert force, rad, strongest first (of equals the lowest sector)."""
     order = np.argsort(-sums, kind="stable")
-    return [(int(sector), wrap(int(sector) * TAU / sums.size)) for sector in order if sums[sector] > 0.0]
+    return [wrap(int(sector) * TAU / sums.size) for sector in order if sums[sector] > 0.0]
 
 
 def bearings_by_vector(x: float, y: float, turns: int) -> list[float]:

@@ -15,18 +15,18 @@ from patrol.scenario import PatrolSpec
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where a direction leads. goal, refined: (x, y) in m. arrives: whether the goal is the very place that pulls."""
+    """Where to go. goal, refined: (x, y) in m, before and after refinement."""
 
     goal: tuple[float, float]
     refined: tuple[float, float]
-    arrives: bool
 
 
 class GoalFinder:
     """The goal along a direction: the last free point of the ray up to the goal distance, then the refinement.
 
     Refinement takes the point with the lowest psi in a square around the goal, among those that a straight line reaches
-    both from the goal and from the robot: neither leg may cross a wall.
+    both from the goal and from the robot, for neither leg may cross a wall, and that lie roughly in the chosen
+    direction.
     """
 
     def __init__(self, patrol: PatrolSpec, ground: Ground, psi: NDArray[np.float32] | None) -> None:
@@ -37,18 +37,6 @@ class GoalFinder:
         self._distance = patrol.goal_distance / self._point
         self._side = round(0.5 * patrol.refine_side / self._point)
 
-    def towards(self, bearing: float, row: int, col: int, near: tuple[int, int] | None) -> Goal:
-        """The goal of a robot that can stop anywhere: as `along`, but not past what pulls it.
-
-        Where the strongest pull comes from an open element ``near`` of the ground, in sight and nearer than the goal,
-        the goal is that element. A place that alone sees a far corner is so reached to the point, and not passed at
-        5.5 m.
-        """
-        if near is not None and math.hypot(near[0] - row, near[1] - col) <= self._distance:
-            place = self._ground.centre(*near)
-            return Goal(place, place, arrives=True)
-        return self.along(bearing, row, col)
-
     def along(self, bearing: float, row: int, col: int) -> Goal:
         """The goal in direction ``bearing`` (rad) for a robot on the open element (row, col) of the ground."""
         state = self._ground.state
@@ -57,7 +45,7 @@ class GoalFinder:
         goal_row, goal_col = math.floor(row + 0.5 + run * up), math.floor(col + 0.5 + run * across)
         goal = self._ground.centre(goal_row, goal_col)
         if self._psi is None:
-            return Goal(goal, goal, arrives=False)
-        best = refine(state, self._psi, goal_row, goal_col, row + 0.5, col + 0.5, self._side)
+            return Goal(goal, goal)
+        best = refine(state, self._psi, goal_row, goal_col, row + 0.5, col + 0.5, up, across, self._side)
         refined = self._ground.centre(*divmod(int(best), state.shape[1]))
-        return Goal(goal, refined, arrives=False)
+        return Goal(goal, refined)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.wave import HEMMED, OPEN
+from agent.kernels.wave import BLOCKED, HEMMED, OPEN
 from patrol.fields import anchor
 from patrol.terrain import Terrain
 
@@ -25,29 +25,24 @@ class Ground:
 
     def __init__(self, terrain: Terrain, reach: NDArray[np.bool_]) -> None:
         self.terrain = terrain
-        self._reach = reach
-        self._is_open = reach
-        self.state = _encode(reach)
+        self._reach: NDArray[np.bool_] = np.pad(reach, 1)
+        self._is_open: NDArray[np.bool_] = self._reach.copy()
+        self.state: NDArray[np.uint8] = np.zeros(self._reach.shape, dtype=np.uint8)
+        self._encode((0, self.state.shape[0], 0, self.state.shape[1]))
         self._discs: tuple[Disc, ...] = ()
 
     def obstruct(self, discs: Sequence[Disc]) -> None:
         """Block the points whose centres lie within these discs, and no others besides the terrain's own."""
         if tuple(discs) == self._discs:
             return
-        self._discs = tuple(discs)
-        is_open = self._reach.copy()
-        point = self.terrain.point
-        ox, oy = self.terrain.origin
-        for x, y, radius in discs:
-            row, col = (y - oy) / point, (x - ox) / point
-            half = math.ceil(radius / point) + 1
-            top, left = max(0, math.floor(row) - half), max(0, math.floor(col) - half)
-            box = is_open[top : math.floor(row) + half + 1, left : math.floor(col) + half + 1]
-            up = np.arange(top, top + box.shape[0]) + 0.5 - row
-            across = np.arange(left, left + box.shape[1]) + 0.5 - col
-            box &= up[:, None] ** 2 + across[None, :] ** 2 >= (radius / point) ** 2
-        self._is_open = is_open
-        self.state = _encode(is_open)
+        before, self._discs = self._discs, tuple(discs)
+        boxes = [self._box(disc) for disc in (*before, *self._discs)]
+        for top, bottom, left, right in boxes:
+            self._is_open[top:bottom, left:right] = self._reach[top:bottom, left:right]
+        for disc in self._discs:
+            self._block(disc)
+        for box in boxes:
+            self._encode(box)
 
     def join(self, x: float, y: float) -> tuple[int, int] | None:
         """The open element (row, col) of `state` through which a body at (x, y) in m joins the reachable points.
@@ -55,24 +50,44 @@ class Ground:
         Its own point, or where that is not open one next to it that a straight line leads to; None if there is none.
         """
         row, col = self.terrain.point_at(x, y)
-        if self.terrain.inside(row, col) and self._is_open[row, col]:
+        if self.terrain.inside(row, col) and self._is_open[row + 1, col + 1]:
             return row + 1, col + 1
-        beside = anchor(self.terrain, self._is_open, x, y)
+        beside = anchor(self.terrain, self._is_open[1:-1, 1:-1], x, y)
         return None if beside is None else (beside[0] + 1, beside[1] + 1)
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """(x, y) in m of the centre of element (row, col) of `state`."""
         return self.terrain.centre(row - 1, col - 1)
 
+    def _place(self, disc: Disc) -> tuple[float, float, float]:
+        """A disc's row, column and radius in points of `state`."""
+        x, y, radius = disc
+        ox, oy = self.terrain.origin
+        point = self.terrain.point
+        return (y - oy) / point + 1.0, (x - ox) / point + 1.0, radius / point
 
-def _encode(is_open: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The wave's encoding of a grid, framed; points beyond the grid's edge count as blocked."""
-    framed = np.pad(is_open, 1)
-    rows, cols = is_open.shape
-    surrounded = np.ones_like(is_open)
-    for up in range(3):
-        for across in range(3):
-            surrounded &= framed[up : up + rows, across : across + cols]
-    state = framed * np.uint8(OPEN)
-    state[1:-1, 1:-1][is_open & ~surrounded] |= HEMMED
-    return state
+    def _box(self, disc: Disc) -> tuple[int, int, int, int]:
+        """The rows and columns, each from and to before, that hold a disc."""
+        row, col, radius = self._place(disc)
+        rows, cols = self.state.shape
+        top, left = max(0, math.floor(row - radius)), max(0, math.floor(col - radius))
+        return top, min(rows, math.ceil(row + radius) + 1), left, min(cols, math.ceil(col + radius) + 1)
+
+    def _block(self, disc: Disc) -> None:
+        row, col, radius = self._place(disc)
+        top, bottom, left, right = self._box(disc)
+        up = np.arange(top, bottom) + 0.5 - row
+        across = np.arange(left, right) + 0.5 - col
+        self._is_open[top:bottom, left:right] &= up[:, None] ** 2 + across[None, :] ** 2 >= radius**2
+
+    def _encode(self, box: tuple[int, int, int, int]) -> None:
+        """Bring `state` up to date in a box and one point around it; the frame stays blocked."""
+        rows, cols = self.state.shape
+        top, bottom = max(1, box[0] - 1), min(rows - 1, box[1] + 1)
+        left, right = max(1, box[2] - 1), min(cols - 1, box[3] + 1)
+        is_open = self._is_open[top:bottom, left:right]
+        surrounded = is_open.copy()
+        for up in (-1, 0, 1):
+            for across in (-1, 0, 1):
+                surrounded &= self._is_open[top + up : bottom + up, left + across : right + across]
+        self.state[top:bottom, left:right] = np.where(surrounded, OPEN, np.where(is_open, OPEN | HEMMED, BLOCKED))

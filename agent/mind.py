@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from agent.belief import Belief
 from agent.decision import Decision, State
-from agent.direction import bearings_by_vector, sectors_by_force
+from agent.direction import bearings_by_force, bearings_by_vector
 from agent.field import Field, Pull
+from agent.giveway import GiveWay
 from agent.goal import Goal, GoalFinder
 from agent.ground import Ground
 from agent.paths.window import Window
@@ -37,6 +38,10 @@ BLOCKED_SHARE = 0.1
 
 CLEAR_SHARE = 0.5
 """A direction in which a holonomic robot can make at least this share of a step is good enough to take."""
+
+
+BARELY = 1e-3
+"""A move shorter than this is none, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,15 +86,18 @@ class Mind:
         inbox = Inbox(setup.number, self._radii, terrain.bounds, fastest, setup.key, scenario.step)
         footprint = setup.footprint or sensor_footprint(scenario, terrain)
         dilatation = round(scenario.patrol.dilatation / scenario.point)
-        self.belief = Belief(setup.fields, footprint, inbox, dilatation)
+        self.belief = Belief(terrain, setup.fields, footprint, inbox, dilatation)
         self._ground = Ground(terrain, setup.fields.reach)
-        self._field = Field(scenario.patrol, setup.fields, scenario.point, scenario.sensor.range, setup.scratch)
+        self._field = Field(scenario.patrol, setup.fields, scenario.point, setup.scratch)
         refined = scenario.patrol.avoidance == "goal-refinement"
         if refined and setup.psi is None:
             raise ValueError("goal refinement needs psi")
         self._goals = GoalFinder(scenario.patrol, self._ground, setup.psi if refined else None)
         self._holonomic = HolonomicSteering(self.spec, terrain, scenario.step)
         self._car = CarSteering(self.spec, terrain, scenario.step)
+        gives_way = scenario.patrol.give_way and self.spec.model == "holonomic"
+        identity = (scenario.seed, setup.number, setup.incarnation)
+        self._give_way = GiveWay(*identity, self._radii) if gives_way else None
         self._unstuck = Unstuck(self._car, self.spec.speed)
 
     def frame(self, k: int, pose: Pose) -> bytes:
@@ -109,10 +117,14 @@ class Mind:
         as_heard = Position.of(self.spec.number, k, k * self._step, pose).pose
         self.belief.update(k, as_heard, heard, self._step)
         silent = self.belief.silent(k, self._patience, self._radii, self._margin)
-        self._ground.obstruct([disc for disc in silent if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]])
+        obstacles = [disc for disc in silent if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]]
+        if self._give_way is not None:
+            self._give_way.update(k, pose, bumped, self.belief.peers, 2.0 * self._holonomic.stride)
+            obstacles += self._give_way.discs(k, pose, self.belief.peers, self._setup.scenario.point)
+        self._ground.obstruct(obstacles)
         start = self._ground.join(pose.x, pose.y)
         mfow = self.belief.fog.mfow(k)
-        pull = Pull(np.zeros(0), ())
+        pull = Pull(np.zeros(0), None)
         if start is not None:
             pull = self._field.pull(self._ground, *start, self.belief.fog.last_seen, self.belief.dilated, k, mfow)
         if self.spec.model == "holonomic":
@@ -131,16 +143,12 @@ class Mind:
             rejected=self.belief.inbox.rejected,
         )
 
-    def _directions(self, pull: Pull) -> list[tuple[int, float]]:
-        """The directions to try, best first, as sector (0 for the vector method) and bearing (rad)."""
+    def _directions(self, pull: Pull) -> list[float]:
+        """The bearings to try, rad, best first."""
         patrol = self._setup.scenario.patrol
-        if not pull.near:
-            return []
-        if patrol.direction == "vector":
-            return [
-                (0, bearing) for bearing in bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), patrol.sectors)
-            ]
-        return sectors_by_force(pull.sums)
+        if patrol.direction == "vector" and pull.sums.size:
+            return bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), patrol.sectors)
+        return bearings_by_force(pull.sums)
 
     def _go(
         self, k: int, pose: Pose, start: tuple[int, int] | None, pull: Pull
@@ -153,25 +161,33 @@ class Mind:
         directions = self._directions(pull)
         if start is None or not directions:
             return Velocity(0.0, 0.0), State.HOLDING, None, None
+        centre = self._ground.centre(*start)
+        if pull.near is not None:
+            place = self._ground.centre(*pull.near)
+            velocity, way = self._holonomic.towards(pose, place)
+            if way < CLEAR_SHARE * min(self._holonomic.stride, math.dist((pose.x, pose.y), place)):
+                # Free from the centre of its own point, but not quite from where the robot stands on it.
+                velocity, way = self._holonomic.towards(pose, centre)
+            if way > BARELY:
+                return velocity, State.PATROLLING, directions[0], Goal(place, place)
         best: tuple[Velocity, float, float, Goal] | None = None
-        for sector, bearing in directions:
-            goal = self._goals.towards(bearing, *start, pull.near[sector])
+        for bearing in directions:
+            goal = self._goals.along(bearing, *start)
             velocity, way = self._holonomic.towards(pose, goal.refined)
             if best is None or way > best[1]:
                 best = velocity, way, bearing, goal
-            if way >= CLEAR_SHARE * self._holonomic.stride or (goal.arrives and way > 0.0):
-                best = velocity, way, bearing, goal
+            if way >= CLEAR_SHARE * self._holonomic.stride:
                 break
         assert best is not None
         velocity, way, bearing, goal = best
-        blocked = way < BLOCKED_SHARE * self._holonomic.stride and not goal.arrives
+        blocked = way < BLOCKED_SHARE * self._holonomic.stride
         return velocity, State.DEAD_END if blocked else State.PATROLLING, bearing, goal
 
     def _drive(
         self, k: int, pose: Pose, start: tuple[int, int] | None, pull: Pull, bumped: bool
     ) -> tuple[Command, State, float | None, Goal | None]:
         """A car's choice: towards the goal, or whatever leads out of a dead end."""
-        bearing = next((bearing for _, bearing in self._directions(pull)), None)
+        bearing = next(iter(self._directions(pull)), None)
         goal = None if start is None or bearing is None else self._goals.along(bearing, *start)
         if self._unstuck.active:
             drive = self._unstuck.step(k, pose, bumped)

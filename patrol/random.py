@@ -25,6 +25,7 @@ class Purpose(IntEnum):
     START = 1
     RANDOM_MOVE = 2
     ETHER = 3
+    GIVE_WAY = 4
 
 
 def mix(*values: SupportsIndex) -> int:

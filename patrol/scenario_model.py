@@ -147,6 +147,7 @@ class PatrolSpec(Section):
     avoidance: Literal["none", "goal-refinement"] = Field("goal-refinement", description="none | goal-refinement")
     separation: Literal["none"] = Field("none", description="how robots keep apart beyond sharing positions")
     random_move: Probability = Field(0.1, description="probability of a random step (holonomic robots only)")
+    give_way: Flag = Field(True, description="of two holonomic robots that bumped, one goes round the other")
     goal_distance: Positive = Field(5.5, description="m, from the robot to its goal")
     refine_side: Positive = Field(2.0, description="m, side of the square in which the goal is refined")
     refine_reach: Positive = Field(10.0, description="m, reach of the obstacle field psi that refines the goal")

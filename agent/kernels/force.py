@@ -46,8 +46,8 @@ def gather(
     pull: float64, f by age in ticks. decay: float64, g by length in hundredths of a point.
     sector: uint16 (2 m + 1, same), the sector of a bearing by its offset in rows and columns plus m.
     sums: float64, the sum of moduli in each sector; with ``as_vector`` the vector sum's x and y and the sum of moduli.
-    strongest: float64 (sectors,), or (1,) with ``as_vector``: the largest single force met so far. source: int64, same
-    size: the window's flat index of the point to stand on for it.
+    strongest: float64 (1,), the largest single force met so far. source: int64 (1,), the window's flat index of the
+    point to stand on for it.
     """
     rows, cols = state.shape
     middle = sector.shape[0] // 2
@@ -68,18 +68,16 @@ def gather(
             if turn != row * cols + col:
                 up = turn // cols - start_row
                 across = turn % cols - start_col
-            side = 0
             if as_vector:
                 scale = force / math.sqrt(up * up + across * across)
                 sums[0] += scale * across
                 sums[1] += scale * up
                 sums[2] += force
             else:
-                side = sector[middle + up, middle + across]
-                sums[side] += force
-            if force > strongest[side]:
-                strongest[side] = force
-                source[side] = row * cols + col
+                sums[sector[middle + up, middle + across]] += force
+            if force > strongest[0]:
+                strongest[0] = force
+                source[0] = row * cols + col
 
 
 @njit(
@@ -110,7 +108,7 @@ def gather_from_posts(
         col = posts[index, 3] - col0
         if row < 0 or row >= rows or col < 0 or col >= cols or state[row, col] & 3 != 3:
             continue
-        far = length[row, col] + posts[index, 4]
+        far = length[row, col]
         if far <= first or far > last:
             continue
         when = seen[posts[index, 0], posts[index, 1]]
@@ -118,24 +116,18 @@ def gather_from_posts(
             continue
         force = pull[tick - max(when, 0)] * decay[far]
         turn = bend[row, col]
-        if row == start_row and col == start_col:
-            up = posts[index, 0] - row0 - row
-            across = posts[index, 1] - col0 - col
-        else:
-            up = turn // cols - start_row
-            across = turn % cols - start_col
-        side = 0
+        up = turn // cols - start_row
+        across = turn % cols - start_col
         if as_vector:
             scale = force / math.sqrt(up * up + across * across)
             sums[0] += scale * across
             sums[1] += scale * up
             sums[2] += force
         else:
-            side = sector[middle + up, middle + across]
-            sums[side] += force
-        if force > strongest[side]:
-            strongest[side] = force
-            source[side] = row * cols + col
+            sums[sector[middle + up, middle + across]] += force
+        if force > strongest[0]:
+            strongest[0] = force
+            source[0] = row * cols + col
 
 
 # fmt: on

@@ -44,14 +44,15 @@ def _reaches(state, row, col, to_row, to_col):
     return True
 
 
-@njit(int64(STATE, PSI, int64, int64, float64, float64, int64), cache=True, nogil=True)
-def refine(state, psi, goal_row, goal_col, from_row, from_col, side):
+@njit(int64(STATE, PSI, int64, int64, float64, float64, float64, float64, int64), cache=True, nogil=True)
+def refine(state, psi, goal_row, goal_col, from_row, from_col, up, across, side):
     """The flat index of the point with the lowest psi within ``side`` rows and columns of the goal (paper, psi).
 
     Only open points are taken that a straight line from the goal and one from the robot at (from_row, from_col), in
-    points, both reach. Of several as good the one nearest the goal is taken, of those the first row by row.
-    state: uint8 (h + 2, w + 2), blocked frame, 0 in the low bits is blocked; rows and columns count from its corner.
-    psi: float32 (h, w), without the frame.
+    points, both reach, and whose bearing from the robot is within 45 degrees of its direction, the unit vector (up,
+    across): near a wall the square would otherwise turn it round. Of several as good the one nearest the goal is
+    taken, of those the first row by row. state: uint8 (h + 2, w + 2), blocked frame, 0 in the low bits is blocked;
+    rows and columns count from its corner. psi: float32 (h, w), without the frame.
     """
     rows, cols = state.shape
     best_row, best_col = goal_row, goal_col
@@ -64,6 +65,10 @@ def refine(state, psi, goal_row, goal_col, from_row, from_col, side):
             value = psi[row - 1, col - 1]
             gap = (row - goal_row) * (row - goal_row) + (col - goal_col) * (col - goal_col)
             if value > best or (value == best and gap >= nearest):
+                continue
+            ahead_row, ahead_col = row + 0.5 - from_row, col + 0.5 - from_col
+            ahead = ahead_row * up + ahead_col * across
+            if 2.0 * ahead * abs(ahead) < ahead_row * ahead_row + ahead_col * ahead_col:
                 continue
             if not _reaches(state, goal_row + 0.5, goal_col + 0.5, row + 0.5, col + 0.5):
                 continue

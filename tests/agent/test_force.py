@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.direction import bearings_by_vector, sector_table, sectors_by_force
+from agent.direction import bearings_by_force, bearings_by_vector, sector_table
 from agent.field import Field, Pull
 from agent.force import ForceLaw, distance_force, fow_force
 from agent.ground import Ground
@@ -81,7 +81,7 @@ def room(seed: int, height: int, width: int, density: float) -> tuple[Terrain, S
 def pull_of(patrol: PatrolSpec, seed: int, density: float = 0.1) -> Pull:
     terrain, fields, ground, start = room(seed, 60, 70, density)
     seen = np.random.default_rng(seed + 1).integers(0, 200, terrain.shape).astype(np.int32)
-    field = Field(patrol, fields, terrain.point, 10.0, {})
+    field = Field(patrol, fields, terrain.point, {})
     return field.pull(ground, *start, seen, seen, 200, 200 - int(seen[fields.patrolled].min()))
 
 
@@ -94,7 +94,7 @@ def test_leaving_out_what_lies_beyond_the_horizon_changes_no_decision(seed: int,
     scale = whole.sums[2] if direction == "vector" else whole.sums.sum()
     assert np.allclose(cut.sums, whole.sums, rtol=0.0, atol=1e-12 * scale)
     if direction == "mode":
-        assert sectors_by_force(cut.sums)[:1] == sectors_by_force(whole.sums)[:1]
+        assert bearings_by_force(cut.sums)[:1] == bearings_by_force(whole.sums)[:1]
 
 
 def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
@@ -114,15 +114,15 @@ def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
         expected[sector] += force
         if force > strongest:
             strongest, place = force, (r, c)
-    pull = Field(PatrolSpec(), fields, 0.5, 10.0, {}).pull(ground, *start, seen, seen, 100, mfow)
+    pull = Field(PatrolSpec(), fields, 0.5, {}).pull(ground, *start, seen, seen, 100, mfow)
     assert pull.sums == pytest.approx(expected, rel=1e-9)
-    assert (place[0] + 1, place[1] + 1) in pull.near
+    assert pull.near is None or pull.near == (place[0] + 1, place[1] + 1)
 
 
 def test_the_robots_own_point_exerts_no_force() -> None:
     terrain, fields, ground, start = room(3, 21, 21, 0.0)
     seen = np.full(terrain.shape, 100, dtype=np.int32)
-    field = Field(PatrolSpec(), fields, 0.5, 10.0, {})
+    field = Field(PatrolSpec(), fields, 0.5, {})
     before = field.pull(ground, *start, seen, seen, 100, 100)
     seen[start[0] - 1, start[1] - 1] = 0
     after = field.pull(ground, *start, seen, seen, 100, 100)
@@ -140,9 +140,25 @@ def test_a_point_where_no_body_fits_pulls_through_the_pose_that_sees_it() -> Non
     fields = StaticFields(reach, reach, patrolled, proxy)
     seen = np.full(reach.shape, 100, dtype=np.int32)
     seen[12, 35] = 0
-    pull = Field(PatrolSpec(), fields, 0.5, 10.0, {}).pull(Ground(terrain, reach), 16, 16, seen, seen, 100, 100)
-    assert sectors_by_force(pull.sums)[0] == (0, 0.0)
-    assert pull.near[0] == (13, 30)
+    field = Field(PatrolSpec(), fields, 0.5, {})
+    far = field.pull(Ground(terrain, reach), 13, 16, seen, seen, 100, 100)
+    assert bearings_by_force(far.sums)[0] == 0.0
+    assert far.near is None
+    close = field.pull(Ground(terrain, reach), 15, 25, seen, seen, 100, 100)
+    assert close.near == (13, 30)
+
+
+def test_a_place_close_by_counts_without_its_dilatation() -> None:
+    terrain, fields, ground, _ = room(3, 41, 41, 0.0)
+    seen = np.full(terrain.shape, 100, dtype=np.int32)
+    seen[20, 24] = 0
+    dilated = np.full(terrain.shape, 100, dtype=np.int32)
+    dilated[14:27, 18:31] = 0
+    pull = Field(PatrolSpec(), fields, 0.5, {}).pull(ground, 21, 21, seen, dilated, 100, 100)
+    assert pull.near == (21, 25)
+    fresh = np.full(terrain.shape, 100, dtype=np.int32)
+    pull = Field(PatrolSpec(), fields, 0.5, {}).pull(ground, 21, 21, fresh, dilated, 100, 100)
+    assert pull.near is None
 
 
 def test_the_sector_table_centres_each_sector_on_its_bearing() -> None:
@@ -155,8 +171,8 @@ def test_the_sector_table_centres_each_sector_on_its_bearing() -> None:
 
 
 def test_mode_prefers_the_strongest_sector_and_of_equals_the_lowest() -> None:
-    assert [s for s, _ in sectors_by_force(np.array([1.0, 0.0, 5.0, 5.0]))] == [2, 3, 0]
-    assert sectors_by_force(np.zeros(8)) == []
+    assert bearings_by_force(np.array([1.0, 0.0, 5.0, 5.0])) == [math.pi, -math.pi / 2, 0.0]
+    assert bearings_by_force(np.zeros(8)) == []
 
 
 def test_vector_sum_points_along_the_sum_first() -> None:

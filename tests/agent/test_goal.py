@@ -83,11 +83,13 @@ def test_refinement_never_crosses_a_wall() -> None:
     assert goal.refined != goal.goal
 
 
-def test_a_robot_that_can_stop_does_not_pass_what_pulls_it() -> None:
-    goals = finder(np.ones((101, 101), dtype=np.bool_))
-    near = goals.towards(0.0, 51, 51, (53, 54))
-    assert near.arrives
-    assert near.refined == (26.75, 26.25)
-    far = goals.towards(0.0, 51, 51, (51, 80))
-    assert not far.arrives
-    assert far == goals.along(0.0, 51, 51)
+@settings(max_examples=40)
+@given(bearing=st.floats(-math.pi, math.pi), row=st.integers(2, 20), col=st.integers(2, 30))
+def test_refinement_keeps_roughly_to_the_direction(bearing: float, row: int, col: int) -> None:
+    passable = np.ones((22, 32), dtype=np.bool_)
+    goals = finder(passable, refine_side=4.0)
+    goal = goals.along(bearing, row, col)
+    here = ((col - 0.5) * 0.5, (row - 0.5) * 0.5)
+    if math.dist(goal.refined, here) > 1e-9 and goal.refined != goal.goal:
+        off = math.remainder(math.atan2(goal.refined[1] - here[1], goal.refined[0] - here[0]) - bearing, 2 * math.pi)
+        assert abs(off) <= math.pi / 4 + 1e-9
