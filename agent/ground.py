@@ -27,8 +27,9 @@ class Ground:
         self.terrain = terrain
         self._reach: NDArray[np.bool_] = np.pad(reach, 1)
         self._is_open: NDArray[np.bool_] = self._reach.copy()
-        self.state: NDArray[np.uint8] = np.zeros(self._reach.shape, dtype=np.uint8)
-        self._encode((0, self.state.shape[0], 0, self.state.shape[1]))
+        height, width = terrain.shape
+        self.state: NDArray[np.uint8] = np.zeros((height + 2, width + 2), dtype=np.uint8)
+        self._encode((0, height + 2, 0, width + 2))
         self._discs: tuple[Disc, ...] = ()
 
     def obstruct(self, discs: Sequence[Disc]) -> None:
@@ -70,8 +71,9 @@ class Ground:
         """The rows and columns, each from and to before, that hold a disc."""
         row, col, radius = self._place(disc)
         rows, cols = self.state.shape
-        top, left = max(0, math.floor(row - radius)), max(0, math.floor(col - radius))
-        return top, min(rows, math.ceil(row + radius) + 1), left, min(cols, math.ceil(col + radius) + 1)
+        top, bottom = _within(math.floor(row - radius), math.ceil(row + radius) + 1, rows)
+        left, right = _within(math.floor(col - radius), math.ceil(col + radius) + 1, cols)
+        return top, bottom, left, right
 
     def _block(self, disc: Disc) -> None:
         row, col, radius = self._place(disc)
@@ -85,9 +87,17 @@ class Ground:
         rows, cols = self.state.shape
         top, bottom = max(1, box[0] - 1), min(rows - 1, box[1] + 1)
         left, right = max(1, box[2] - 1), min(cols - 1, box[3] + 1)
+        if bottom <= top or right <= left:
+            return
         is_open = self._is_open[top:bottom, left:right]
         surrounded = is_open.copy()
         for up in (-1, 0, 1):
             for across in (-1, 0, 1):
                 surrounded &= self._is_open[top + up : bottom + up, left + across : right + across]
         self.state[top:bottom, left:right] = np.where(surrounded, OPEN, np.where(is_open, OPEN | HEMMED, BLOCKED))
+
+
+def _within(first: int, end: int, size: int) -> tuple[int, int]:
+    """The part of the range from ``first`` to before ``end`` that lies within 0 to ``size``; perhaps empty."""
+    low = min(max(0, first), size)
+    return low, min(max(low, end), size)
