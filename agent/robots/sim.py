@@ -42,6 +42,7 @@ UNGREETED_S = 1.0
 """A robot that the world has not greeted asks for it."""
 
 _POLL_S = 0.2
+_PAUSE_S = 2.0
 _BACKLOG = 256
 
 
@@ -84,7 +85,7 @@ class SimRobot:
         self._now = now
         self._run: int | None = None
         self._world_present = False
-        self._last_news = self._last_said = now()
+        self._last_news = self._last_said = self._checked = now()
         self._k = -1
         self._heard_k = -1
         self._next: PhaseA | None = None
@@ -146,6 +147,7 @@ class SimRobot:
 
     def _receive(self) -> bool:
         """Wait for one message and take it in; False when it is time to leave."""
+        self._checked = self._now()
         while not self._ending and not self.farewell:
             self._mind_the_silence()  # each time: messages that are not for us break no silence
             arrived = self._mailbox.get(_POLL_S)
@@ -200,8 +202,14 @@ class SimRobot:
         self._post(encode(HelloReply(me.incarnation, me.instance, max(self._k, 0), run, me.scenario)))
 
     def _mind_the_silence(self) -> None:
-        """Nothing has come for a while: ask whether we still belong to the run, or give up on a world that is gone."""
+        """Where nothing has come for a while, ask whether we still belong to the run, or give up on a lost world.
+
+        A pause of this process, between two of these checks, is nobody's silence.
+        """
         now = self._now()
+        if now - self._checked > _PAUSE_S:
+            self._last_news += now - self._checked
+        self._checked = now
         silent_s = now - self._last_news
         if not self._world_present and silent_s > self._patience_s:
             self._leave(f"no world for {silent_s:.0f} s", orderly=False)
