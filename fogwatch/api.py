@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 
 PSI = "psi.npy"
 MOST_THREADS = 8
+EAGER = 16
+"""Fleets up to this size are spawned before it is known that they fit, so that their start takes less time."""
+PROCESS_GB = 0.15
+"""Memory of one agent's process."""
 PACKAGES = ("patrol", "agent", "worldsim")
 
 
@@ -153,10 +157,12 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     from patrol.prepare import prepare
 
     names = [spec.name for spec in scenario.roster]
+    _check_memory(len(names))
+    prepared = prepare(scenario) if len(names) > EAGER else None
     launch = Launch(folder, names, wishes.show, wishes.stop, wishes.port, wishes.urgent)
     try:
         launch.start()
-        prepared = prepare(scenario)
+        prepared = prepared or prepare(scenario)
         _save_static(prepared, folder)
         launch.watch()
     except BaseException:
@@ -179,6 +185,17 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     notes = journal.end.notes if journal.end else {}
     summary = {**summarise(journal, verdict, notes.get("wall_s")), "notes": notes, "exit_codes": dict(exit_codes)}
     return _result(folder, prepared, journal, verdict, summary, wishes)
+
+
+def _check_memory(robots: int) -> None:
+    """Refuse a fleet of processes that this machine has no memory for, before it is brought down."""
+    needed_gb = robots * PROCESS_GB
+    there_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    if needed_gb > there_gb:
+        raise BadInput(
+            f"{robots} robots as processes need about {needed_gb:.0f} GB of memory and there are {there_gb:.0f}; use "
+            "--in-process, or fewer robots"
+        )
 
 
 def _save_static(prepared: Prepared, folder: RunFolder) -> None:

@@ -89,7 +89,7 @@ class Launch:
         )
 
     def start(self) -> None:
-        """Spawn everything. Agents and world then wait for the static fields, which the caller computes meanwhile."""
+        """Spawn everything. Agents and world wait for the static fields, should the caller still compute them."""
         self._pipe = os.pipe()
         self._start_router()
         common = ["--router", self._endpoint, "--fleet", self.fleet, "--scenario", str(self.folder.scenario)]
@@ -111,7 +111,7 @@ class Launch:
         if self.interrupted:
             self._signal([WORLD], signal.SIGTERM)
         world = self.children.get(WORLD)
-        if world is not None and (self.interrupted or world.poll() == 0):
+        if world is not None and self.folder.journal.exists() and (self.interrupted or world.poll() == 0):
             self._wait([WORLD, *self.robots], GOODBYE_S)
         rest = [name for name in self.children if name != ROUTER]
         self._end(rest)
