@@ -6,6 +6,7 @@ import asyncio
 import importlib
 import logging
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import Any, Self
 
@@ -35,7 +36,8 @@ class ClusterCrew:
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it logs tracebacks of connections that end
         try:
             # A client that finds nobody keeps trying while it is taken down, so see first whether anybody answers.
-            asyncio.run(_knock(self._address, self._patience_s))
+            with ThreadPoolExecutor(1) as aside:  # for a notebook's own thread has an event loop already
+                aside.submit(asyncio.run, _knock(self._address, self._patience_s)).result()
             self._client = dask.Client(self._address, timeout=self._patience_s, set_as_default=False)
         except Exception as error:  # noqa: BLE001 - whatever answers there may not be Dask
             why = str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -81,7 +81,9 @@ def run_sweep(
     with open_results(folder) as results:
         if results.repaired:
             say(f"{results.path}: the last line was cut off in the middle; it is mended")
-        distinct = {run.key: run for run in plan.runs}
+        distinct: dict[str, Run] = {}
+        for run in plan.runs:
+            distinct.setdefault(run.key, run)
         done = [result for key in distinct if (result := results.by_key.get(key)) is not None and result.ok]
         there = {result.key for result in done}
         todo = [run for run in distinct.values() if run.key not in there]

@@ -181,7 +181,8 @@ def _show(console: Console, comparison: Comparison) -> None:
     """A table on the terminal, as a grid; elsewhere cell by cell."""
     table, setup = comparison.table, comparison.setup
     _say(console, "")
-    _say(console, f"Table {table.number}: {table.title}; {len(setup.seeds)} seeds, ±: 95 % interval, in brackets: printed")
+    how = f"{len(setup.seeds)} seeds, ±: 95 % interval" + (", in brackets: printed" if console.is_terminal else "")
+    _say(console, f"Table {table.number}: {table.title}; {how}")
     for assumed in table.assumed:
         _say(console, f"  assumed: {assumed}")
     for field, value in setup.settings.items():

@@ -59,7 +59,8 @@ class SweepProgress:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._bar.stop()
+        if self._console.is_terminal:
+            self._bar.stop()
 
     def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
         """The runs still to be made, and the results that were there."""
