@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from agent.ground import Disc
-from agent.kernels.dilate import dilate
+from agent.kernels.dilate import carry, dilate
+from agent.posts import Posts
 from patrol.fields import StaticFields
 from patrol.fog import Box, Fog
 from patrol.footprint import Footprint
 from patrol.inbox import Inbox
 from patrol.message import Position
 from patrol.pose import Pose
-from patrol.terrain import Terrain
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,19 +33,20 @@ class Belief:
     dilated: int32 (h, w), the tick at which each point was last seen, made worse by dilatation; without any, the
     fog's own.
 
-    Staleness spreads through passable points and never through a wall.
+    Staleness spreads over the points where this robot can stand, so it never crosses a wall nor a gap too narrow for
+    the body. What is stale where no body fits first counts at its post, the place to see it from.
     """
 
-    def __init__(
-        self, terrain: Terrain, fields: StaticFields, footprint: Footprint, inbox: Inbox, dilatation: int
-    ) -> None:
+    def __init__(self, fields: StaticFields, posts: Posts, footprint: Footprint, inbox: Inbox, dilatation: int) -> None:
         """dilatation: half-width of the window, points; 0 for none."""
         self.fog = Fog(fields.patrolled)
         self.inbox = inbox
         self.peers: dict[int, Peer] = {}
         self._footprint = footprint
-        self._passable = np.ascontiguousarray(terrain.passable).view(np.uint8)
+        self._posts = posts
+        self._reach = np.ascontiguousarray(fields.reach).view(np.uint8)
         self._dilatation = dilatation
+        self._carried = self.fog.last_seen.copy()
         self.dilated = self.fog.last_seen
         if dilatation > 0:
             self.dilated = np.empty_like(self.fog.last_seen)
@@ -91,16 +92,14 @@ class Belief:
         return boxes
 
     def _refresh(self, box: Box, tick: int) -> None:
-        """Dilate anew wherever a point of ``box`` is within the window."""
-        dilate(
-            self.fog.last_seen,
-            self.fog.patrolled,
-            self._passable,
-            self.dilated,
-            box[0] - self._dilatation,
-            box[1] + self._dilatation,
-            box[2] - self._dilatation,
-            box[3] + self._dilatation,
-            self._dilatation,
-            tick,
-        )
+        """Dilate anew wherever a point of ``box``, or a post that sees one, is within the window."""
+        top, bottom, left, right = box
+        changed = (slice(top, bottom + 1), slice(left, right + 1))
+        self._carried[changed] = self.fog.last_seen[changed]
+        wide = np.array(box, dtype=np.int64)
+        posts = self._posts.between(top - self._posts.gap, bottom + self._posts.gap)
+        carry(posts, self.fog.last_seen, self._carried, wide)
+        top, bottom, left, right = (int(edge) for edge in wide)
+        margin = self._dilatation
+        around = (top - margin, bottom + margin, left - margin, right + margin)
+        dilate(self._carried, self._reach, self._reach, self.dilated, *around, margin, tick)

@@ -15,6 +15,7 @@ from agent.kernels.force import gather, gather_from_posts
 from agent.paths.straight import Straight
 from agent.paths.wave import Wave
 from agent.paths.window import Window
+from agent.posts import Posts
 from patrol.fields import StaticFields
 from patrol.scenario import PatrolSpec
 
@@ -47,18 +48,21 @@ class Field:
     ones can still change the result (see `ForceLaw`).
     """
 
-    def __init__(self, patrol: PatrolSpec, fields: StaticFields, point: float, scratch: dict[str, Window]) -> None:
+    def __init__(
+        self, patrol: PatrolSpec, fields: StaticFields, posts: Posts, point: float, scratch: dict[str, Window]
+    ) -> None:
         """point: m. scratch: windows shared by minds of one process that never think at the same time."""
         height, width = fields.reach.shape
         sources = int(np.count_nonzero(fields.patrolled))
         self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width))
         span = min(max(height, width), -(-self.law.limit // 100))
         key = f"{patrol.paths} {height} {width} {span}"
-        self.paths = scratch.setdefault(key, PATHS[patrol.paths](height, width, span))
+        if key not in scratch:
+            scratch[key] = PATHS[patrol.paths](height, width, span)
+        self.paths = scratch[key]
         self._point = point
         self._nearby = min(self.law.limit, round(100.0 * patrol.goal_distance / point))
-        self._posts = _posts(fields.proxy)
-        self._post_rows = np.ascontiguousarray(self._posts[:, 2])
+        self._posts = posts
         self._as_vector = patrol.direction == "vector"
         self._sector = sector_table(patrol.sectors, span + 1)
         self._sectors = patrol.sectors
@@ -125,8 +129,9 @@ class Field:
         law = (tick, by_age, self.law.decay, self._sector, self._as_vector)
         gather(*grids, first, last, span, *place, standing, *law, *forces)
         here = paths.row0 + paths.start_row
-        low, high = np.searchsorted(self._post_rows, [here - span, here + span + 1])
-        gather_from_posts(self._posts[low:high], *grids, first, last, *place, beyond, *law, *forces)
+        gather_from_posts(
+            self._posts.between(here - span, here + span), *grids, first, last, *place, beyond, *law, *forces
+        )
 
 
 class _Forces(NamedTuple):
@@ -135,13 +140,3 @@ class _Forces(NamedTuple):
     sums: NDArray[np.float64]
     strongest: NDArray[np.float64]
     source: NDArray[np.int64]
-
-
-def _posts(proxy: NDArray[np.int32]) -> NDArray[np.int32]:
-    """int32 (n, 4): row and column of each point that has a proxy, and of the proxy; by the proxy's row."""
-    width = proxy.shape[1]
-    points = np.flatnonzero(proxy.reshape(-1) >= 0)
-    posts = proxy.reshape(-1)[points]
-    order = np.argsort(posts, kind="stable")
-    columns = (*np.divmod(points[order], width), *np.divmod(posts[order], width))
-    return np.ascontiguousarray(np.stack(columns, axis=1).astype(np.int32))

@@ -22,6 +22,7 @@ from agent.giveway import GiveWay
 from agent.goal import Goal, GoalFinder
 from agent.ground import Ground
 from agent.paths.window import Window
+from agent.posts import Posts
 from agent.steering import CarSteering, HolonomicSteering
 from agent.unstuck import Unstuck
 from patrol.fields import StaticFields
@@ -86,9 +87,10 @@ class Mind:
         inbox = Inbox(setup.number, self._radii, terrain.bounds, fastest, setup.key, scenario.step)
         footprint = setup.footprint or sensor_footprint(scenario, terrain)
         dilatation = round(scenario.patrol.dilatation / scenario.point)
-        self.belief = Belief(terrain, setup.fields, footprint, inbox, dilatation)
+        posts = Posts(setup.fields.proxy)
+        self.belief = Belief(setup.fields, posts, footprint, inbox, dilatation)
         self._ground = Ground(terrain, setup.fields.reach)
-        self._field = Field(scenario.patrol, setup.fields, scenario.point, setup.scratch)
+        self._field = Field(scenario.patrol, setup.fields, posts, scenario.point, setup.scratch)
         refined = scenario.patrol.avoidance == "goal-refinement"
         if refined and setup.psi is None:
             raise ValueError("goal refinement needs psi")

@@ -1,5 +1,7 @@
 """Kernel of the dilatation: staleness spreads over a geodesic window.
 
+Before it spreads, the staleness of points on which no body fits is carried to their posts, the places that see them.
+
 The window of a point is what can be reached from it in at most ``reach`` rounds, a round being one step along the row
 and one along the column (odd rounds the other way about), through passable points only. Without obstacles that is the
 paper's square of half-width ``reach``; with them staleness never crosses a wall.
@@ -12,6 +14,8 @@ from numba import njit, types
 
 MASK = types.Array(types.uint8, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C")
+ROWS = types.Array(types.int32, 2, "C", readonly=True)
+BOX = types.Array(types.int64, 1, "C")
 SCRATCH = types.Array(types.uint16, 2, "C")
 
 
@@ -126,3 +130,27 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
             if passable[r, c] != 0:
                 oldest = np.int64(age[r - top + 1, c - left + 1])
                 dilated[r, c] = 2147483647 if oldest == 0 else tick + 1 - oldest
+
+
+@njit(types.void(ROWS, TICKS, TICKS, BOX), cache=True, nogil=True)
+def carry(posts, last_seen, carried, box):
+    """Bring the ticks that posts carry up to date: the oldest of their own and of the points they see.
+
+    posts: int32 (n, 4), row and column of a point and of its post, the entries of one post in a row (a part of all
+    entries may be passed). last_seen, carried: int32 (h, w). box: int64 (4,), first and last row and column (inclusive)
+    of what has changed; widened to hold the posts that changed.
+    """
+    index = 0
+    while index < posts.shape[0]:
+        row = posts[index, 2]
+        col = posts[index, 3]
+        oldest = last_seen[row, col]
+        while index < posts.shape[0] and posts[index, 2] == row and posts[index, 3] == col:
+            oldest = min(oldest, last_seen[posts[index, 0], posts[index, 1]])
+            index += 1
+        if carried[row, col] != oldest:
+            carried[row, col] = oldest
+            box[0] = min(box[0], row)
+            box[1] = max(box[1], row)
+            box[2] = min(box[2], col)
+            box[3] = max(box[3], col)

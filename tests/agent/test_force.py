@@ -14,6 +14,7 @@ from agent.direction import bearings_by_force, bearings_by_vector, sector_table
 from agent.field import Field, Pull
 from agent.force import ForceLaw, distance_force, fow_force
 from agent.ground import Ground
+from agent.posts import Posts
 from patrol.fields import StaticFields
 from patrol.scenario import PatrolSpec
 from patrol.terrain import Terrain
@@ -81,7 +82,7 @@ def room(seed: int, height: int, width: int, density: float) -> tuple[Terrain, S
 def pull_of(patrol: PatrolSpec, seed: int, density: float = 0.1) -> Pull:
     terrain, fields, ground, start = room(seed, 60, 70, density)
     seen = np.random.default_rng(seed + 1).integers(0, 200, terrain.shape).astype(np.int32)
-    field = Field(patrol, fields, terrain.point, {})
+    field = Field(patrol, fields, Posts(fields.proxy), terrain.point, {})
     return field.pull(ground, *start, seen, seen, 200, 200 - int(seen[fields.patrolled].min()))
 
 
@@ -114,7 +115,7 @@ def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
         expected[sector] += force
         if force > strongest:
             strongest, place = force, (r, c)
-    pull = Field(PatrolSpec(), fields, 0.5, {}).pull(ground, *start, seen, seen, 100, mfow)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, *start, seen, seen, 100, mfow)
     assert pull.sums == pytest.approx(expected, rel=1e-9)
     assert pull.near is None or pull.near == (place[0] + 1, place[1] + 1)
 
@@ -122,7 +123,7 @@ def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
 def test_the_robots_own_point_exerts_no_force() -> None:
     terrain, fields, ground, start = room(3, 21, 21, 0.0)
     seen = np.full(terrain.shape, 100, dtype=np.int32)
-    field = Field(PatrolSpec(), fields, 0.5, {})
+    field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
     before = field.pull(ground, *start, seen, seen, 100, 100)
     seen[start[0] - 1, start[1] - 1] = 0
     after = field.pull(ground, *start, seen, seen, 100, 100)
@@ -140,7 +141,7 @@ def test_a_point_where_no_body_fits_pulls_through_the_pose_that_sees_it() -> Non
     fields = StaticFields(reach, reach, patrolled, proxy)
     seen = np.full(reach.shape, 100, dtype=np.int32)
     seen[12, 35] = 0
-    field = Field(PatrolSpec(), fields, 0.5, {})
+    field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
     far = field.pull(Ground(terrain, reach), 13, 16, seen, seen, 100, 100)
     assert bearings_by_force(far.sums)[0] == 0.0
     assert far.near is None
@@ -154,10 +155,10 @@ def test_a_place_close_by_counts_without_its_dilatation() -> None:
     seen[20, 24] = 0
     dilated = np.full(terrain.shape, 100, dtype=np.int32)
     dilated[14:27, 18:31] = 0
-    pull = Field(PatrolSpec(), fields, 0.5, {}).pull(ground, 21, 21, seen, dilated, 100, 100)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, 21, 21, seen, dilated, 100, 100)
     assert pull.near == (21, 25)
     fresh = np.full(terrain.shape, 100, dtype=np.int32)
-    pull = Field(PatrolSpec(), fields, 0.5, {}).pull(ground, 21, 21, fresh, dilated, 100, 100)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, 21, 21, fresh, dilated, 100, 100)
     assert pull.near is None
 
 
