@@ -19,7 +19,11 @@ from patrol.scenario_errors import show
 
 @dataclass(frozen=True, slots=True)
 class CaseRow:
-    """One case: what it sets, how many of its runs have numbers and how many failed, and each metric's mean."""
+    """One case: what it sets, how many of its runs have numbers and how many failed, and each metric's mean.
+
+    against: the case that it is compared with, or None. change: by how many percent each metric's mean is above that
+    case's, with the interval of the differences seed by seed.
+    """
 
     case: str
     settings: Mapping[str, object]
@@ -27,6 +31,8 @@ class CaseRow:
     failed: int
     metrics: Mapping[str, Estimate]
     values: Mapping[str, Mapping[int, float]]
+    against: str | None
+    change: Mapping[str, Estimate]
 
 
 def case_rows(outcome: Outcome) -> list[CaseRow]:
@@ -34,12 +40,26 @@ def case_rows(outcome: Outcome) -> list[CaseRow]:
     names = dict.fromkeys(name for result in outcome.results.values() if result.ok for name in result.metrics)
     rows = []
     for case in outcome.plan.cases:
+        other = outcome.plan.partner(case)
         runs = [outcome.results[run.key] for run in outcome.plan.runs_of(case.name) if run.key in outcome.results]
         good = sum(result.ok for result in runs)
-        values = {name: found for name in names if (found := outcome.values(case.name, name))}
-        metrics = {name: estimate(list(found.values())) for name, found in values.items()}
-        rows.append(CaseRow(case.name, case.settings, good, len(runs) - good, metrics, values))
+        values = {name: own for name in names if (own := outcome.values(case.name, name))}
+        metrics = {name: estimate(list(own.values())) for name, own in values.items()}
+        change = {
+            name: found
+            for name, own in values.items()
+            if other is not None and (found := _change(own, outcome.values(other.name, name))) is not None
+        }
+        named = other.name if other is not None else None
+        rows.append(CaseRow(case.name, case.settings, good, len(runs) - good, metrics, values, named, change))
     return rows
+
+
+def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate | None:
+    """By how many percent the mean over the seeds that both have is above the other's."""
+    seeds = [seed for seed in own if seed in others]
+    base = sum(others[seed] for seed in seeds) / max(len(seeds), 1)
+    return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
 
 
 def write_tables(outcome: Outcome, folder: Path) -> tuple[Path, Path]:
@@ -82,14 +102,16 @@ def write_text(path: Path, text: str) -> None:
 def _csv_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
     fields = list(dict.fromkeys(field for row in rows for field in row.settings))
     names = list(dict.fromkeys(name for row in rows for name in row.metrics))
-    yield ["case", *fields, "runs", "failed", *(f"{name}{end}" for name in names for end in ("", "_low", "_high"))]
+    changes = list(dict.fromkeys(name for row in rows for name in row.change))
+    columns = [*names, *(f"{name}_change_percent" for name in changes)]
+    numbered = [f"{name}{end}" for name in columns for end in ("", "_low", "_high")]
+    yield ["case", *fields, "runs", "failed", *numbered, *(["against"] if changes else [])]
     for row in rows:
         settings = [_csv_value(row.settings.get(field)) for field in fields]
         numbers: list[float | None] = []
-        for name in names:
-            found = row.metrics.get(name)
+        for found in (*map(row.metrics.get, names), *map(row.change.get, changes)):
             numbers += [None, None, None] if found is None else [found.mean, found.low, found.high]
-        yield [row.case, *settings, row.runs, row.failed, *numbers]
+        yield [row.case, *settings, row.runs, row.failed, *numbers, *([row.against] if changes else [])]
 
 
 def _csv_value(value: object) -> object:
@@ -110,4 +132,6 @@ def _json_row(row: CaseRow) -> dict[str, Any]:
             }
             for name, found in row.metrics.items()
         },
+        "against": row.against,
+        "change_percent": {name: {"mean": found.mean, "ci95": found.interval} for name, found in row.change.items()},
     }

@@ -10,6 +10,7 @@ A sweep file is YAML::
       - {name: mode, set: {patrol.direction: mode}}
       - {name: vector, set: {patrol.direction: vector}}
     seeds: 3                         # seeds 1 to 3, or a list of seeds; without it the base's own
+    against: {patrol.dilatation: 0}  # compare each case, seed by seed, with the one that differs in this alone
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from dataclasses import field as default
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -29,7 +31,7 @@ from patrol.scenario_yaml import parse_yaml, read_text
 
 MAX_RUNS = 100_000
 
-_KEYS = ("name", "base", "grid", "cases", "seeds")
+_KEYS = ("name", "base", "grid", "cases", "seeds", "against")
 _CASE_KEYS = ("name", "set")
 
 
@@ -53,16 +55,27 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Every run of a sweep, case by case; runs of different cases that mean the same have the same key."""
+    """Every run of a sweep, case by case; runs of different cases that mean the same have the same key.
+
+    against: settings of the cases that others are compared with.
+    """
 
     name: str
     cases: tuple[Case, ...]
     seeds: tuple[int, ...]
     runs: tuple[Run, ...]
+    against: Mapping[str, object] = default(default_factory=dict)
 
     def runs_of(self, case: str) -> list[Run]:
         """The runs of one case, one a seed."""
         return [run for run in self.runs if run.case == case]
+
+    def partner(self, case: Case) -> Case | None:
+        """The case that this one is compared with: alike but for what `against` says. None for such a case itself."""
+        wanted = {**case.settings, **self.against}
+        if wanted == case.settings:
+            return None
+        return next((other for other in self.cases if other.settings == wanted), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,14 +87,21 @@ class Base:
     called: str
 
 
-def make_plan(name: str, base: Base, cases: Iterable[Case], seeds: Sequence[int]) -> Plan:
+def make_plan(
+    name: str, base: Base, cases: Iterable[Case], seeds: Sequence[int], against: Mapping[str, object] | None = None
+) -> Plan:
     """Resolve and check every run; BadInput, which names the case, for the first that cannot be."""
     cases = tuple(cases)
     _names_differ(cases, base.called)
     if len(cases) * len(seeds) > MAX_RUNS:
         raise BadInput(f"{base.called}: {len(cases)} cases x {len(seeds)} seeds; at most {MAX_RUNS} runs fit a sweep")
     runs = [_run(base, case, seed) for case in cases for seed in seeds]
-    return Plan(name, cases, tuple(seeds), tuple(runs))
+    plan = Plan(name, cases, tuple(seeds), tuple(runs), against or {})
+    if plan.against and not any(plan.partner(case) for case in cases):
+        raise BadInput(
+            f"{base.called}: against = {show(against)}: no two cases differ in just that; vary it in the grid"
+        )
+    return plan
 
 
 def read_plan(path: Path, seeds: int | None = None) -> Plan:
@@ -97,7 +117,12 @@ def read_plan(path: Path, seeds: int | None = None) -> Plan:
     if not isinstance(name, str) or not name:
         raise BadInput(f"{path}: name = {show(name)}: expected a text")
     numbers = count_of_seeds(seeds, "--seeds") if seeds is not None else _seeds(raw.get("seeds"), base, path)
-    return make_plan(name, base, _cases(raw, path), numbers)
+    against = raw.get("against")
+    if not (
+        against is None or (isinstance(against, dict) and against and all(isinstance(key, str) for key in against))
+    ):
+        raise BadInput(f"{path}: against = {show(against)}: expected {{FIELD: VALUE, ...}}")
+    return make_plan(name, base, _cases(raw, path), numbers, against)
 
 
 def count_of_seeds(count: int, called: str) -> tuple[int, ...]:

@@ -82,19 +82,25 @@ def make_runs(plan: Plan, folder: Path, crew: Crew, console: Console, foretell: 
         try:
             return run_sweep(plan, folder, crew=crew, watcher=progress, say=progress.say)
         except KeyboardInterrupt:
-            progress.say(f"{progress.done} of {progress.total} runs are done; start again to go on in {folder}")
+            if progress.total:
+                progress.say(f"{progress.done} of {progress.total} runs are done; start again to go on in {folder}")
             raise
 
 
 def print_cases(console: Console, rows: list[CaseRow]) -> None:
     """The cases' means as a table."""
     shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
-    table = Table("case", "runs", *shown.values(), box=None, pad_edge=False, header_style="cyan")
+    compared = any(row.against for row in rows)
+    titles = [*shown.values(), *(["MFoW by (%)"] if compared else [])]
+    table = Table("case", "runs", *titles, box=None, pad_edge=False, header_style="cyan")
     for column in table.columns[1:]:
         column.justify = "right"
+    if compared:
+        table.add_column("against")
     for row in rows:
         runs = f"{row.runs}" + (f", {row.failed} failed" if row.failed else "")
-        table.add_row(row.case, runs, *(with_interval(row.metrics.get(name)) for name in shown))
+        change = [with_interval(row.change.get("mfow_mean_s")), row.against or ""] if compared else []
+        table.add_row(row.case, runs, *(with_interval(row.metrics.get(name)) for name in shown), *change)
     console.print(table, highlight=False, markup=False)
 
 

@@ -58,6 +58,15 @@ def test_fields_that_end_alike_keep_their_whole_names(tmp_path: Path) -> None:
     assert names(found) == ["robots.0.speed=1 robots.1.speed=2"]
 
 
+def test_cases_are_compared_with_the_ones_that_differ_in_one_thing(tmp_path: Path) -> None:
+    grid = {"patrol.dilatation": [0, 2, 5], "robots.count": [1, 2]}
+    found = plan(tmp_path, grid=grid, against={"patrol.dilatation": 0})
+    partners = {case.name: other.name if (other := found.partner(case)) else None for case in found.cases}
+    assert partners == {
+        f"dilatation={d} count={n}": f"dilatation=0 count={n}" if d else None for d in (0, 2, 5) for n in (1, 2)
+    }
+
+
 def test_without_grid_and_cases_there_is_the_base_alone(tmp_path: Path) -> None:
     found = plan(tmp_path, base={**BASE, "seed": 12})
     assert names(found) == ["base"]
@@ -104,6 +113,8 @@ def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
         ({"seeds": [1, 1]}, "seeds: 1 occurs twice"),
         ({"seeds": [-1]}, "seeds = [-1]: expected a count"),
         ({"seeds": True}, "seeds = true: expected a count"),
+        ({"against": {"patrol.fow": "f1"}}, 'against = {"patrol.fow": "f1"}: no two cases differ in just that'),
+        ({"against": ["f1"]}, 'against = ["f1"]: expected {FIELD: VALUE'),
         ({"sedes": 3}, "sedes: unknown key; did you mean seeds?"),
         ({"name": 3}, "name = 3: expected a text"),
         ({"base": 3}, "base = 3: expected a scenario's keys"),

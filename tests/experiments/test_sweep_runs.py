@@ -18,6 +18,7 @@ from experiments.inprocess import run_in_process
 from experiments.plan import Base, Case, Plan, Run, make_plan
 from experiments.pool import LocalCrew
 from experiments.results import Result, open_results
+from experiments.stats import estimate
 from experiments.sweep import run_sweep
 from experiments.worker import Answer, Task, metrics_of, run_task
 from patrol.errors import BadInput
@@ -207,3 +208,22 @@ def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
     )
     assert first.startswith("a,10,random,3,0,")
     assert second.startswith('bad,,"[[3, 3], [3.5, 3]]",0,3,,')
+
+
+def test_a_change_is_that_of_the_means_with_the_interval_of_the_differences(tmp_path: Path) -> None:
+    base = Base(BASE, Path(), "trial")
+    cases = [Case(f"count {count}", {"robots.count": count}) for count in (1, 2)]
+    outcome = run_sweep(make_plan("trial", base, cases, (1, 2, 3), {"robots.count": 1}), tmp_path, crew=Here())
+    one, two = case_rows(outcome)
+    assert (one.against, one.change) == (None, {})
+    assert two.against == "count 1"
+    ours, theirs = two.values["fog_mean_s"], one.values["fog_mean_s"]
+    change = two.change["fog_mean_s"]
+    assert change.mean == pytest.approx(100.0 * (two.metrics["fog_mean_s"].mean / one.metrics["fog_mean_s"].mean - 1.0))
+    differences = estimate([ours[seed] - theirs[seed] for seed in (1, 2, 3)])
+    assert change.half == pytest.approx(100.0 * (differences.half or 0.0) / one.metrics["fog_mean_s"].mean)
+    as_csv, as_json = write_tables(outcome, tmp_path)
+    assert json.loads(as_json.read_text())["cases"][1]["against"] == "count 1"
+    header, first, second = (line.split(",") for line in as_csv.read_text().splitlines())
+    assert len(header) == len(first) == len(second)
+    assert dict(zip(header, second, strict=True))["fog_mean_s_change_percent"] == str(change.mean)
