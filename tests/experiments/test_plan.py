@@ -140,3 +140,9 @@ def test_a_file_that_is_no_sweep(tmp_path: Path, text: str, problem: str) -> Non
 def test_the_count_of_seeds_on_the_command_line_is_checked(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="--seeds = 0"):
         plan(tmp_path, told=0)
+
+
+def test_the_example_is_a_sweep() -> None:
+    found = read_plan(Path(__file__).resolve().parents[2] / "examples" / "sweeps" / "dilatation.yaml")
+    assert len(found.runs) == 36
+    assert sum(found.partner(case) is not None for case in found.cases) == 9
