@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import selectors
+import signal
 import subprocess
 import sys
 from collections import deque
@@ -49,7 +50,7 @@ class LocalCrew:
         """size: how many processes; one for each core that this process may use, unless given."""
         if size is not None and size < 1:
             raise BadInput(f"--workers = {size}: expected 1 or more")
-        self.size = size or len(os.sched_getaffinity(0))
+        self.size = size or cores()
         self._workers: dict[IO[bytes], _Worker] = {}
 
     def __enter__(self) -> Self:
@@ -92,9 +93,21 @@ class LocalCrew:
             worker.give(waiting.popleft())
             code = 0
         if died:
-            return answer(task, f"its worker process died (exit code {code}); out of memory?")
+            return answer(task, f"its worker process died ({_cause(code)})")
         found: Answer = json.loads(line)
         return found
+
+
+def cores() -> int:
+    """How many processor cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _cause(code: int) -> str:
+    """What an exit code says of the end of a process."""
+    if code == -signal.SIGKILL:
+        return "killed; was there too little memory?"
+    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
 class _Worker:

@@ -43,14 +43,14 @@ def greet() -> str:
 
 def run_task(task: Task) -> Answer:
     """Make one run; a run that cannot be made or believed comes back as a failed one and raises nothing."""
-    from experiments.inprocess import run_in_process  # here: loads the kernels, which `greet` may have to compile
-    from patrol.scenario import load_scenario
-
     begun = time.perf_counter()
     metrics: dict[str, float | None] = {}
     trace: str | None = None
     error: str | None = None
     try:
+        from experiments.inprocess import run_in_process  # here: loads the kernels, which `greet` may have to compile
+        from patrol.scenario import load_scenario
+
         outcome = run_in_process(load_scenario(task["scenario"]), keep=False)
         metrics, trace = metrics_of(outcome.summary), outcome.summary["trace_hash"]
         if not outcome.verdict.valid:
