@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.claims import share_table
 from agent.direction import sector_table
 from agent.force import ForceLaw
 from agent.ground import Ground
 from agent.kernels.force import gather, gather_from_posts
 from agent.paths.straight import Straight
 from agent.paths.wave import Wave
-from agent.paths.window import Window
+from agent.paths.window import Place, Window
 from agent.posts import Posts
 from patrol.fields import StaticFields
 from patrol.scenario import PatrolSpec
@@ -24,6 +26,8 @@ FIRST_LOOK = 20.0
 
 CLOSE_ENOUGH = 0.5
 """Share of the strongest force from which on a place close by is worth stopping at."""
+
+UNCLAIMED = np.zeros(0)
 
 PATHS: dict[str, type[Window]] = {"wave": Wave, "straight": Straight}
 
@@ -63,6 +67,7 @@ class Field:
         self._point = point
         self._nearby = min(self.law.limit, round(100.0 * patrol.goal_distance / point))
         self._posts = posts
+        self._share = share_table(patrol.claim_width, point) if "claims" in patrol.separations else UNCLAIMED
         self._as_vector = patrol.direction == "vector"
         self._sector = sector_table(patrol.sectors, span + 1)
         self._sectors = patrol.sectors
@@ -76,16 +81,19 @@ class Field:
         dilated: NDArray[np.int32],
         tick: int,
         mfow: int,
+        rivals: Sequence[Place] = (),
     ) -> Pull:
         """The forces on a robot on the open element (row, col) of the ground.
 
-        seen, dilated: int32 (h, w), last-seen ticks before and after dilatation. mfow: ticks.
+        seen, dilated: int32 (h, w), last-seen ticks before and after dilatation. mfow: ticks. rivals: the ground's
+        elements where other robots stand; they matter with claims only.
 
         Dilatation brings a robot near a small stale place, and there pulls equally from all sides. So where a path of
         at most the goal distance leads to a place that pulls, without dilatation, at least `CLOSE_ENOUGH` times as
         hard as the strongest does with it, that place is given too, or the first bend on the way to it.
         """
         by_age = self.law.pull(mfow)
+        self._claim(ground, row, col, rivals)
         self.paths.begin(ground, row, col)
         nearby = self._forces()
         self._gather(0, self._nearby, seen, seen, tick, by_age, nearby)
@@ -101,6 +109,13 @@ class Field:
             up, across = divmod(int(self.paths.bend.reshape(-1)[nearby.source[0]]), self.paths.state.shape[1])
             near = up + self.paths.row0 + 1, across + self.paths.col0 + 1
         return Pull(forces.sums, near)
+
+    def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
+        """Note how near the rivals are to every point, before the window is used for the robot's own paths."""
+        self._contest = _Contest(self.paths.length, UNCLAIMED)
+        if self._share.size and rivals:
+            lengths = self.paths.lengths_from(ground, row, col, rivals, self.law.limit)
+            self._contest = _Contest(lengths, self._share)
 
     def _forces(self) -> _Forces:
         return _Forces(np.zeros(3 if self._as_vector else self._sectors), np.zeros(1), np.zeros(1, dtype=np.int64))
@@ -126,12 +141,19 @@ class Field:
         span = min(paths.span, -(-last // 100))
         grids = (paths.state, paths.length, paths.bend)
         place = (paths.start_row, paths.start_col, paths.row0, paths.col0)
-        law = (tick, by_age, self.law.decay, self._sector, self._as_vector)
+        law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)
         gather(*grids, first, last, span, *place, standing, *law, *forces)
         here = paths.row0 + paths.start_row
         gather_from_posts(
             self._posts.between(here - span, here + span), *grids, first, last, *place, beyond, *law, *forces
         )
+
+
+class _Contest(NamedTuple):
+    """How near others are, and what they leave: see `agent.kernels.force.gather`."""
+
+    rival: NDArray[np.int32]
+    share: NDArray[np.float64]
 
 
 class _Forces(NamedTuple):

@@ -23,25 +23,32 @@ class Ground:
     are OPEN or BLOCKED; HEMMED is set beside a blocked point.
     """
 
-    def __init__(self, terrain: Terrain, reach: NDArray[np.bool_]) -> None:
+    def __init__(self, terrain: Terrain, reach: NDArray[np.bool_], areas: Sequence[NDArray[np.bool_]] = ()) -> None:
+        """reach: bool (h, w). areas: bool (h, w) each, those that `obstruct` can close, numbered from 1."""
         self.terrain = terrain
+        self._areas = [_Area(area) for area in areas]
         self._reach: NDArray[np.bool_] = np.pad(reach, 1)
         self._is_open: NDArray[np.bool_] = self._reach.copy()
         height, width = terrain.shape
         self.state: NDArray[np.uint8] = np.zeros((height + 2, width + 2), dtype=np.uint8)
         self._encode((0, height + 2, 0, width + 2))
-        self._discs: tuple[Disc, ...] = ()
+        self._closed: tuple[tuple[Disc, ...], tuple[int, ...]] = (), ()
 
-    def obstruct(self, discs: Sequence[Disc]) -> None:
-        """Block the points whose centres lie within these discs, and no others besides the terrain's own."""
-        if tuple(discs) == self._discs:
+    def obstruct(self, discs: Sequence[Disc], areas: Sequence[int] = ()) -> None:
+        """Block the points whose centres lie within these discs, these areas, and none else but the terrain's own."""
+        closed = tuple(discs), tuple(areas)
+        if closed == self._closed:
             return
-        before, self._discs = self._discs, tuple(discs)
-        boxes = [self._box(disc) for disc in (*before, *self._discs)]
+        before, self._closed = self._closed, closed
+        boxes = [self._box(disc) for disc in (*before[0], *discs)]
+        boxes += [self._areas[number - 1].box for number in (*before[1], *areas)]
         for top, bottom, left, right in boxes:
             self._is_open[top:bottom, left:right] = self._reach[top:bottom, left:right]
-        for disc in self._discs:
+        for disc in discs:
             self._block(disc)
+        for number in areas:
+            top, bottom, left, right = self._areas[number - 1].box
+            self._is_open[top:bottom, left:right] &= ~self._areas[number - 1].mask
         for box in boxes:
             self._encode(box)
 
@@ -95,6 +102,17 @@ class Ground:
             for across in (-1, 0, 1):
                 surrounded &= self._is_open[top + up : bottom + up, left + across : right + across]
         self.state[top:bottom, left:right] = np.where(surrounded, OPEN, np.where(is_open, OPEN | HEMMED, BLOCKED))
+
+
+class _Area:
+    """A part of the ground, cut out. box: rows and columns of `Ground.state`, each from and to before. mask: bool."""
+
+    def __init__(self, area: NDArray[np.bool_]) -> None:
+        rows, cols = np.flatnonzero(area.any(axis=1)), np.flatnonzero(area.any(axis=0))
+        top, bottom = (int(rows[0]), int(rows[-1]) + 1) if rows.size else (0, 0)
+        left, right = (int(cols[0]), int(cols[-1]) + 1) if cols.size else (0, 0)
+        self.box = top + 1, bottom + 1, left + 1, right + 1
+        self.mask = area[top:bottom, left:right].copy()
 
 
 def _within(first: int, end: int, size: int) -> tuple[int, int]:

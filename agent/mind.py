@@ -14,15 +14,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief import Belief
+from agent.belief import Belief, Peer
 from agent.decision import Decision, State
 from agent.direction import bearings_by_force, bearings_by_vector
 from agent.field import Field, Pull
+from agent.fuzzy import FuzzySectors
 from agent.giveway import GiveWay
 from agent.goal import Goal, GoalFinder
 from agent.ground import Ground
 from agent.paths.window import Window
 from agent.posts import Posts
+from agent.separation import artificial_obstacles, critical_areas, numbered, occupied_areas, repel
 from agent.steering import CarSteering, HolonomicSteering
 from agent.unstuck import Unstuck
 from patrol.fields import StaticFields
@@ -76,6 +78,7 @@ class Mind:
 
     def __init__(self, setup: MindSetup) -> None:
         scenario, terrain = setup.scenario, setup.terrain
+        patrol = scenario.patrol
         self.spec: RobotSpec = scenario.roster[setup.number - 1]
         self._setup = setup
         self._step = scenario.step
@@ -86,18 +89,25 @@ class Mind:
         fastest = max(spec.speed for spec in scenario.roster)
         inbox = Inbox(setup.number, self._radii, terrain.bounds, fastest, setup.key, scenario.step)
         footprint = setup.footprint or sensor_footprint(scenario, terrain)
-        dilatation = round(scenario.patrol.dilatation / scenario.point)
+        dilatation = round(patrol.dilatation / scenario.point)
         posts = Posts(setup.fields.proxy)
         self.belief = Belief(setup.fields, posts, footprint, inbox, dilatation)
-        self._ground = Ground(terrain, setup.fields.reach)
-        self._field = Field(scenario.patrol, setup.fields, posts, scenario.point, setup.scratch)
-        refined = scenario.patrol.avoidance == "goal-refinement"
+        self._separations = frozenset(patrol.separations)
+        areas: list[NDArray[np.bool_]] = []
+        if "semaphores" in self._separations:
+            areas = critical_areas(patrol, terrain, setup.fields.reach)
+        self._areas = numbered(areas, terrain.shape) if areas else None
+        self._ground = Ground(terrain, setup.fields.reach, areas)
+        fuzzy = patrol.avoidance == "fuzzy"
+        self._fuzzy = FuzzySectors(terrain, patrol.sectors, patrol.fuzzy_distance) if fuzzy else None
+        self._field = Field(patrol, setup.fields, posts, scenario.point, setup.scratch)
+        refined = patrol.avoidance == "goal-refinement"
         if refined and setup.psi is None:
             raise ValueError("goal refinement needs psi")
-        self._goals = GoalFinder(scenario.patrol, self._ground, setup.psi if refined else None)
+        self._goals = GoalFinder(patrol, self._ground, setup.psi if refined else None)
         self._holonomic = HolonomicSteering(self.spec, terrain, scenario.step)
         self._car = CarSteering(self.spec, terrain, scenario.step)
-        gives_way = scenario.patrol.give_way and self.spec.model == "holonomic"
+        gives_way = patrol.give_way and self.spec.model == "holonomic"
         identity = (scenario.seed, setup.number, setup.incarnation)
         self._give_way = GiveWay(*identity, self._radii) if gives_way else None
         self._unstuck = Unstuck(self._car, self.spec.speed)
@@ -118,17 +128,12 @@ class Mind:
         """
         as_heard = Position.of(self.spec.number, k, k * self._step, pose).pose
         self.belief.update(k, as_heard, heard, self._step)
-        silent = self.belief.silent(k, self._patience, self._radii, self._margin)
-        obstacles = [disc for disc in silent if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]]
-        if self._give_way is not None:
-            self._give_way.update(k, pose, bumped, self.belief.peers, 2.0 * self._holonomic.stride)
-            obstacles += self._give_way.discs(k, pose, self.belief.peers, self._setup.scenario.point)
-        self._ground.obstruct(obstacles)
+        self._obstruct(k, pose, bumped)
         start = self._ground.join(pose.x, pose.y)
         mfow = self.belief.fog.mfow(k)
         pull = Pull(np.zeros(0), None)
         if start is not None:
-            pull = self._field.pull(self._ground, *start, self.belief.fog.last_seen, self.belief.dilated, k, mfow)
+            pull = self._pull(k, pose, start, mfow)
         if self.spec.model == "holonomic":
             choice = self._go(k, pose, start, pull)
         else:
@@ -144,6 +149,40 @@ class Mind:
             mfow=mfow,
             rejected=self.belief.inbox.rejected,
         )
+
+    def _obstruct(self, k: int, pose: Pose, bumped: bool) -> None:
+        """Close what is in the way just now: silent peers, those given way to, artificial obstacles, semaphores."""
+        point = self._setup.scenario.point
+        live = self._live(k)
+        silent = self.belief.silent(k, self._patience, self._radii, self._margin)
+        discs = [disc for disc in silent if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]]
+        if self._give_way is not None:
+            self._give_way.update(k, pose, bumped, self.belief.peers, 2.0 * self._holonomic.stride)
+            discs += self._give_way.discs(k, pose, self.belief.peers, point)
+        if "artificial-obstacles" in self._separations:
+            discs += artificial_obstacles(pose, live, self._setup.scenario.patrol.obstacle_radius, point)
+        areas = occupied_areas(self._areas, self._ground.terrain, pose, live) if self._areas is not None else []
+        self._ground.obstruct(discs, areas)
+
+    def _live(self, k: int) -> dict[int, Peer]:
+        """The peers heard from lately; a silent one's claims and obstacles end."""
+        return {number: peer for number, peer in self.belief.peers.items() if k - peer.tick <= self._patience}
+
+    def _pull(self, k: int, pose: Pose, start: tuple[int, int], mfow: int) -> Pull:
+        """The forces at tick k, with what other robots and close obstacles make of them."""
+        patrol = self._setup.scenario.patrol
+        live = self._live(k)
+        rivals = []
+        if "claims" in self._separations:
+            joined = [self._ground.join(peer.pose.x, peer.pose.y) for _, peer in sorted(live.items())]
+            rivals = [place for place in joined if place is not None]
+        seen, dilated = self.belief.fog.last_seen, self.belief.dilated
+        pull = self._field.pull(self._ground, *start, seen, dilated, k, mfow, rivals)
+        if self._fuzzy is not None:
+            np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
+        if "repulsion" in self._separations:
+            repel(pull.sums, pose, live, patrol)
+        return pull
 
     def _directions(self, pull: Pull) -> list[float]:
         """The bearings to try, rad, best first."""

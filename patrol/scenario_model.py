@@ -18,6 +18,7 @@ from patrol.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.pose import Pose, wrap
 from patrol.scenario_values import (
     MAX_ROBOTS,
+    SEPARATIONS,
     Builtin,
     Count,
     Degrees,
@@ -35,6 +36,7 @@ from patrol.scenario_values import (
     RobotName,
     Sectors,
     Seed,
+    Separation,
     Start,
     Starts,
     Tolerance,
@@ -144,14 +146,35 @@ class PatrolSpec(Section):
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
     sectors: Sectors = Field(8, description="sectors that mode chooses from")
     dilatation: NotNegative = Field(5.0, description="m, half-width of the window that spreads staleness; 0: none")
-    avoidance: Literal["none", "goal-refinement"] = Field("goal-refinement", description="none | goal-refinement")
-    separation: Literal["none"] = Field("none", description="how robots keep apart beyond sharing positions")
+    avoidance: Literal["none", "goal-refinement", "fuzzy"] = Field(
+        "goal-refinement", description="none | goal-refinement | fuzzy (mode only)"
+    )
+    separation: Separation = Field("none", description=SEPARATIONS)
     random_move: Probability = Field(0.1, description="probability of a random step (holonomic robots only)")
     give_way: Flag = Field(True, description="of two holonomic robots that bumped, one goes round the other")
+    claim_width: Positive = Field(0.3, description="m, s of the claims")
+    obstacle_radius: Positive = Field(5.0, description="m, of the artificial obstacle at each other robot")
+    critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages, found")
+    critical_width: Positive = Field(8.0, description="m, below which a passage is a critical area when found")
+    repulsion: NotNegative = Field(0.5, description="push of a robot close by, as a share of all attraction")
+    repulsion_reach: Positive = Field(10.0, description="m, over which the push falls")
+    fuzzy_distance: Positive = Field(5.5, description="m, R_0: nearer obstacles weaken their sector")
     goal_distance: Positive = Field(5.5, description="m, from the robot to its goal")
     refine_side: Positive = Field(2.0, description="m, side of the square in which the goal is refined")
     refine_reach: Positive = Field(10.0, description="m, reach of the obstacle field psi that refines the goal")
     tolerance: Tolerance = Field(1e-16, description="relative error at which far points are left out; 0: none are")
+
+    @property
+    def separations(self) -> tuple[str, ...]:
+        """The mechanisms in use, none when there are none."""
+        chosen = (self.separation,) if isinstance(self.separation, str) else self.separation
+        return tuple(name for name in chosen if name != "none")
+
+    @model_validator(mode="after")
+    def _fuzzy_weakens_sectors(self) -> Self:
+        if self.avoidance == "fuzzy" and self.direction != "mode":
+            raise _wrong("avoidance", "fuzzy weakens sectors, and patrol.direction is vector; set it to mode")
+        return self
 
     @model_validator(mode="after")
     def _goal_stays_ahead(self) -> Self:

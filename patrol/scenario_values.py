@@ -148,3 +148,10 @@ Quality = Annotated[
     ],
     by_shape(_SHARE_OR_LIST),
 ]
+Mechanism = Literal["claims", "artificial-obstacles", "semaphores", "repulsion"]
+SEPARATIONS = "none | claims | artificial-obstacles | semaphores | repulsion, or a list"
+Separation = Annotated[
+    Annotated[Literal["none"] | Mechanism, _expecting(SEPARATIONS), Tag("=single")]
+    | Annotated[tuple[Annotated[Mechanism, _expecting(SEPARATIONS)], ...], Tag("=list")],
+    by_shape(SEPARATIONS),
+]

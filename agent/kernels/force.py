@@ -27,14 +27,14 @@ boolean = types.boolean
 @njit(
     types.void(
         STATE, GRID, GRID, int64, int64, int64, int64, int64, int64, int64,
-        GRID, int64, TABLE, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
+        GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
     ),
     cache=True,
     nogil=True,
 )
 def gather(
     state, length, bend, first, last, span, start_row, start_col, row0, col0,
-    seen, tick, pull, decay, sector, as_vector, sums, strongest, source,
+    seen, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
 ):
     """Add to ``sums`` the forces of the settled points whose path is longer than ``first`` and at most ``last``.
 
@@ -44,8 +44,10 @@ def gather(
     seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above ``tick``
     means that nothing there has an age.
     pull: float64, f by age in ticks. decay: float64, g by length in hundredths of a point.
-    sector: uint16 (2 m + 1, same), the sector of a bearing by its offset in rows and columns plus m.
-    sums: float64, the sum of moduli in each sector; with ``as_vector`` the vector sum's x and y and the sum of moduli.
+    share: float64 (2 m + 1,), what others leave of a force: by how much farther off the robot is than its nearest
+    rival, in hundredths of a point plus m; of size 0 where nobody claims anything. rival: int32, the rivals' grid of
+    lengths. sector: uint16 (2 m + 1, same), the sector of a bearing by its offset in rows and columns plus m. sums:
+    float64, the sum of moduli in each sector; with ``as_vector`` the vector sum's x and y and the sum of moduli.
     strongest: float64 (1,), the largest single force met so far. source: int64 (1,), the window's flat index of the
     point to stand on for it.
     """
@@ -62,6 +64,8 @@ def gather(
             if when > tick:
                 continue
             force = pull[tick - max(when, 0)] * decay[far]
+            if share.size > 0:
+                force *= share[min(max(far - rival[row, col] + share.size // 2, 0), share.size - 1)]
             turn = bend[row, col]
             up = row - start_row
             across = col - start_col
@@ -83,23 +87,21 @@ def gather(
 @njit(
     types.void(
         ROWS, STATE, GRID, GRID, int64, int64, int64, int64, int64, int64,
-        GRID, int64, TABLE, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
+        GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
     ),
     cache=True,
     nogil=True,
 )
 def gather_from_posts(
     posts, state, length, bend, first, last, start_row, start_col, row0, col0,
-    seen, tick, pull, decay, sector, as_vector, sums, strongest, source,
+    seen, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
 ):
     """Add to ``sums`` the forces of patrolled points on which no body fits.
 
-    Such a point pulls through its post, the nearest reachable point that sees it: the path leads to the post, and its
-    length is the post's plus the gap between the two. A point whose post is where the robot stands pulls towards
-    itself.
+    Such a point pulls from its post, the nearest reachable point that sees it: going there is all it takes.
 
-    posts: int32 (n, 5), row and column of the point, of its post, and the gap in hundredths of a point; rows sorted so
-    that the caller may pass the slice whose posts can be near. The rest as in `gather`.
+    posts: int32 (n, 4), row and column of each point and of its post, as in `agent.posts.Posts`; those that can be
+    near. The rest as in `gather`.
     """
     rows, cols = state.shape
     middle = sector.shape[0] // 2
@@ -115,6 +117,8 @@ def gather_from_posts(
         if when > tick:
             continue
         force = pull[tick - max(when, 0)] * decay[far]
+        if share.size > 0:
+            force *= share[min(max(far - rival[row, col] + share.size // 2, 0), share.size - 1)]
         turn = bend[row, col]
         up = turn // cols - start_row
         across = turn % cols - start_col

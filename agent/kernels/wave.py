@@ -40,7 +40,8 @@ def advance(state, sight, length, bend, straight, diagonal, place, start, stride
 
     All grids are flat over a window of ``stride`` columns whose outermost points are blocked. A wave begins with the
     start's status QUEUED, its length 0, ``place`` zero but for place[1] = 1, and straight[0] = start * 16 + BEGINNING.
-    Called again with a larger limit it goes on from there.
+    Called again with a larger limit it goes on from there. Several starts, each queued so, give the length from the
+    nearest of them; ``sight`` is then all 0.
 
     state: uint8, see HEMMED. sight: uint8, 1 where the straight line from the start is free.
     length: int32, path length in hundredths of a point.
@@ -88,7 +89,7 @@ def advance(state, sight, length, bend, straight, diagonal, place, start, stride
             up = abs(row - start_row)
             across = abs(here - row * stride - start_col)
             direct = far == 100 * abs(across - up) + 141 * min(across, up)
-        bend[here] = here if direct else bend[here - step[came]]
+        bend[here] = here if direct or came == 8 else bend[here - step[came]]
         everywhere = status & 4 != 0 or came == 8
         if everywhere or came < 4:
             ways = (0, 4) if everywhere else (came, came + 1)

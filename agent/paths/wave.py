@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from agent.kernels.wave import BEGINNING, HEMMED, QUEUED, advance
-from agent.paths.window import Window
+from agent.ground import Ground
+from agent.kernels.wave import BEGINNING, HEMMED, QUEUED, SETTLED, STATUS, advance
+from agent.paths.window import FAR, Lengths, Place, Window
 from patrol.kernels.footprint import cast
 
 
@@ -17,17 +20,29 @@ class Wave(Window):
         self._sight = np.zeros_like(self.state)
         self._straight = np.zeros(self.state.size, dtype=np.int64)
         self._diagonal = np.zeros(self.state.size, dtype=np.int64)
-        self._place = np.zeros(4, dtype=np.int64)
+        self._marks = np.zeros(4, dtype=np.int64)
         self._start = 0
 
     def _begin(self) -> None:
         cast(self.state, self.start_row, self.start_col, float(self.span), self._sight, 0, 0)
-        self._start = self.start_row * self.state.shape[1] + self.start_col
-        start = (self.start_row, self.start_col)
-        self.state[start] = (self.state[start] & HEMMED) | QUEUED
-        self.length[start] = 0
-        self._straight[0] = self._start * 16 + BEGINNING
-        self._place[:] = (0, 1, 0, 0)
+        self._queue([(self.start_row, self.start_col)])
+
+    def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
+        """As `Window.lengths_from`, by one wave from all starts at once."""
+        self._place(ground, row, col)
+        inside = [(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts]
+        self._sight[:] = 0
+        self._queue([start for start in sorted(set(inside)) if self._holds(*start)])
+        self.extend(limit)
+        return np.where(self.state & STATUS == SETTLED, self.length, FAR)
+
+    def _queue(self, starts: Sequence[Place]) -> None:
+        for index, (row, col) in enumerate(starts):
+            self._start = row * self.state.shape[1] + col
+            self.state[row, col] = (self.state[row, col] & HEMMED) | QUEUED
+            self.length[row, col] = 0
+            self._straight[index] = self._start * 16 + BEGINNING
+        self._marks[:] = (0, len(starts), 0, 0)
 
     def extend(self, limit: int) -> None:
         """Settle every path of at most ``limit`` hundredths of a point."""
@@ -38,7 +53,7 @@ class Wave(Window):
             self.bend.reshape(-1),
             self._straight,
             self._diagonal,
-            self._place,
+            self._marks,
             self._start,
             self.state.shape[1],
             limit,

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.ground import Ground
+from agent.kernels.wave import SETTLED, STATUS
+
+FAR = 2**31 - 1
+"""The length of a path that is not known."""
+
+Place = tuple[int, int]
+Lengths = NDArray[np.int32]
 
 
 class Window(ABC):
@@ -31,13 +40,37 @@ class Window(ABC):
 
     def begin(self, ground: Ground, row: int, col: int) -> None:
         """Start from the open element (row, col) of the ground's state."""
+        self._place(ground, row, col)
+        self.start_row, self.start_col = row - self.row0 - 1, col - self.col0 - 1
+        self._begin()
+
+    def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
+        """Path lengths from the nearest of several starts, int32 (m, n); `FAR` beyond ``limit`` hundredths of a point.
+
+        The window lies as it does for a robot on (row, col), and starts outside it are left out. What `begin` and
+        `extend` computed is lost.
+        """
+        nearest = np.full(self.state.shape, FAR, dtype=np.int32)
+        for start_row, start_col in starts:
+            self._place(ground, row, col)
+            self.start_row, self.start_col = start_row - self.row0 - 1, start_col - self.col0 - 1
+            if self._holds(self.start_row, self.start_col):
+                self._begin()
+                self.extend(limit)
+                np.minimum(nearest, np.where(self.state & STATUS == SETTLED, self.length, FAR), out=nearest)
+        return nearest
+
+    def _place(self, ground: Ground, row: int, col: int) -> None:
+        """Lay the window around (row, col) of the ground's state, with no path known."""
         rows, cols = self.state.shape
         top = min(max(0, row - 1 - self.span), ground.state.shape[0] - rows)
         left = min(max(0, col - 1 - self.span), ground.state.shape[1] - cols)
         self.state[1:-1, 1:-1] = ground.state[top + 1 : top + rows - 1, left + 1 : left + cols - 1]
         self.row0, self.col0 = top - 1, left - 1
-        self.start_row, self.start_col = row - top, col - left
-        self._begin()
+
+    def _holds(self, row: int, col: int) -> bool:
+        rows, cols = self.state.shape
+        return 0 < row < rows - 1 and 0 < col < cols - 1
 
     @abstractmethod
     def _begin(self) -> None:
