@@ -159,7 +159,8 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     names = [spec.name for spec in scenario.roster]
     _check_memory(len(names))
     prepared = prepare(scenario) if len(names) > EAGER else None
-    launch = Launch(folder, names, wishes.show, wishes.stop, wishes.port, wishes.urgent)
+    fleet = f"{scenario.name}-{os.urandom(4).hex()}"
+    launch = Launch(folder, fleet, names, wishes.show, wishes.stop, wishes.port, wishes.urgent)
     try:
         launch.start()
         prepared = prepared or prepare(scenario)
@@ -180,6 +181,8 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
         if launch.interrupted:
             raise KeyboardInterrupt
         raise Failed(launch.obituary(WORLD))
+    if exit_codes[WORLD] != 0:
+        wishes.show.say(launch.obituary(WORLD))
     journal = read_journal(folder.journal)
     verdict = judge(journal, exit_codes, terrain=prepared.terrain)
     notes = journal.end.notes if journal.end else {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import sys
+import traceback
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
@@ -140,9 +141,10 @@ def guarded(command: Callable[[], Any]) -> int:
         return INTERRUPTED
     except BrokenPipeError:
         return 0
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - a mistake of ours leaves the run unjudged, not invalid
         if not hasattr(error, "format_message"):
-            raise
+            traceback.print_exc()
+            return UNKNOWN
         print(f"fogwatch: {error.format_message()}", file=sys.stderr)
         return 2
     return code if isinstance(code, int) else 0

@@ -66,9 +66,14 @@ class Child:
 
 @dataclass(slots=True)
 class Launch:
-    """One run as processes. stop: asked all the time; urgent: whether to end by force at once."""
+    """One run as processes.
+
+    fleet: a name that no other run has, so that two on one router never meet. stop: asked all the time; urgent: whether
+    to end by force at once.
+    """
 
     folder: RunFolder
+    fleet: str
     robots: Sequence[str]
     show: Show
     stop: Callable[[], bool]
@@ -81,16 +86,10 @@ class Launch:
     _routers: int = 0
     _reported: set[str] = field(default_factory=set)
 
-    @property
-    def fleet(self) -> str:
-        """The fleet's name: the run's, so that two runs on one router never meet."""
-        return (
-            "".join(c if c.isalnum() or c in "._-" else "-" for c in self.folder.path.name).lstrip("._-")[:120] or "run"
-        )
-
     def start(self) -> None:
         """Spawn everything. Agents and world wait for the static fields, should the caller still compute them."""
         self._pipe = os.pipe()
+        self.folder.logs.mkdir(exist_ok=True)
         self._start_router()
         common = ["--router", self._endpoint, "--fleet", self.fleet, "--scenario", str(self.folder.scenario)]
         common += ["--static", str(self.folder.static)]

@@ -6,7 +6,7 @@
     ticks.csv      one line a tick
     summary.json   what it adds up to, and the verdict
     fog.png        the final fog and the robots' paths
-    logs/          what each process printed
+    logs/          what each process printed, if there was more than one
 
 A fleet's key is a secret and is not copied: the scenario goes on naming its file.
 """
@@ -67,9 +67,14 @@ class RunFolder:
         """Static fields for the processes; gone when the run is over."""
         return self.path / "static"
 
+    @property
+    def logs(self) -> Path:
+        """What the processes printed."""
+        return self.path / "logs"
+
     def log(self, name: str) -> Path:
-        """What a process printed."""
-        return self.path / "logs" / f"{name}.log"
+        """What one process printed."""
+        return self.logs / f"{name}.log"
 
     def load(self) -> Scenario:
         """The scenario, as every process of the run reads it."""
@@ -101,7 +106,7 @@ def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
     try:
         if path.is_dir() and any(path.iterdir()):
             raise BadInput(f"{shown}: is not empty; choose a folder that is, or that does not exist yet")
-        (folder.path / "logs").mkdir(parents=True, exist_ok=True)
+        path.mkdir(parents=True, exist_ok=True)
         copied = _with_own_map(scenario, folder.path / "map")
         folder.scenario.write_text(dump_scenario(copied), encoding="utf-8")
     except OSError as error:

@@ -71,8 +71,9 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None) -> E
     def by_signal(number: int, _frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, by_signal)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
+            signal.signal(number, by_signal)
     if lifeline is not None:
         _continue_when_orphaned()
         threading.Thread(target=_hold, args=(lifeline, ending, on_death), daemon=True).start()

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fogwatch
+from patrol.errors import BadInput
+from patrol.eyes import Metrics
+from patrol.scenario import load_scenario
+
+SMALL = {
+    "name": "small",
+    "terrain": {"builtin": "open"},
+    "point": 0.5,
+    "duration": 20,
+    "robots": {"count": 2, "model": "holonomic"},
+    "patrol": {"dilatation": 0.0},
+}
+
+
+def test_a_result_says_what_came_of_it(tmp_path: Path) -> None:
+    result = fogwatch.run(SMALL, out=tmp_path / "run")
+    assert result.folder == tmp_path / "run"
+    assert result.mfow_s.shape == (40,)
+    assert result.mfow_s.mean() == pytest.approx(result.summary["mfow_mean_s"])
+    assert result.verdict.valid
+    assert not result.interrupted
+    assert result.trace_hash == result.summary["trace_hash"]
+    for words in ("small", "MFoW mean", "20 s simulated", "verdict valid", str(result.folder)):
+        assert words in repr(result)
+
+
+def test_every_way_of_naming_a_scenario_is_the_same(tmp_path: Path) -> None:
+    file = tmp_path / "small.yaml"
+    file.write_text(str(SMALL), encoding="utf-8")  # YAML reads what Python prints
+    ways: list[Any] = [SMALL, load_scenario(SMALL), file, str(file)]
+    hashes = {fogwatch.run(way, out=tmp_path / f"run-{number}").trace_hash for number, way in enumerate(ways)}
+    assert len(hashes) == 1
+    overrides = {"point": 0.5, "duration": 20, "robots": SMALL["robots"], "patrol.dilatation": 0}
+    assert {fogwatch.run("open", out=tmp_path / "named", overrides=overrides).trace_hash} == hashes
+
+
+def test_seeds_make_the_difference(tmp_path: Path) -> None:
+    runs = [fogwatch.run(SMALL, out=tmp_path / f"{n}", overrides={"seed": seed}) for n, seed in enumerate((1, 2, 1))]
+    first, second, third = (run.trace_hash for run in runs)
+    assert first == third != second
+
+
+def test_progress_is_told(tmp_path: Path) -> None:
+    told: list[Metrics] = []
+    fogwatch.run(SMALL, out=tmp_path / "run", progress=told.append)
+    assert told[-1].k == told[-1].ticks == 40
+    assert np.all(np.diff([metrics.k for metrics in told]) > 0)
+
+
+def test_bad_input_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="do not fit"):
+        fogwatch.run(SMALL, out=tmp_path / "run", overrides={"robots.radius": 30.0, "robots.count": 9})
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_package_loads_nothing_until_a_run_is_wanted() -> None:
+    program = "import sys, fogwatch\nassert 'numpy' not in sys.modules\nfogwatch.run\nassert 'numpy' in sys.modules"
+    subprocess.run([sys.executable, "-P", "-c", program], check=True)
+    with pytest.raises(AttributeError):
+        _ = fogwatch.walk
+
+
+@pytest.mark.processes
+def test_a_fleet_of_processes_from_python(tmp_path: Path) -> None:
+    told: list[Metrics] = []
+    one = fogwatch.run(SMALL, out=tmp_path / "one")
+    many = fogwatch.run(SMALL, out=tmp_path / "many", in_process=False, progress=told.append)
+    assert many.trace_hash == one.trace_hash
+    assert many.verdict.valid
+    assert told
