@@ -1,0 +1,101 @@
+"""Convex polygons in the plane: float64 (k, 2) corners, counter-clockwise, in any unit of length."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+FLAT = 1e-9
+"""Angles whose sine is nearer to 0 than this are straight."""
+
+
+DENT = 1e-6
+"""Corners that are concave by less than this, in units of length, are straight."""
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross products of vectors (..., 2)."""
+    product: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return product
+
+
+def area(polygon: NDArray[np.float64] | NDArray[np.int64]) -> float:
+    """Signed area of any polygon: positive where it runs counter-clockwise."""
+    ahead = np.roll(polygon, -1, axis=0)
+    return 0.5 * float(np.sum(polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0]))
+
+
+def circumference(polygon: Floats) -> float:
+    """Length of a polygon's sides."""
+    return float(np.hypot(*(np.roll(polygon, -1, axis=0) - polygon).T).sum())
+
+
+def hull(places: Floats) -> Floats:
+    """The convex hull of places (n, 2), without corners on straight sides."""
+    order = sorted(map(tuple, places.tolist()))
+    chains: list[list[tuple[float, ...]]] = []
+    for run in (order, order[::-1]):
+        chain: list[tuple[float, ...]] = []
+        for x, y in run:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2], chain[-1]
+                longest = max(abs(bx - ax), abs(by - ay), abs(x - bx), abs(y - by))
+                if (bx - ax) * (y - by) - (by - ay) * (x - bx) > FLAT * longest:
+                    break
+                chain.pop()
+            chain.append((x, y))
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1])
+
+
+def dents(polygon: Floats) -> Bools:
+    """bool (k,): which corners of any polygon are concave, by more than DENT at the end of the shorter side."""
+    to = polygon - np.roll(polygon, 1, axis=0)
+    onward = np.roll(polygon, -1, axis=0) - polygon
+    longest = np.maximum(np.abs(to).max(axis=1), np.abs(onward).max(axis=1))
+    concave: Bools = cross(to, onward) < -DENT * longest
+    return concave
+
+
+def outward(polygon: Floats) -> tuple[Floats, Floats]:
+    """The sides' unit normals (k, 2), and how far along its normal each side lies (k,)."""
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
+    normals /= np.maximum(np.hypot(*sides.T), 1e-300)[:, None]
+    return normals, np.einsum("ij,ij->i", normals, polygon)
+
+
+def overlap(polygon: Floats, other: Floats) -> float:
+    """How deep two polygons reach into each other: the shortest way to part them; 0 or less when they are apart."""
+    deepest = np.inf
+    for one, two in ((polygon, other), (other, polygon)):
+        normals, reach = outward(one)
+        deepest = min(deepest, float((reach - (two @ normals.T).min(axis=0)).min()))
+    return deepest
+
+
+def depths(polygon: Floats, places: Floats) -> Floats:
+    """How deep each of some places (n, 2) lies within a polygon, float64 (n,); below 0 outside."""
+    normals, reach = outward(polygon)
+    inside: Floats = (reach - places @ normals.T).min(axis=1)
+    return inside
+
+
+def left_of(polygon: Floats, a: Floats, b: Floats) -> Floats:
+    """What of any polygon lies on the left of the line from a to b; (0, 2) when nothing does."""
+    if len(polygon) == 0:
+        return polygon
+    aside = cross(b - a, polygon - a)
+    aside[np.abs(aside) <= FLAT * np.abs(b - a).max()] = 0.0
+    kept = []
+    for i, (here, place) in enumerate(zip(aside, polygon, strict=True)):
+        j = (i + 1) % len(polygon)
+        # A corner on the line counts beside one that is off it; others are ends of spikes.
+        if here > 0.0 or (here == 0.0 and max(aside[i - 1], aside[j]) > 0.0):
+            kept.append(place)
+        if here * aside[j] < 0.0:
+            kept.append(place + here / (here - aside[j]) * (polygon[j] - place))
+    return np.array(kept).reshape(-1, 2)
