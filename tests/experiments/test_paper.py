@@ -22,19 +22,11 @@ SETUP = Setup(1.0, 12.0, (1, 2))
 TABLES = list(paper().tables.values())
 
 
-def accepted(settings: dict[str, object]) -> bool:
-    """Whether this version knows every choice that a cell makes; the others are known to later ones."""
-    known = {
-        f"patrol.{name}": get_args(field.annotation)
-        for name, field in PatrolSpec.model_fields.items()
-        if name in ("paths", "avoidance", "separation")
-    }
-    return all(settings.get(field, choices[0]) in choices for field, choices in known.items() if choices)
-
-
 def runnable(table: Table) -> Table:
-    rows = [row for row in table.rows if accepted({**paper().settings, **table.settings, **row.settings})]
-    return table.part([row.name for row in rows], [])
+    """The rows whose kind of paths this version has."""
+    kinds = get_args(PatrolSpec.model_fields["paths"].annotation)
+    settings = {row.name: {**table.settings, **row.settings} for row in table.rows}
+    return table.part([name for name, sets in settings.items() if sets.get("patrol.paths", "wave") in kinds], [])
 
 
 def outcome_of(plan: Plan, value: Callable[[str, int], float], metric: str = "mfow_mean_s") -> Outcome:
