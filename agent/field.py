@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,16 @@ from agent.direction import sector_table
 from agent.force import ForceLaw
 from agent.ground import Ground
 from agent.kernels.force import gather, gather_from_posts
+from agent.paths.regions import Regions
 from agent.paths.straight import Straight
 from agent.paths.wave import Wave
 from agent.paths.window import Place, Window
 from agent.posts import Posts
 from patrol.fields import StaticFields
 from patrol.scenario import PatrolSpec
+
+if TYPE_CHECKING:
+    from patrol.regions import RegionSplit
 
 FIRST_LOOK = 20.0
 """Path length in m up to which forces are summed before the horizon is drawn from them."""
@@ -29,7 +33,7 @@ CLOSE_ENOUGH = 0.5
 
 UNCLAIMED = np.zeros(0)
 
-PATHS: dict[str, type[Window]] = {"wave": Wave, "straight": Straight}
+PATHS: dict[str, type[Wave | Straight]] = {"wave": Wave, "straight": Straight}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +57,24 @@ class Field:
     """
 
     def __init__(
-        self, patrol: PatrolSpec, fields: StaticFields, posts: Posts, point: float, scratch: dict[str, Window]
+        self,
+        patrol: PatrolSpec,
+        fields: StaticFields,
+        posts: Posts,
+        point: float,
+        scratch: dict[str, Window],
+        regions: RegionSplit | None = None,
     ) -> None:
-        """point: m. scratch: windows shared by minds of one process that never think at the same time."""
+        """See the class.
+
+        point: m. scratch: windows shared by minds of one process that never think at the same time. regions: for paths
+        through regions, otherwise unused.
+        """
         height, width = fields.reach.shape
         sources = int(np.count_nonzero(fields.patrolled))
         self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width))
         span = min(max(height, width), -(-self.law.limit // 100))
-        key = f"{patrol.paths} {height} {width} {span}"
-        if key not in scratch:
-            scratch[key] = PATHS[patrol.paths](height, width, span)
-        self.paths = scratch[key]
+        self.paths = _window(patrol.paths, (height, width, span), scratch, regions)
         self._point = point
         self._nearby = min(self.law.limit, round(100.0 * patrol.goal_distance / point))
         self._posts = posts
@@ -147,6 +158,20 @@ class Field:
         gather_from_posts(
             self._posts.between(here - span, here + span), *grids, first, last, *place, beyond, *law, *forces
         )
+
+
+def _window(paths: str, sizes: tuple[int, int, int], scratch: dict[str, Window], regions: RegionSplit | None) -> Window:
+    """The window for a path method, the terrain's height and width and a span, in points; shared where it can be."""
+    key = f"{paths} {sizes}"
+    if paths == "regions":
+        if regions is None:
+            raise ValueError("paths through regions need a split")
+        key = f"{key} {id(regions.parts)}"  # which the window holds, so that nothing else gets its identity
+        if key not in scratch:
+            scratch[key] = Regions(*sizes, regions)
+    elif key not in scratch:
+        scratch[key] = PATHS[paths](*sizes)
+    return scratch[key]
 
 
 class _Contest(NamedTuple):

@@ -10,6 +10,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,9 @@ from patrol.random import Purpose, draw
 from patrol.scenario import RobotSpec, Scenario
 from patrol.terrain import Terrain
 
+if TYPE_CHECKING:
+    from patrol.regions import RegionSplit
+
 BLOCKED_SHARE = 0.1
 """A holonomic robot that can make less than this share of a step in any direction is in a dead end."""
 
@@ -54,6 +58,7 @@ class MindSetup:
     number: of the robot. incarnation: 1 for the first process, one more for each restart. fields: of the robot's body.
     psi: float32 (h, w) of `agent.refine.psi_field`, needed for goal refinement. key: of the fleet, or None.
     footprint, scratch: shared by the minds of one process, to save time and memory; each mind makes its own otherwise.
+    regions: of the robot's body, needed for paths through regions.
     """
 
     scenario: Scenario
@@ -65,6 +70,7 @@ class MindSetup:
     key: bytes | None = None
     footprint: Footprint | None = None
     scratch: dict[str, Window] = field(default_factory=dict)
+    regions: RegionSplit | None = None
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
@@ -100,7 +106,7 @@ class Mind:
         self._ground = Ground(terrain, setup.fields.reach, areas)
         fuzzy = patrol.avoidance == "fuzzy"
         self._fuzzy = FuzzySectors(terrain, patrol.sectors, patrol.fuzzy_distance) if fuzzy else None
-        self._field = Field(patrol, setup.fields, posts, scenario.point, setup.scratch)
+        self._field = Field(patrol, setup.fields, posts, scenario.point, setup.scratch, setup.regions)
         refined = patrol.avoidance == "goal-refinement"
         if refined and setup.psi is None:
             raise ValueError("goal refinement needs psi")

@@ -143,6 +143,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
             psi,
             incarnation=options.incarnation,
             key=fleet_key(scenario),
+            regions=prepared.regions_of(spec.number),
         )
     )
 

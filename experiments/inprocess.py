@@ -98,6 +98,7 @@ def make_minds(prepared: Prepared, footprint: Footprint | None = None, threads: 
                 key=key,
                 footprint=footprint,
                 scratch=shared if threads == 1 else {},
+                regions=prepared.regions_of(spec.number),
             )
         )
         for spec in scenario.roster

@@ -21,22 +21,30 @@ from patrol.starts import place_starts
 from patrol.terrain import BoolGrid, Terrain, frozen_grid
 
 if TYPE_CHECKING:
+    from patrol.regions import RegionSplit
     from patrol.scenario import Scenario
 
 FACTS = "prepared.json"
+REGIONS = "regions"
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
     """A scenario with its terrain, the robots' starts in roster order and the static fields by robot number.
 
-    Robots of one radius share one StaticFields object.
+    Robots of one radius share one StaticFields object, and one RegionSplit where paths lead through regions; regions
+    is None otherwise.
     """
 
     scenario: Scenario
     terrain: Terrain
     starts: tuple[Pose, ...]
     fields: Mapping[int, StaticFields]
+    regions: Mapping[int, RegionSplit] | None = None
+
+    def regions_of(self, number: int) -> RegionSplit | None:
+        """The split for a robot's body, where paths lead through regions."""
+        return None if self.regions is None else self.regions[number]
 
     @cached_property
     def patrolled(self) -> BoolGrid:
@@ -54,6 +62,10 @@ class Prepared:
             if id(fields) not in places:
                 places[id(fields)] = f"body-{len(places) + 1}"
                 fields.save(folder / places[id(fields)])
+        for number, split in (self.regions or {}).items():
+            place = folder / places[id(self.fields[number])] / REGIONS
+            if not place.exists():
+                split.save(place)
         facts = {
             "name": self.terrain.name,
             "point": self.terrain.point,
@@ -81,13 +93,15 @@ class Prepared:
             terrain=terrain,
             starts=tuple(Pose(*start) for start in facts["starts"]),
             fields={int(number): bodies[place] for number, place in facts["fields"].items()},
+            regions=_load_regions(scenario, folder, {int(number): place for number, place in facts["fields"].items()}),
         )
 
 
 def prepare(scenario: Scenario) -> Prepared:
     """Load the terrain, place the robots and compute each body's fields.
 
-    Raises BadInput for an unusable map, for starts that do not fit and for bodies too wide for the terrain.
+    Raises BadInput for an unusable map, for starts that do not fit, for bodies too wide for the terrain and for regions
+    that do not make a split.
     """
     terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
     starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))
@@ -97,4 +111,28 @@ def prepare(scenario: Scenario) -> Prepared:
         sensor = scenario.sensor
         by_radius[radius] = compute_fields(terrain, radius, sensor.range, sensor.line_of_sight, own)
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
-    return Prepared(scenario, terrain, starts, fields)
+    regions = None
+    if scenario.patrol.paths == "regions":
+        splits = _split(scenario, terrain, by_radius)
+        regions = {spec.number: splits[spec.radius] for spec in scenario.roster}
+    return Prepared(scenario, terrain, starts, fields, regions)
+
+
+def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:
+    """The regions, those given or automatic ones, and their connections for each radius."""
+    from patrol.regions import regions_by_hand, split_regions  # here: most robots need none
+
+    everywhere = np.logical_or.reduce([fields.reach for fields in by_radius.values()])
+    given = scenario.patrol.regions
+    split = split_regions(terrain, everywhere) if given is None else regions_by_hand(terrain, given, everywhere)
+    return {radius: split.for_body(terrain, fields.reach) for radius, fields in by_radius.items()}
+
+
+def _load_regions(scenario: Scenario, folder: Path, places: Mapping[int, str]) -> dict[int, RegionSplit] | None:
+    """The saved splits by robot number; places: each robot's folder."""
+    if scenario.patrol.paths != "regions":
+        return None
+    from patrol.regions import RegionSplit
+
+    splits = {place: RegionSplit.load(folder / place / REGIONS) for place in sorted(set(places.values()))}
+    return {number: splits[place] for number, place in places.items()}

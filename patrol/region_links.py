@@ -55,6 +55,7 @@ def connect(terrain: Terrain, labels: Ints, body: BoolGrid) -> tuple[Ints, tuple
             x, y = terrain.centre(*divmod(first, terrain.width))
             regions = (int(labels.flat[first]), int(labels.flat[second]))
             found.append(Connection(x, y, regions, (int(flat[first]), int(flat[second])), (first, second)))
+    parts.flags.writeable = False
     return parts, tuple(found)
 
 

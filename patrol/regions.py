@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +58,11 @@ class RegionSplit:
     labels: NDArray[np.int32]
     parts: NDArray[np.int32]
     connections: tuple[Connection, ...]
+
+    def for_body(self, terrain: Terrain, body: BoolGrid) -> RegionSplit:
+        """The same regions, connected for another body, whose centre may be where bool (h, w) `body` says."""
+        parts, connections = connect(terrain, self.labels, body & terrain.free)
+        return replace(self, parts=parts, connections=connections)
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files and the rest as JSON into `folder`, which is made when missing."""
@@ -137,10 +142,9 @@ def _split(
     renumbered = np.full(len(polygons) + 1, -1, dtype=np.int32)
     renumbered[kept] = np.arange(len(kept), dtype=np.int32)
     labels = renumbered[labels]
-    parts, connections = connect(terrain, labels, terrain.free if body is None else body & terrain.free)
-    for grid in (labels, parts):
-        grid.flags.writeable = False
-    return RegionSplit(tuple(_in_metres(terrain, polygons[number]) for number in kept), labels, parts, connections)
+    labels.flags.writeable = False
+    split = RegionSplit(tuple(_in_metres(terrain, polygons[number]) for number in kept), labels, labels, ())
+    return split.for_body(terrain, terrain.free if body is None else body)
 
 
 def _in_metres(terrain: Terrain, polygon: Floats) -> Polygon:

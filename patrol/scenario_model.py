@@ -142,7 +142,10 @@ class PatrolSpec(Section):
     alpha: Exponent = Field(40.0, description="weight of staleness in f")
     beta: Positive = Field(4000.0, description="spread of g4, in points of 0.1 m (squared) whatever the point is")
     length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m whatever the point is")
-    paths: Literal["wave", "straight"] = Field("wave", description="wave (round obstacles) | straight")
+    paths: Literal["wave", "straight", "regions"] = Field(
+        "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
+    )
+    regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: the ground is split")
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
     sectors: Sectors = Field(8, description="sectors that mode chooses from")
     dilatation: NotNegative = Field(5.0, description="m, half-width of the window that spreads staleness; 0: none")

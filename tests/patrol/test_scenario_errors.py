@@ -111,7 +111,10 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"sensor": {"quality": []}}, "scenario: sensor.quality = []: expected 1 or more points"),
         ({"sensor": {"quality": [[1, 0.5], [2, 0]]}}, "scenario: sensor.quality.1 = [2, 0]: expected [distance in m,"),
         ({"sensor": {"quality": [[1, 1], [1, 1]]}}, "expected distances that increase along the list"),
-        ({"patrol": {"paths": "regions"}}, 'scenario: patrol.paths = "regions": expected wave or straight'),
+        (
+            {"patrol": {"paths": "region"}},
+            'scenario: patrol.paths = "region": expected wave, straight or regions; did you mean regions?',
+        ),
         ({"patrol": {"fow": "f6"}}, 'scenario: patrol.fow = "f6": expected f1, f2, f3, f4 or f5'),
         ({"patrol": {"policy": "mine:Policy"}}, 'patrol.policy = "mine:Policy": expected potential-field'),
         ({"patrol": {"random_move": 1.1}}, "scenario: patrol.random_move = 1.1: expected a number from 0 to 1"),
