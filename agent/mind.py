@@ -44,7 +44,7 @@ BLOCKED_SHARE = 0.1
 """A holonomic robot that can make less than this share of a step in any direction is in a dead end."""
 
 CLEAR_SHARE = 0.5
-"""A direction in which a holonomic robot can make at least this share of a step is good enough to take."""
+"""A direction in which a robot can make at least this share of a step is good enough to take."""
 
 
 BARELY = 1e-3
@@ -113,9 +113,8 @@ class Mind:
         self._goals = GoalFinder(patrol, self._ground, setup.psi if refined else None)
         self._holonomic = HolonomicSteering(self.spec, terrain, scenario.step)
         self._car = CarSteering(self.spec, terrain, scenario.step)
-        gives_way = patrol.give_way and self.spec.model == "holonomic"
         identity = (scenario.seed, setup.number, setup.incarnation)
-        self._give_way = GiveWay(*identity, self._radii) if gives_way else None
+        self._give_way = GiveWay(*identity, self._radii) if patrol.give_way else None
         self._unstuck = Unstuck(self._car, self.spec.speed)
 
     def frame(self, k: int, pose: Pose) -> bytes:
@@ -234,8 +233,7 @@ class Mind:
         self, k: int, pose: Pose, start: tuple[int, int] | None, pull: Pull, bumped: bool
     ) -> tuple[Command, State, float | None, Goal | None]:
         """A car's choice: towards the goal, or whatever leads out of a dead end."""
-        bearing = next(iter(self._directions(pull)), None)
-        goal = None if start is None or bearing is None else self._goals.along(bearing, *start)
+        bearing, goal = self._ahead(start, pull)
         if self._unstuck.active:
             drive = self._unstuck.step(k, pose, bumped)
             if drive is not None:
@@ -249,3 +247,19 @@ class Mind:
         self._unstuck.begin(k, bearing)
         drive = self._unstuck.step(k, pose, bumped=False)
         return drive or Drive(0.0, 0.0), State.DEAD_END, bearing, goal
+
+    def _ahead(self, start: tuple[int, int] | None, pull: Pull) -> tuple[float | None, Goal | None]:
+        """The strongest direction that leads at least half a step, and its goal; the strongest of all if none does.
+
+        The paper's forces act along first steps of paths, which are free by construction. A bearing rounded to its
+        sector's bisector may point into a wall right beside the robot.
+        """
+        directions = self._directions(pull)
+        if start is None or not directions:
+            return None, None
+        centre = self._ground.centre(*start)
+        for bearing in directions:
+            goal = self._goals.along(bearing, *start)
+            if math.dist(goal.goal, centre) >= CLEAR_SHARE * self._car.stride:
+                return bearing, goal
+        return directions[0], self._goals.along(directions[0], *start)

@@ -154,7 +154,7 @@ class PatrolSpec(Section):
     )
     separation: Separation = Field("none", description=SEPARATIONS)
     random_move: Probability = Field(0.1, description="probability of a random step (holonomic robots only)")
-    give_way: Flag = Field(True, description="of two holonomic robots that bumped, one goes round the other")
+    give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
     claim_width: Positive = Field(0.3, description="m, s of the claims")
     obstacle_radius: Positive = Field(5.0, description="m, of the artificial obstacle at each other robot")
     critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages, found")
