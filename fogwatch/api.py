@@ -185,8 +185,8 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
         wishes.show.say(launch.obituary(WORLD))
     journal = read_journal(folder.journal)
     verdict = judge(journal, exit_codes, terrain=prepared.terrain)
-    notes = journal.end.notes if journal.end else {}
-    summary = {**summarise(journal, verdict, notes.get("wall_s")), "notes": notes, "exit_codes": dict(exit_codes)}
+    wall_s = journal.end.notes.get("wall_s") if journal.end else None
+    summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
     return _result(folder, prepared, journal, verdict, summary, wishes)
 
 

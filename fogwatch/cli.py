@@ -145,7 +145,8 @@ def guarded(command: Callable[[], Any]) -> int:
         if not hasattr(error, "format_message"):
             traceback.print_exc()
             return UNKNOWN
-        print(f"fogwatch: {error.format_message()}", file=sys.stderr)
+        if message := error.format_message():  # without one it has printed the help
+            print(f"fogwatch: {message}", file=sys.stderr)
         return 2
     return code if isinstance(code, int) else 0
 

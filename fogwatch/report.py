@@ -49,9 +49,9 @@ def measures(summary: Mapping[str, Any]) -> list[str]:
     messages = summary["messages"]
     counts = ", ".join(f"{messages[name]} {name}" for name in ("sent", "delivered", "dropped", "rejected"))
     lines.append(f"messages    {counts}; {messages['bytes_per_robot_s']:.0f} bytes per robot and second")
-    late = sum(summary.get("notes", {}).get("late_commands", {}).values())
-    if late:
-        lines.append(f"deadlines   {late} commands came late")
+    if deadlines := summary.get("deadlines"):
+        frames, commands = (sum(deadlines[what].values()) for what in ("late_frames", "late_commands"))
+        lines.append(f"deadlines   missed by {commands} commands and {frames} frames")
     return lines
 
 

@@ -27,6 +27,9 @@ LEASE_S = 60.0
 CLOSE_S = 2.0
 """How long closing may take; under loss it has been seen to take longer."""
 
+TELL_S = (1.0, 5.0)
+"""When somebody who waits says so for the first time, and how long after that again."""
+
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
 _ROOM = 256
 _SOCKET = 65536
@@ -192,7 +195,7 @@ def open_link(
 ) -> Link:
     """Join the router at a locator such as ``tcp/127.0.0.1:7447``.
 
-    waiting: called about once a second, with the seconds waited, while no router answers. Raises LinkDown when none has
+    waiting: called as `TELL_S` says, with the seconds waited, while no router answers. Raises LinkDown when none has
     after wait_s, or when `stopped` says so.
     """
     box: list[zenoh.Session | Exception] = []
@@ -207,13 +210,13 @@ def open_link(
 
     threading.Thread(target=join, daemon=True).start()
     began = time.monotonic()
-    told = 0.0
+    tell_at = TELL_S[0]
     while not done.wait(0.1):
         waited = time.monotonic() - began
         if stopped() or waited >= wait_s:
             raise LinkDown(f"no router answers at {router}")
-        if waited >= told + 1.0:
-            told = waited
+        if waited >= tell_at:
+            tell_at = waited + TELL_S[1]
             waiting(waited)
     opened = box[0]
     if isinstance(opened, Exception):

@@ -210,7 +210,7 @@ class Seats:
         if message.run not in (self._run, NO_RUN):
             self._wire.mailbox.refused["stranger"] += 1
         elif seat is None and message.run == NO_RUN:
-            self._greet(number)
+            self._note_presence(number, present=True)
         elif seat is None:
             self._check(name, message)
             self._seats[number] = _Seat(message.incarnation, message.instance)

@@ -120,6 +120,7 @@ class Totals:
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
             "messages": _messages(list(self._robots.values()), step),
             "robots": {facts.name: self._robots[facts.number].facts() for facts in header.robots},
+            **_of_processes(journal),
             "verdict": {
                 "valid": verdict.valid,
                 "outcome": verdict.outcome,
@@ -134,12 +135,27 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first. A
     message is counted once per receiver: sent = delivered + dropped; `frames` counts it once. `bytes_per_robot_s`:
     bytes that a living robot sends per second. `missed`: ticks in which no command came in time. wall_s: wall time of
-    the ticks, s, or None when unknown.
+    the ticks, s, or None when unknown. For a fleet of processes, `refused`: messages that the world dropped unread, by
+    reason; at the pace of the clock also `deadlines`: frames and commands that came late by robot, and how far the
+    world itself fell behind (wall s).
     """
     totals = Totals(journal.header)
     for record in journal.ticks:
         totals.tick(record)
     return totals.summary(journal, verdict, wall_s)
+
+
+def _of_processes(journal: RunRecord) -> dict[str, Any]:
+    """What the journal's end notes of a fleet of processes; nothing for a fleet in one."""
+    notes = journal.end.notes if journal.end else {}
+    facts = {"refused": notes["refused"]} if "refused" in notes else {}
+    if "late_commands" in notes:
+        names = {robot.number: robot.name for robot in journal.header.robots}
+        late = {
+            what: {names[robot]: n for robot, n in notes[what].items()} for what in ("late_frames", "late_commands")
+        }
+        facts["deadlines"] = {**late, "slipped_s": notes["slipped_s"]}
+    return facts
 
 
 def _take(robots: dict[int, _Robot], record: TickRecord, step: float) -> None:

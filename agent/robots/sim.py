@@ -18,7 +18,7 @@ from agent.decision import Decision
 from agent.robots import Sensed
 from patrol.keys import WORLD, FleetKeys
 from patrol.lifeline import Ending
-from patrol.link import Link, Mailbox, Post, Presence
+from patrol.link import TELL_S, Link, Mailbox, Post, Presence
 from patrol.phases import (
     ANYONE,
     NO_RUN,
@@ -59,8 +59,8 @@ class Identity:
 class SimRobot:
     """Robot and radio of one simulated robot (`agent.robots.Robot`, `agent.robots.Radio`).
 
-    patience_s: how long it does without a world before it leaves. waiting: called about once a second with the seconds
-    that it has waited for a world. Afterwards `farewell` says why it left and `orderly` whether that was in order.
+    patience_s: how long it does without a world before it leaves. waiting: called now and then with the seconds that it
+    has waited for a world. Afterwards `farewell` says why it left and `orderly` whether that was in order.
     """
 
     def __init__(
@@ -86,6 +86,7 @@ class SimRobot:
         self._run: int | None = None
         self._world_present = False
         self._last_news = self._last_said = self._checked = now()
+        self._tell_at = now() + TELL_S[0]
         self._k = -1
         self._heard_k = -1
         self._next: PhaseA | None = None
@@ -214,10 +215,9 @@ class SimRobot:
         if not self._world_present and silent_s > self._patience_s:
             self._leave(f"no world for {silent_s:.0f} s", orderly=False)
         elif min(silent_s, now - self._last_said) > (UNGREETED_S if self._run is None else SILENCE_S):
-            if self._world_present:
-                self._say_hello()
-            elif self._run is None:
-                self._last_said = now
+            self._say_hello()
+            if not self._world_present and now >= self._tell_at:
+                self._tell_at = now + TELL_S[1]
                 self._waiting(silent_s)
 
     def _leave(self, reason: str, *, orderly: bool) -> None:

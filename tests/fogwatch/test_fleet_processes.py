@@ -223,7 +223,7 @@ def test_real_pace_waits_for_nobody_and_counts(start: Callable[..., Run]) -> Non
     summary = run.summary()
     assert summary["ticks"] == 120
     assert summary["realtime_factor"] == pytest.approx(20, rel=0.2)
-    assert summary["notes"]["late_commands"]["1"] >= 30
+    assert summary["deadlines"]["late_commands"]["r1"] >= 30
     rows = [tick.robots[0] for tick in read_journal(run.folder / "journal").ticks]
     assert any((row.c0, row.c1) == (0.0, 0.0) for row in rows[20:60]), "the watchdog did not stop it"
     assert all(row.status is Status.ALIVE for row in rows)

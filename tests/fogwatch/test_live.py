@@ -45,6 +45,7 @@ SUMMARY = {
             "decision_ms_p99": None,
         },
     },
+    "deadlines": {"late_frames": {"anna": 1}, "late_commands": {"anna": 2, "bert": 3}, "slipped_s": 0.0},
     "verdict": {
         "outcome": "invalid",
         "valid": False,
@@ -111,6 +112,7 @@ def test_the_report_says_what_matters() -> None:
         "MFoW        mean 60.0 s, most 90.0 s; lower bound 40.0 s, ratio 1.50",
         "coverage    99.50 % of 8800 m² to patrol",
         "10 sent, 9 delivered, 1 dropped, 0 rejected",
+        "missed by 5 commands and 1 frames",
         "verdict     invalid",
         "nobody lost: bert",
         "runs/five (summary.json, journal, ticks.csv, fog.png)",
