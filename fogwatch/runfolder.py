@@ -24,7 +24,7 @@ from typing import Any
 import yaml
 
 from patrol.errors import BadInput
-from patrol.maps import read_map_file
+from patrol.maps import load_terrain, read_map_file
 from patrol.scenario import Scenario, dump_scenario, load_scenario
 
 RUNS = Path("runs")
@@ -103,6 +103,9 @@ def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
     path = (out or _fresh(scenario.name, now)).absolute()
     shown = f"--out {out}" if out else str(path)
     folder = RunFolder(path, made=not path.exists())
+    if scenario.terrain.map is not None:
+        # A map that cannot be used is told by its own name, not by its copy's, and leaves no folder behind.
+        load_terrain(scenario.terrain, scenario.point, scenario.base)
     try:
         if path.is_dir() and any(path.iterdir()):
             raise BadInput(f"{shown}: is not empty; choose a folder that is, or that does not exist yet")
