@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from fogwatch.cli_regions import regions
 from patrol.builtins import LAYOUTS, builtin_terrain
 from patrol.errors import BadInput
 from patrol.pose import Pose
@@ -28,9 +29,7 @@ MOST_LINES = 20
 """Sealed parts and doors listed, of each."""
 
 
-@app.callback()
-def _group() -> None:
-    """Keep `check` a command of its own."""
+app.command()(regions)
 
 
 @app.command()
