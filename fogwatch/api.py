@@ -19,6 +19,7 @@ from fogwatch.live import Show, Silent
 from fogwatch.runfolder import RunFolder, create
 from patrol.errors import BadInput
 from patrol.eyes import Metrics, Notice, Watcher
+from patrol.keyfile import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
 from patrol.warmup import warm
 
@@ -112,6 +113,7 @@ def execute(scenario: Scenario, wishes: Wishes) -> Result:
     folder = create(scenario, wishes.out, datetime.now().astimezone())
     try:
         resolved = folder.load()
+        fleet_key(resolved)  # whether it can be read is better known before there are processes
         return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
     except BadInput:
         folder.discard()

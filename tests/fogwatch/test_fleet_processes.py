@@ -24,7 +24,7 @@ OPEN: dict[str, Any] = {
     "name": "small",
     "terrain": {"builtin": "open"},
     "duration": 100,
-    "robots": {"count": 3, "model": "holonomic"},
+    "robots": {"count": 2, "model": "holonomic"},
     **COARSE,
 }
 PATIENCE_S = 60.0
@@ -135,7 +135,7 @@ def test_a_run_is_the_same_as_processes_and_in_one(
 
 
 def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Path) -> None:
-    run = start({**OPEN, "duration": 300})
+    run = start({**OPEN, "duration": 150})
     until(lambda: run.ticks() > 20)
     agent = run.children()["r2"]
     os.kill(agent, signal.SIGSTOP)
@@ -144,16 +144,16 @@ def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Pat
     assert run.ticks() <= before + 2
     os.kill(agent, signal.SIGCONT)
     assert run.end() == 0, run.errors
-    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": 300}, tmp_path / "one")
+    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": 150}, tmp_path / "one")
 
 
 def test_a_router_that_dies_is_started_again_and_nothing_changes(start: Callable[..., Run], tmp_path: Path) -> None:
-    run = start({**OPEN, "duration": 300})
+    run = start({**OPEN, "duration": 150})
     until(lambda: run.ticks() > 20)
     os.kill(run.children()["fogwatch.router"], signal.SIGKILL)
     assert run.end() == 0, run.errors
     assert "router was killed by SIGKILL" in run.errors
-    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": 300}, tmp_path / "one")
+    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": 150}, tmp_path / "one")
 
 
 def test_a_killed_agent_is_named_and_the_others_go_on(start: Callable[..., Run]) -> None:
@@ -180,23 +180,40 @@ def test_an_interrupted_run_ends_everything_and_can_be_read(number: signal.Signa
     run = start({**OPEN, "duration": 100_000})
     until(lambda: run.ticks() > 20)
     children = run.children()
-    assert len(children) == 5
+    assert len(children) == 4
     run.process.send_signal(number)
     assert run.end() == 130, run.errors
     assert not run.children()
     summary = run.summary()
     assert summary["ended"] == "interrupted"
     assert summary["ticks"] > 20
-    assert summary["exit_codes"] == dict.fromkeys(["router", "world", "r1", "r2", "r3"], 0)
+    assert summary["exit_codes"] == dict.fromkeys(["router", "world", "r1", "r2"], 0)
     journal = read_journal(run.folder / "journal")
     assert journal.end is not None
     assert not journal.truncated
 
 
+def test_an_agent_that_dies_before_the_run_begins_ends_it_with_a_reason(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000})
+    until(lambda: "r1" in run.children())
+    os.kill(run.children()["r1"], signal.SIGKILL)
+    assert run.end() == 3, run.errors
+    assert "the run could not begin: r1 was killed by SIGKILL" in run.errors
+    assert not run.children()
+
+
+def test_a_run_can_be_interrupted_before_it_begins(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000})
+    until(lambda: len(run.children()) == 4)
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
+    assert not run.children()
+
+
 def test_nothing_outlives_a_killed_launcher(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
     until(lambda: run.ticks() > 20)
-    os.kill(run.children()["r3"], signal.SIGSTOP)
+    os.kill(run.children()["r2"], signal.SIGSTOP)
     run.process.kill()
     run.process.wait()
     until(lambda: not run.children(), limit_s=5.0)
