@@ -108,7 +108,7 @@ def run(
     if quiet:
         print(result.folder)
     else:
-        print_report(Console(), result.summary, str(result.folder), (result.folder / "fog.png").exists())
+        print_report(Console(), result.summary, result.folder)
     return INTERRUPTED if ending else result.verdict.exit_code
 
 

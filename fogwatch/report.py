@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -15,8 +16,8 @@ _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yell
 MOST_ROBOTS = 40
 
 
-def print_report(console: Console, summary: Mapping[str, Any], folder: str, picture: bool) -> None:
-    """Print what a run came to: the measures, the robots, the verdict, and where the files are."""
+def print_report(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
+    """Print what a run came to: the measures, the robots, the verdict, and what lies in the run folder."""
     for line in measures(summary):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     console.print(_robots(summary["robots"]))
@@ -28,8 +29,8 @@ def print_report(console: Console, summary: Mapping[str, Any], folder: str, pict
     for check in verdict["checks"]:
         if not check["ok"]:
             console.print(f"  {check['name']}: {check['detail']}", style="red", highlight=False, soft_wrap=True)
-    what = "summary.json, journal, ticks.csv" + (", fog.png" if picture else "")
-    console.print(f"files       {folder} ({what})", markup=False, highlight=False, soft_wrap=True)
+    files = ", ".join(sorted(path.name for path in folder.iterdir()))
+    console.print(f"files       {folder}: {files}", markup=False, highlight=False, soft_wrap=True)
 
 
 def measures(summary: Mapping[str, Any]) -> list[str]:
