@@ -114,6 +114,9 @@ def execute(scenario: Scenario, wishes: Wishes) -> Result:
     try:
         resolved = folder.load()
         fleet_key(resolved)  # whether it can be read is better known before there are processes
+        count = len(resolved.roster)
+        robots = "1 robot" if count == 1 else f"{count} robots"
+        wishes.show.say(f"{resolved.name}: {robots} for {resolved.duration:g} s, starting; run folder {folder.path}")
         return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
     except BadInput:
         folder.discard()

@@ -25,7 +25,9 @@ from patrol.eyes import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
 from patrol.keys import fleet_keys
 from patrol.link import Link, Mailbox, open_link
 
-ROUTER, WORLD = "router", "world"
+ROUTER, WORLD = "the router", "the world"
+"""Names that no robot can have."""
+
 LOG_LINES = 5
 ROUTER_S = 10.0
 """How long a router may take to listen."""
@@ -137,7 +139,7 @@ class Launch:
                 return
             busy = "busy" in router.last_words()
             if not busy:
-                raise Failed(f"the router did not start:\n{router.last_words()}")
+                raise Failed(f"{ROUTER} did not start:\n{router.last_words()}")
             if self.port is not None:
                 raise BadInput(f"--port {port}: the port is busy; choose another, or leave the choice to fogwatch")
         raise Failed("found no free port for the router")
@@ -151,7 +153,7 @@ class Launch:
         return False
 
     def _spawn(self, name: str, module: str, arguments: Sequence[str]) -> Child:
-        log = self.folder.log(name)
+        log = self.folder.log(name.removeprefix("the "))
         command = [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._pipe[0])]
         with log.open("ab") as output:
             process = subprocess.Popen(
@@ -191,8 +193,8 @@ class Launch:
         if router.poll() is not None and not self.stop():
             self._routers += 1
             if self._routers > MOST_ROUTERS:
-                raise Failed(f"the router keeps dying:\n{router.last_words()}")
-            self.show.say(f"the router {_how(router.code)}; starting it again")
+                raise Failed(f"{ROUTER} keeps dying:\n{router.last_words()}")
+            self.show.say(f"{ROUTER} {_how(router.code)}; starting it again")
             self._spawn(ROUTER, "fogwatch.router", ["--listen", self._endpoint])
         for name in self.robots:
             child = self.children[name]

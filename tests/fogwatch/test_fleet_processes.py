@@ -187,10 +187,16 @@ def test_an_interrupted_run_ends_everything_and_can_be_read(number: signal.Signa
     summary = run.summary()
     assert summary["ended"] == "interrupted"
     assert summary["ticks"] > 20
-    assert summary["exit_codes"] == dict.fromkeys(["router", "world", "r1", "r2"], 0)
+    assert summary["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2"], 0)
     journal = read_journal(run.folder / "journal")
     assert journal.end is not None
     assert not journal.truncated
+
+
+def test_a_robot_may_have_any_name(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 2, "robots": [{"name": "world"}, {"name": "router"}]})
+    assert run.end() == 0, run.errors
+    assert set(run.summary()["exit_codes"]) == {"the router", "the world", "world", "router"}
 
 
 def test_an_agent_that_dies_before_the_run_begins_ends_it_with_a_reason(start: Callable[..., Run]) -> None:
