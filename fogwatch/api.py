@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from worldsim.record import RunRecord
     from worldsim.verdict import Verdict
 
-PSI = "psi.npy"
 MOST_THREADS = 8
 EAGER = 16
 """Fleets up to this size are spawned before it is known that they fit, so that their start takes less time."""
@@ -95,7 +94,8 @@ def run(
     in_process: in this process, or as one process per robot over Zenoh; both give the same trace. progress: called
     with the run so far, at most ten times a second. overrides: values by dotted field, ``{"patrol.dilatation": 0}``.
 
-    Raises BadInput, one line that says what is wrong, and KeyboardInterrupt after leaving everything in order.
+    Raises BadInput, one line that says what is wrong; `fogwatch.launcher.Failed` when processes could not be brought
+    to run; KeyboardInterrupt after leaving everything in order.
     """
     if isinstance(scenario, Scenario):
         loaded = load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
@@ -148,7 +148,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
         outcome = run_in_process(
             prepared,
             journal=folder.journal,
-            started=datetime.now().astimezone().isoformat(timespec="seconds"),
+            started=datetime.now(UTC).isoformat(timespec="seconds"),
             progress=on_tick,
             events=on_event,
             stop=wishes.stop,
@@ -176,7 +176,8 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
         raise
     finally:
         exit_codes = launch.finish()
-        shutil.rmtree(folder.static, ignore_errors=True)
+        for static in (folder.static, _unfinished(folder.static)):
+            shutil.rmtree(static, ignore_errors=True)
 
     from patrol.journal import read_journal
     from worldsim.summary import summarise
@@ -188,7 +189,10 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
         raise Failed(launch.obituary(WORLD))
     if exit_codes[WORLD] != 0:
         wishes.show.say(launch.obituary(WORLD))
-    journal = read_journal(folder.journal)
+    try:
+        journal = read_journal(folder.journal)
+    except BadInput as bad:
+        raise Failed(str(bad)) from None
     verdict = judge(journal, exit_codes, terrain=prepared.terrain)
     wall_s = journal.end.notes.get("wall_s") if journal.end else None
     summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
@@ -208,14 +212,20 @@ def _check_memory(robots: int) -> None:
 
 def _save_static(prepared: Prepared, folder: RunFolder) -> None:
     """Write the static fields for the processes, which go on as soon as the folder is there."""
+    from agent.process import PSI
     from agent.refine import psi_field
 
-    part = folder.static.with_suffix(".part")
+    part = _unfinished(folder.static)
     prepared.save(part)
     patrol = prepared.scenario.patrol
     if patrol.avoidance == "goal-refinement":
         np.save(part / PSI, psi_field(prepared.terrain, patrol.refine_reach))
     part.rename(folder.static)
+
+
+def _unfinished(static: Path) -> Path:
+    """Where static fields are written until they are whole."""
+    return static.with_suffix(".part")
 
 
 def _result(

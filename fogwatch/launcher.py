@@ -23,7 +23,7 @@ from fogwatch.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.eyes import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
 from patrol.keys import fleet_keys
-from patrol.link import Link, Mailbox, open_link
+from patrol.link import Link, LinkDown, Mailbox, open_link
 
 ROUTER, WORLD = "the router", "the world"
 """Names that no robot can have."""
@@ -101,7 +101,10 @@ class Launch:
 
     def watch(self) -> None:
         """Show how the run goes until the world has ended, or somebody wants it to."""
-        link = open_link(self._endpoint, ROUTER_S)
+        try:
+            link = open_link(self._endpoint, ROUTER_S)
+        except LinkDown as down:
+            raise Failed(str(down)) from None
         try:
             self._watch(link)
         finally:
