@@ -114,9 +114,6 @@ def execute(scenario: Scenario, wishes: Wishes) -> Result:
     try:
         resolved = folder.load()
         fleet_key(resolved)  # whether it can be read is better known before there are processes
-        count = len(resolved.roster)
-        robots = "1 robot" if count == 1 else f"{count} robots"
-        wishes.show.say(f"{resolved.name}: {robots} for {resolved.duration:g} s, starting; run folder {folder.path}")
         return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
     except BadInput:
         folder.discard()
@@ -131,6 +128,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
     from worldsim.table import TicksTable
 
     prepared = prepare(scenario)
+    _announce(scenario, folder, wishes)
     names = {spec.number: spec.name for spec in scenario.roster}
     points = int(np.count_nonzero(prepared.patrolled))
     watcher = Watcher(names, points, scenario.step, scenario.ticks, time.monotonic)
@@ -169,6 +167,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     try:
         launch.start()
         prepared = prepared or prepare(scenario)
+        _announce(scenario, folder, wishes)
         _save_static(prepared, folder)
         launch.watch()
     except BaseException:
@@ -197,6 +196,13 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     wall_s = journal.end.notes.get("wall_s") if journal.end else None
     summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
     return _result(folder, prepared, journal, verdict, summary, wishes)
+
+
+def _announce(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> None:
+    """Say what begins, now that nothing is wrong with it."""
+    count = len(scenario.roster)
+    robots = "1 robot" if count == 1 else f"{count} robots"
+    wishes.show.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
 
 
 def _check_memory(robots: int) -> None:

@@ -25,7 +25,7 @@ def test_the_default_folder_has_the_name_and_the_time(tmp_path: Path, monkeypatc
 def test_a_map_is_copied_so_that_the_folder_can_be_moved(tmp_path: Path) -> None:
     source = tmp_path / "source"
     (source / "images").mkdir(parents=True)
-    Image.new("L", (8, 6), 254).save(source / "images" / "plan.png")
+    Image.new("L", (8, 6), 0).save(source / "images" / "plan.png")
     (source / "plan.yaml").write_text(
         "image: images/plan.png\nresolution: 0.05\norigin: [1e-5, -2.5, 0.0]\nnegate: 1\n"
         "occupied_thresh: 0.9\nfree_thresh: 0.1\nmode: scale\n",
