@@ -134,6 +134,24 @@ def test_a_run_is_the_same_as_processes_and_in_one(
     assert again.trace_hash == run.summary()["trace_hash"]
 
 
+EVERYTHING = ["claims", "artificial-obstacles", "semaphores", "repulsion"]
+
+
+@pytest.mark.parametrize(
+    "rules",
+    [
+        {"paths": "regions", "avoidance": "fuzzy", "separation": EVERYTHING},
+        {"paths": "straight", "avoidance": "none", "direction": "vector"},
+    ],
+    ids=["regions", "straight"],
+)
+def test_so_it_is_under_other_rules(rules: dict[str, Any], start: Callable[..., Run], tmp_path: Path) -> None:
+    scenario = {**OPEN, "terrain": {"builtin": "yards"}, "duration": 30, "patrol": {"dilatation": 2.0, **rules}}
+    run = start({**scenario, "radio": {"trail": 2}})
+    assert run.end() == 0, run.errors
+    assert run.summary()["trace_hash"] == in_process({**scenario, "radio": {"trail": 2}}, tmp_path / "one")
+
+
 def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Path) -> None:
     run = start({**OPEN, "duration": 150})
     until(lambda: run.ticks() > 20)
