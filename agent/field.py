@@ -42,11 +42,13 @@ class Pull:
 
     sums: float64 (sectors,), the sum of moduli in each sector; for the vector method (3,): the sum's x and y, and the
     sum of moduli. near: the open element (row, col) of the ground, in sight of the robot, where it should stop when
-    something close by pulls about as hard as anything (see `Field.pull`), else None.
+    something close by pulls about as hard as anything (see `Field.pull`), else None. bend: the element where the path
+    to the strongest single force first bends, None without any.
     """
 
     sums: NDArray[np.float64]
     near: tuple[int, int] | None
+    bend: tuple[int, int] | None = None
 
 
 class Field:
@@ -115,11 +117,15 @@ class Field:
         horizon = self.law.horizon(exerted, float(by_age[-1]))
         if horizon > first:
             self._gather(first, horizon, dilated, seen, tick, by_age, forces)
-        near = None
-        if nearby.strongest[0] > 0.0 and nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]:
-            up, across = divmod(int(self.paths.bend.reshape(-1)[nearby.source[0]]), self.paths.state.shape[1])
-            near = up + self.paths.row0 + 1, across + self.paths.col0 + 1
-        return Pull(forces.sums, near)
+        close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
+        return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces))
+
+    def _bend(self, forces: _Forces) -> tuple[int, int] | None:
+        """Where the path to the strongest of some forces first bends, as an element of the ground."""
+        if forces.strongest[0] <= 0.0:
+            return None
+        up, across = divmod(int(self.paths.bend.reshape(-1)[forces.source[0]]), self.paths.state.shape[1])
+        return up + self.paths.row0 + 1, across + self.paths.col0 + 1
 
     def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
         """Note how near the rivals are to every point, before the window is used for the robot's own paths."""

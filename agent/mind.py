@@ -233,7 +233,7 @@ class Mind:
         self, k: int, pose: Pose, start: tuple[int, int] | None, pull: Pull, bumped: bool
     ) -> tuple[Command, State, float | None, Goal | None]:
         """A car's choice: towards the goal, or whatever leads out of a dead end."""
-        bearing, goal = self._ahead(start, pull)
+        bearing, goal = self._ahead(k, start, pull)
         if self._unstuck.active:
             drive = self._unstuck.step(k, pose, bumped)
             if drive is not None:
@@ -248,16 +248,20 @@ class Mind:
         drive = self._unstuck.step(k, pose, bumped=False)
         return drive or Drive(0.0, 0.0), State.DEAD_END, bearing, goal
 
-    def _ahead(self, start: tuple[int, int] | None, pull: Pull) -> tuple[float | None, Goal | None]:
+    def _ahead(self, k: int, start: tuple[int, int] | None, pull: Pull) -> tuple[float | None, Goal | None]:
         """The strongest direction that leads at least half a step, and its goal; the strongest of all if none does.
 
         The paper's forces act along first steps of paths, which are free by construction. A bearing rounded to its
-        sector's bisector may point into a wall right beside the robot.
+        sector's bisector may point into a wall right beside the robot; and where it leads into one again and again, a car
+        without chance in its moves would for ever. It then takes the bearing of the strongest force as it is.
         """
         directions = self._directions(pull)
         if start is None or not directions:
             return None, None
         centre = self._ground.centre(*start)
+        if pull.bend is not None and pull.bend != start and self._unstuck.keeps_happening(k):
+            across, up = (there - here for there, here in zip(self._ground.centre(*pull.bend), centre, strict=True))
+            directions = [math.atan2(up, across), *directions]
         for bearing in directions:
             goal = self._goals.along(bearing, *start)
             if math.dist(goal.goal, centre) >= CLEAR_SHARE * self._car.stride:

@@ -44,6 +44,10 @@ class Unstuck:
         """Whether the robot is in a dead end."""
         return self._desired is not None
 
+    def keeps_happening(self, tick: int) -> bool:
+        """Whether the robot has lately been stuck more than once in a row."""
+        return self._in_a_row > 1 and tick - self._ended <= CALM
+
     def begin(self, tick: int, desired: float) -> None:
         """The robot is stuck at ``tick`` and wants to leave facing ``desired`` (rad)."""
         again = tick - self._ended <= CALM

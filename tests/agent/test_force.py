@@ -147,6 +147,7 @@ def test_a_point_where_no_body_fits_pulls_through_the_pose_that_sees_it() -> Non
     assert far.near is None
     close = field.pull(Ground(terrain, reach), 15, 25, seen, seen, 100, 100)
     assert close.near == (13, 30)
+    assert close.bend == (13, 30)
 
 
 def test_a_place_close_by_counts_without_its_dilatation() -> None:

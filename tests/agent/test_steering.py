@@ -99,7 +99,9 @@ def test_it_backs_further_each_time_it_gets_stuck_again_at_once() -> None:
             steps += 1
             tick += 1
         backed.append(steps)
+        assert unstuck.keeps_happening(tick) == (len(backed) > 1)
     assert backed == [1, 2, 3, 4]
+    assert not unstuck.keeps_happening(tick + 100)
 
 
 def test_a_bump_while_backing_makes_it_drive_forward() -> None:
