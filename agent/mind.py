@@ -252,8 +252,8 @@ class Mind:
         """The strongest direction that leads at least half a step, and its goal; the strongest of all if none does.
 
         The paper's forces act along first steps of paths, which are free by construction. A bearing rounded to its
-        sector's bisector may point into a wall right beside the robot; and where it leads into one again and again, a car
-        without chance in its moves would for ever. It then takes the bearing of the strongest force as it is.
+        sector's bisector may point into a wall right beside the robot; where it leads into one again and again, a car,
+        whose moves know no chance, would never get away. It then takes the bearing of the strongest force as it is.
         """
         directions = self._directions(pull)
         if start is None or not directions:
