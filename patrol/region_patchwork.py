@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from patrol.convex import Floats, area, circumference, cross, dents, depths, hull, left_of, overlap
+from patrol.convex import Floats, area, circumference, cross, dents, depths, hull, left_of, outward, overlap
 
 POCKET = 1.0
 """How deep, in points, a merged region may reach into walls beside its parts."""
@@ -147,10 +147,20 @@ def _mergers(work: Patchwork, number: int) -> Iterator[tuple[float, int, Floats]
         other = work.polygons[partner]
         if partner == number or overlap(polygon, other) < -TOUCHING:
             continue
-        corners = np.concatenate([polygon, other])
-        whole = hull(corners)
-        if depths(whole, corners).max() <= POCKET and work.is_clear(whole, number, partner):
+        whole = hull(np.concatenate([polygon, other]))
+        if _pocket(whole, polygon, other) <= POCKET and work.is_clear(whole, number, partner):
             yield area(whole) / circumference(whole) ** 2, partner, whole
+
+
+def _pocket(whole: Floats, polygon: Floats, other: Floats) -> float:
+    """How far the hull of two polygons that share a border spans beyond them: from the border's ends."""
+    own, others = ((whole[:, None] == each[None]).all(axis=2).any(axis=1) for each in (polygon, other))
+    spanning = ~(own & np.roll(own, -1)) & ~(others & np.roll(others, -1))
+    corners = np.concatenate([polygon, other])
+    on_both = (depths(polygon, corners) >= -TOUCHING) & (depths(other, corners) >= -TOUCHING)
+    normals, reach = outward(whole)
+    away = reach[spanning, None] - normals[spanning] @ corners[on_both].T
+    return float(away.min(axis=1, initial=np.inf).max(initial=0.0))
 
 
 def stretched(polygons: Sequence[Floats], places: Floats) -> list[Floats]:

@@ -5,13 +5,15 @@ The paper splits terrains by hand; `split_regions` does it for any terrain. The 
 corners (region_outline), cut so that no concave corner is left (region_cuts), and what remains of steps and slivers is
 merged (region_patchwork).
 
-Polygons are convex and disjoint, and hold the centres of all points where bodies may be; they may reach into walls by
-a few points, which is where the stairs of slanted walls, thin walls' ends and poles go.
+Polygons are convex and disjoint to a millionth of a point. Every point where bodies may be belongs to one; its centre
+lies in that polygon or, rarely, up to about a point beside it. Polygons may reach into walls by up to 2.5 points, which
+is where the stairs of slanted walls, the ends of thin walls and small poles go.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,8 +39,11 @@ Polygon = tuple[tuple[float, float], ...]
 FILL = 1.5
 """Steps, thin walls' ends and poles of up to so many points are drawn into the free ground."""
 
-TOLERANCE = 1.0
-"""By so many points may polygons given by hand overlap, miss the walls and be dented."""
+BY_HAND = 0.25
+"""By so much (m), or a point where that is more, may polygons given by hand overlap, miss the walls and be dented."""
+
+MOST_CORNERS = 10_000
+"""Corners of an outline that make about 3000 regions; the method is for terrains with far fewer."""
 
 FACTS = "regions.json"
 GRIDS = ("labels", "parts")
@@ -89,9 +94,17 @@ class RegionSplit:
 def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit:
     """Split a terrain's free ground into convex regions.
 
-    body: bool (h, w), where the centre of a body may be, on which connections lie; all free points when None.
+    body: bool (h, w), where the centre of a body may be, on which connections lie; all free points when None. Raises
+    BadInput for a terrain whose outline has more than MOST_CORNERS corners.
     """
-    polygons = merged(made_convex(convex_pieces(outline(terrain.free, FILL))))
+    rings = outline(terrain.free, FILL)
+    corners = sum(len(ring.corners) for ring in rings)
+    if corners > MOST_CORNERS:
+        raise BadInput(
+            f"patrol.paths = regions: {terrain.name} is too broken up, its outline has {corners} corners and the most "
+            f"is {MOST_CORNERS}; choose wave, or a larger point"
+        )
+    polygons = merged(made_convex(convex_pieces(rings)))
     bare = np.argwhere(terrain.free & (_laid(terrain, polygons) < 0))
     if bare.size:
         polygons = stretched(polygons, np.asarray(bare[:, ::-1] + 0.5, dtype=np.float64))
@@ -103,14 +116,15 @@ def regions_by_hand(
 ) -> RegionSplit:
     """The split that polygons with corners (x, y) in m, either way round, describe.
 
-    They need not follow walls closely: what they cover of them does not count, and free points up to one point beside a
+    They need not follow walls closely: what they cover of them does not count, and free points up to BY_HAND beside a
     region belong to it. body: as in `split_regions`; ground to which it has no access need not be covered. Raises
     BadInput for polygons that are not convex, hold no free point or overlap, and for gaps between them.
     """
+    slack = _slack(terrain)
     corners = [_checked(terrain, number, polygon) for number, polygon in enumerate(polygons)]
     for number, polygon in enumerate(corners):
         for other in range(number):
-            if (depth := overlap(polygon, corners[other])) > TOLERANCE:
+            if (depth := overlap(polygon, corners[other])) > slack:
                 raise BadInput(
                     f"patrol.regions.{number}: overlaps region {other} by {depth * terrain.point:.2f} m; move their "
                     "common border"
@@ -159,33 +173,39 @@ def _checked(terrain: Terrain, number: int, polygon: Sequence[tuple[float, float
         raise BadInput(f"{where}: has {len(polygon)} corners; give at least 3")
     corners = (np.array(polygon, dtype=np.float64) - terrain.origin) / terrain.point
     whole = hull(corners)
-    if len(whole) < 3 or area(whole) < TOLERANCE:
+    if len(whole) < 3 or area(whole) < 1.0:
         raise BadInput(f"{where}: covers less than one point; give corners that do not lie on one line")
     deepest = int(np.argmax(depths(whole, corners)))
-    if depths(whole, corners)[deepest] > TOLERANCE:
+    if depths(whole, corners)[deepest] > _slack(terrain):
         x, y = polygon[deepest]
         raise BadInput(f"{where}: is not convex at ({x:g}, {y:g}); split it there into two regions")
-    if area(whole) - abs(area(corners)) > TOLERANCE * circumference(whole):
+    if area(whole) - abs(area(corners)) > _slack(terrain) * circumference(whole):
         raise BadInput(f"{where}: its sides cross; list the corners in order along the border")
     return whole
 
 
+def _slack(terrain: Terrain) -> float:
+    """How far, in points, polygons given by hand may be off."""
+    return max(BY_HAND / terrain.point, 1.0)
+
+
 def _check_gaps(terrain: Terrain, labels: NDArray[np.int32], body: BoolGrid | None) -> None:
     """Give free points beside a region to it; BadInput when points that matter are still in none."""
-    free = terrain.free.view(np.uint8)
-    spread(free, round(TOLERANCE), labels, np.empty(labels.size, dtype=np.int32))
     bare = terrain.free & (labels < 0)
+    spread(terrain.free.view(np.uint8), math.ceil(_slack(terrain)), labels, np.empty(labels.size, dtype=np.int32))
     if body is not None:
         rooms, _ = parts_of(terrain.free)
         bare &= np.isin(rooms, np.unique(rooms[body & terrain.free]))
-    if not bare.any():
+    gaps, count = parts_of(bare)
+    is_gap = np.bincount(gaps.ravel(), weights=(labels < 0).ravel(), minlength=count + 1) > 0
+    is_gap[0] = False
+    if not is_gap.any():
         return
-    pieces, _ = parts_of(bare)
-    sizes = np.bincount(pieces.ravel())[1:]
-    row, col = np.argwhere(pieces == int(np.argmax(sizes)) + 1).mean(axis=0)
+    areas = np.where(is_gap, np.bincount(gaps.ravel(), minlength=count + 1), 0) * terrain.point_area
+    row, col = np.argwhere(gaps == int(np.argmax(areas))).mean(axis=0)
     ox, oy = terrain.origin
     x, y = ox + (col + 0.5) * terrain.point, oy + (row + 0.5) * terrain.point
     raise BadInput(
-        f"patrol.regions: {np.count_nonzero(bare) * terrain.point_area:.2f} m2 of free ground lie in no region, "
-        f"{sizes.max() * terrain.point_area:.2f} m2 of them around ({x:.2f}, {y:.2f}); widen the regions or add one"
+        f"patrol.regions: {areas.sum():.2f} m2 of free ground lie in no region, {areas.max():.2f} m2 of them around "
+        f"({x:.2f}, {y:.2f}); widen the regions or add one"
     )
