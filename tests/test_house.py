@@ -23,9 +23,7 @@ LONGEST_FILE = 420
 
 # A folder of one machine, such as a home; and the hosts that serve Python packages.
 MACHINE_PATH = re.compile(r"(?<![\w.~$}-])/(?:work|root|home/\w[\w.-]*|Users/\w[\w.-]*)/")
-REGISTRY_HOST = re.compile(
-    r"(?:pypi|pythonhosted|anaconda)\.(?:org|com)\b|--(?:extra-)?index-url|--find-links"
-)
+REGISTRY_HOST = re.compile(r"(?:pypi|pythonhosted|anaconda)\.(?:org|com)\b|--(?:extra-)?index-url|--find-links")
 
 
 def files_of_ours() -> list[Path]:
@@ -141,9 +139,7 @@ def test_lock_holds_what_the_project_asks_for() -> None:
         *project["project"]["dependencies"],
         *(line for extra in project["project"]["optional-dependencies"].values() for line in extra),
     ]
-    pins = {
-        name: [Requirement(line.partition("--hash")[0]) for line in lines] for name, lines in locked().items()
-    }
+    pins = {name: [Requirement(line.partition("--hash")[0]) for line in lines] for name, lines in locked().items()}
     for wanted in map(Requirement, asked):
         if wanted.name == "fogwatch":
             continue
