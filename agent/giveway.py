@@ -15,9 +15,9 @@ from agent.ground import Disc
 from patrol.pose import Pose
 from patrol.random import Purpose, draw
 
-SHORTEST = 6
-LONGEST = 20
-"""Ticks that a robot gives way; drawn between the two, so that pairs do not meet again in step."""
+SHORTEST_S = 3.0
+LONGEST_S = 10.0
+"""How long a robot gives way, s; drawn between the two, so that pairs do not meet again in step."""
 
 PATIENCE = 8
 """Bumps in a row after which a robot gives way to a higher number too."""
@@ -26,8 +26,9 @@ PATIENCE = 8
 class GiveWay:
     """To whom one robot gives way, and until when."""
 
-    def __init__(self, seed: int, number: int, incarnation: int, radii: dict[int, float]) -> None:
-        """radii: m, by robot number."""
+    def __init__(self, seed: int, number: int, incarnation: int, radii: dict[int, float], step: float) -> None:
+        """radii: m, by robot number. step: s per tick."""
+        self._step = step
         self._identity = (seed, Purpose.GIVE_WAY, number, incarnation)
         self._number = number
         self._radii = radii
@@ -46,7 +47,8 @@ class GiveWay:
         ]
         gap, other = min(gaps, default=(math.inf, 0))
         if gap <= self._radii[self._number] + near and (other < self._number or self._bumps > PATIENCE):
-            self._until[other] = tick + SHORTEST + int((LONGEST - SHORTEST + 1) * draw(*self._identity, tick))
+            spell = SHORTEST_S + (LONGEST_S - SHORTEST_S) * draw(*self._identity, tick)
+            self._until[other] = tick + round(spell / self._step)
 
     def discs(self, tick: int, pose: Pose, peers: dict[int, Peer], point: float) -> list[Disc]:
         """The peers that are obstacles at ``tick``: as wide as both bodies, but never over the robot's own point."""

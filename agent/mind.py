@@ -92,10 +92,12 @@ class Mind:
         self._radii = {spec.number: spec.radius for spec in scenario.roster}
         self._margin = self.spec.radius + 0.5 * scenario.point
         self._trail: deque[tuple[int, int]] = deque(maxlen=scenario.radio.trail + 1)
+        self._framed = -1
         fastest = max(spec.speed for spec in scenario.roster)
         inbox = Inbox(setup.number, self._radii, terrain.bounds, fastest, setup.key, scenario.step)
         footprint = setup.footprint or sensor_footprint(scenario, terrain)
-        dilatation = round(patrol.dilatation / scenario.point)
+        # A window of half the terrain's points in every direction already holds all of it.
+        dilatation = min(round(patrol.dilatation / scenario.point), terrain.height + terrain.width)
         posts = Posts(setup.fields.proxy)
         self.belief = Belief(setup.fields, posts, footprint, inbox, dilatation)
         self._separations = frozenset(patrol.separations)
@@ -114,12 +116,16 @@ class Mind:
         self._holonomic = HolonomicSteering(self.spec, terrain, scenario.step)
         self._car = CarSteering(self.spec, terrain, scenario.step)
         identity = (scenario.seed, setup.number, setup.incarnation)
-        self._give_way = GiveWay(*identity, self._radii) if patrol.give_way else None
-        self._unstuck = Unstuck(self._car, self.spec.speed)
+        self._give_way = GiveWay(*identity, self._radii, scenario.step) if patrol.give_way else None
+        self._unstuck = Unstuck(self._car, self.spec.speed, scenario.step)
 
     def frame(self, k: int, pose: Pose) -> bytes:
         """The position message of tick k."""
         position = Position.of(self.spec.number, k, k * self._step, pose)
+        if k != self._framed + 1:
+            # Receivers date a trail's places by counting back one tick each.
+            self._trail.clear()
+        self._framed = k
         self._trail.appendleft((position.x_cm, position.y_cm))
         places = list(self._trail)
         trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in itertools.pairwise(places))

@@ -16,10 +16,10 @@ ROUNDING = 1e-7
 def psi_field(terrain: Terrain, reach_m: float) -> NDArray[np.float32]:
     """Psi of every point: the sum of 1 / rho^2 over the obstacle points less than ``reach_m`` away along x and along y.
 
-    rho is in points. Points beyond the terrain's edge count as obstacles. Returns float32 (h, w), infinity on
-    obstacles. One convolution for the whole terrain, by Fourier transform.
+    rho is in points. Points beyond the terrain's edge count as obstacles, as far as twice its longer side. Returns
+    float32 (h, w), infinity on obstacles. One convolution for the whole terrain, by Fourier transform.
     """
-    reach = math.ceil(reach_m / terrain.point - 1e-9) - 1
+    reach = min(math.ceil(reach_m / terrain.point - 1e-9) - 1, 2 * max(terrain.shape))
     offsets = np.arange(-reach, reach + 1, dtype=np.float64)
     squared = offsets[:, None] ** 2 + offsets[None, :] ** 2
     squared[reach, reach] = math.inf

@@ -10,8 +10,8 @@ from patrol.pose import Drive, Pose, wrap
 ORIENTED = math.pi / 8
 """How near to the desired orientation counts as oriented, rad: half of one of eight sectors."""
 
-CALM = 20
-"""Ticks between two dead ends that make the second one a new one."""
+CALM_S = 10.0
+"""Time between two dead ends that makes the second one a new one, s."""
 
 LONGEST_RETREAT = 6
 """Most steps that a robot must back before it tries again."""
@@ -26,18 +26,19 @@ class Unstuck:
     Where it cannot go on backing it drives forward, still turning; where it cannot go on driving forward it backs
     again; and it is done as soon as it faces the desired direction. The paper stops there; a robot whose nose is
     against a wall right in that direction would be done at once and stuck again, for ever. So it backs at least one
-    step, and one more for each time that it gets stuck again within `CALM` ticks.
+    step, and one more for each time that it gets stuck again within `CALM_S`.
     """
 
-    def __init__(self, steering: CarSteering, speed: float) -> None:
-        """speed: m/s."""
+    def __init__(self, steering: CarSteering, speed: float, step: float) -> None:
+        """speed: m/s. step: s per tick."""
+        self._calm = round(CALM_S / step)
         self._steering = steering
         self._speed = speed
         self._desired: float | None = None
         self._backing = True
         self._retreat = 0
         self._in_a_row = 0
-        self._ended = -CALM - 1
+        self._ended = -self._calm - 1
 
     @property
     def active(self) -> bool:
@@ -46,11 +47,11 @@ class Unstuck:
 
     def keeps_happening(self, tick: int) -> bool:
         """Whether the robot has lately been stuck more than once in a row."""
-        return self._in_a_row > 1 and tick - self._ended <= CALM
+        return self._in_a_row > 1 and tick - self._ended <= self._calm
 
     def begin(self, tick: int, desired: float) -> None:
         """The robot is stuck at ``tick`` and wants to leave facing ``desired`` (rad)."""
-        again = tick - self._ended <= CALM
+        again = tick - self._ended <= self._calm
         self._in_a_row = min(self._in_a_row + 1, LONGEST_RETREAT) if again else 1
         self._retreat = self._in_a_row
         self._desired = desired

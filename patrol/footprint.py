@@ -55,7 +55,8 @@ class Footprint:
         quality: Quality = 1.0,
     ) -> None:
         self.terrain = terrain
-        self.radius = range_m / terrain.point
+        # No sensor reaches farther than across the terrain.
+        self.radius = min(range_m / terrain.point, math.hypot(*terrain.shape))
         self.reach = math.floor(self.radius + 1e-9)
         self.angle = math.radians(angle_deg)
         self.line_of_sight = line_of_sight

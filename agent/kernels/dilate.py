@@ -16,6 +16,9 @@ MASK = types.Array(types.uint8, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C")
 ROWS = types.Array(types.int32, 2, "C", readonly=True)
 BOX = types.Array(types.int64, 1, "C")
+LONG = 64
+"""Rounds after which a wide window is checked for having spread everywhere."""
+
 SCRATCH = types.Array(types.uint16, 2, "C")
 
 
@@ -118,6 +121,7 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
     if walls == 0:
         _slide(age, spread, rows, cols, reach)
     else:
+        settled = np.zeros((1, 1), dtype=np.uint16) if reach <= LONG else age.copy()
         for step in range(reach):
             if step % 2 == 0:
                 _along_rows(age, open_, spread, rows, cols)
@@ -125,6 +129,11 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
             else:
                 _along_cols(age, open_, spread, rows, cols)
                 _along_rows(spread, open_, age, rows, cols)
+            if reach > LONG and step % LONG == LONG - 1:
+                # A window wider than the ground soon changes nothing any more.
+                if np.array_equal(age, settled):
+                    break
+                settled[:, :] = age
     for r in range(max(0, first_row), min(height - 1, last_row) + 1):
         for c in range(max(0, first_col), min(width - 1, last_col) + 1):
             if passable[r, c] != 0:

@@ -90,3 +90,16 @@ def test_very_old_points_stay_the_oldest() -> None:
     dilate(last_seen, passable, passable, dilated, 0, 2, 0, 2, 1, 100_000)
     assert (dilated[:, 0] == 100_000 - 65_534).all()
     assert (dilated[:, 2] == 70_000).all()
+
+
+def test_a_window_wider_than_the_ground_reaches_all_that_is_connected() -> None:
+    passable = np.ones((30, 200), dtype=np.bool_)
+    passable[1:, 50::50] = False
+    passable[:, 150] = False
+    last_seen = np.full((30, 200), 90, dtype=np.int32)
+    last_seen[29, 0] = 10
+    dilated = np.full_like(last_seen, -5)
+    grid = passable.view(np.uint8)
+    dilate(last_seen, grid, grid, dilated, 0, 29, 0, 199, 10_000, 100)
+    assert (dilated[passable & (np.arange(200) < 150)] == 10).all()
+    assert (dilated[passable & (np.arange(200) > 150)] == 90).all()

@@ -150,3 +150,17 @@ def test_a_bumped_car_backs_out() -> None:
     assert decision.state is State.DEAD_END
     assert isinstance(decision.command, Drive)
     assert decision.command.speed < 0.0
+
+
+def test_a_trail_holds_no_places_from_before_a_tick_that_was_skipped() -> None:
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "radio": {"trail": 3}})
+    mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    pasts = [decode(mind.frame(k, Pose(6.0 + 0.1 * k, 6.0, 0.0))).past for k in (0, 1, 6, 7)]
+    assert pasts == [(), ((6.0, 6.0),), (), ((6.6, 6.0),)]
+
+
+@pytest.mark.parametrize("field", ["sensor.range", "patrol.refine_reach", "patrol.dilatation"])
+def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str) -> None:
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}, {field: 1e6})
+    mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    assert mind.step(0, Pose(6.0, 6.0, 0.0), [], bumped=False).goal is not None

@@ -57,7 +57,7 @@ def test_a_holonomic_robot_stops_at_its_target_and_before_walls() -> None:
 def escape(terrain: Terrain, pose: Pose, desired: float) -> tuple[int, Pose]:
     """Ticks until unstuck, and the pose then; fails when it takes more than a hundred."""
     steering = CarSteering(CAR, terrain, 0.5)
-    unstuck = Unstuck(steering, CAR.speed)
+    unstuck = Unstuck(steering, CAR.speed, 0.5)
     unstuck.begin(0, desired)
     for tick in range(100):
         drive = unstuck.step(tick, pose, bumped=False)
@@ -86,7 +86,7 @@ def test_a_car_gets_out_of_a_corner(desired: float) -> None:
 
 
 def test_it_backs_further_each_time_it_gets_stuck_again_at_once() -> None:
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed)
+    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5)
     backed = []
     tick = 0
     for _ in range(4):
@@ -105,7 +105,7 @@ def test_it_backs_further_each_time_it_gets_stuck_again_at_once() -> None:
 
 
 def test_a_bump_while_backing_makes_it_drive_forward() -> None:
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed)
+    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5)
     unstuck.begin(0, math.pi)
     pose = Pose(30.0, 30.0, 0.0)
     first = unstuck.step(0, pose, bumped=False)
