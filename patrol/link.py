@@ -132,11 +132,16 @@ class Link:
         """Whether a router is at the other end now; clients find back to one that returns by themselves."""
         return bool(self._session.info.routers_zid())
 
-    def post(self, key: str) -> Post:
-        """What ticks and answers are sent with: at once, ahead of all else, waiting where a queue is full."""
+    def post(self, key: str, *, waits: bool = True) -> Post:
+        """What ticks and answers are sent with: at once, ahead of all else.
+
+        waits: whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds up
+        its router, and with it everything that this link sends to anybody.
+        """
+        control = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
         publisher = self._session.declare_publisher(
             key,
-            congestion_control=zenoh.CongestionControl.BLOCK,
+            congestion_control=control,
             priority=zenoh.Priority.INTERACTIVE_HIGH,
             express=True,
         )

@@ -113,7 +113,8 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
     names = {spec.number: spec.name for spec in scenario.roster}
     accepted = [key for name in names.values() for key in (keys.reply(name), keys.alive(name))]
     mailbox: Mailbox[ToWorld | Presence] = Mailbox(accepted, decode_to_world, MAX_REPLY)
-    posts = {number: link.post(keys.tick(name)) for number, name in names.items()}
+    lockstep = scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
+    posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
     wire = Wire(keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(ending))
     seats = Seats(wire, int.from_bytes(os.urandom(8), "big") >> 1 | 1, scenario_hash(scenario))
     link.subscribe(keys.reply("*"), mailbox)

@@ -268,3 +268,24 @@ def test_real_pace_waits_for_nobody_and_counts(start: Callable[..., Run]) -> Non
     rows = [tick.robots[0] for tick in read_journal(run.folder / "journal").ticks]
     assert any((row.c0, row.c1) == (0.0, 0.0) for row in rows[20:60]), "the watchdog did not stop it"
     assert all(row.status is Status.ALIVE for row in rows)
+
+
+def test_at_a_pace_a_paused_agent_silences_nobody_else(start: Callable[..., Run]) -> None:
+    """Its queues fill up after some hundreds of ticks; whoever waits for room in them then serves nobody."""
+    ticks = 2000
+    run = start({**OPEN, "duration": 0.5 * ticks, "pace": 50, "robots": {"count": 3, "model": "holonomic"}})
+    until(lambda: run.ticks() > 50)
+    paused = run.children()["r1"]
+    os.kill(paused, signal.SIGSTOP)
+    until(lambda: run.ticks() > ticks - 150)
+    os.kill(paused, signal.SIGCONT)
+    assert run.end() == 0, run.errors
+    decided = {2: 0, 3: 0}
+    longest = 0
+    for tick in read_journal(run.folder / "journal").ticks:
+        for row in tick.robots[1:]:
+            if row.decision_ms is not None:
+                decided[row.number] = tick.k
+            longest = max(longest, tick.k - decided[row.number])
+    assert longest < 100, f"no decision for {longest} ticks"
+    assert run.summary()["realtime_factor"] == pytest.approx(50, rel=0.2)

@@ -109,12 +109,16 @@ def reach(post: Callable[[bytes], None], mailbox: Mailbox[int], payload: bytes) 
     return arrived
 
 
-@pytest.mark.parametrize("way", ["post", "show"])
-def test_what_is_sent_arrives_under_its_key(way: str, links: Callable[[], Link]) -> None:
+def dropping(link: Link, key: str) -> Callable[[bytes], None]:
+    return link.post(key, waits=False)
+
+
+@pytest.mark.parametrize("way", [Link.post, dropping, Link.show])
+def test_what_is_sent_arrives_under_its_key(way: Callable[..., Callable[[bytes], None]], links: Callable[[], Link]) -> None:
     mailbox: Mailbox[int] = Mailbox(("t/x/a",), whole, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t/*/a", mailbox)
-    assert reach(getattr(sender, way)("t/x/a"), mailbox, b"42") == ("t/x/a", 42)
+    assert reach(way(sender, "t/x/a"), mailbox, b"42") == ("t/x/a", 42)
 
 
 def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Link]) -> None:
