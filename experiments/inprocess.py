@@ -115,33 +115,41 @@ def run_in_process(
     stop: Callable[[], bool] = lambda: False,
     threads: int = 1,
     keep: bool = True,
+    verify_fog: bool = True,
 ) -> Outcome:
     """Run a scenario to its end, or until `stop` (asked between ticks) says so.
 
     journal: where to write the journal; without it the records stay in memory, or without `keep` only what they add up
     to, so that the memory needed does not grow with the run. started: wall time for its header, ISO 8601. progress,
-    events: take each tick's record and each event, after they are recorded. threads: minds that step at once. Raises
-    BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
+    events: take each tick's record and each event, after they are recorded. threads: minds that step at once.
+    verify_fog: without `keep`, whether the verdict recomputes the fog (see `worldsim.verdict.Judge`); it always does
+    where there are records to read again. Raises BadInput for a scenario that cannot be prepared; what a mind raises
+    ends the run and is passed on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     footprint = footprint_of(prepared.scenario, prepared.terrain)
-    world = World(prepared.scenario, prepared.terrain, prepared.starts, prepared.fields, footprint=footprint)
+    world = World(prepared, footprint=footprint)
     fleet = InProcessFleet(make_minds(prepared, footprint, threads), threads)
     header = header_of(world, started)
     watchers = () if progress is None else (progress,)
     begun = time.perf_counter()
-    if journal is None:
+    if journal is None and not keep:
         memory = MemoryJournal(header, keep)
-        judging = Judge(memory, {}, terrain=prepared.terrain)
+        judging = Judge(memory, {}, prepared, verify_fog=verify_fog)
         totals = Totals(header)
         _run(world, fleet, memory, (judging.tick, totals.tick, *watchers), events, stop)
         verdict = judging.verdict()
         return Outcome(memory, totals.summary(memory, verdict, time.perf_counter() - begun), verdict)
-    with JournalWriter(journal, header) as writer:
-        _run(world, fleet, writer, watchers, events, stop)
+    record: RunRecord
+    if journal is None:
+        record = memory = MemoryJournal(header)
+        _run(world, fleet, memory, watchers, events, stop)
+    else:
+        with JournalWriter(journal, header) as writer:
+            _run(world, fleet, writer, watchers, events, stop)
+        record = read_journal(journal)
     wall_s = time.perf_counter() - begun
-    record = read_journal(journal)
-    verdict = judge(record, {}, terrain=prepared.terrain)
+    verdict = judge(record, {}, prepared)
     return Outcome(record, summarise(record, verdict, wall_s), verdict)
 
 

@@ -116,7 +116,8 @@ def execute(scenario: Scenario, wishes: Wishes) -> Result:
         fleet_key(resolved)  # whether it can be read is better known before there are processes
         return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
     except BadInput:
-        folder.discard()
+        if not folder.journal.exists():  # what has run is kept, whatever is wrong with it
+            folder.discard()
         raise
     finally:
         wishes.show.close()
@@ -192,7 +193,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
         journal = read_journal(folder.journal)
     except BadInput as bad:
         raise Failed(str(bad)) from None
-    verdict = judge(journal, exit_codes, terrain=prepared.terrain)
+    verdict = judge(journal, exit_codes, prepared)
     wall_s = journal.end.notes.get("wall_s") if journal.end else None
     summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
     return _result(folder, prepared, journal, verdict, summary, wishes)

@@ -13,11 +13,12 @@ from patrol.journal import Status, TickRecord, TraceHash
 from patrol.pose import Pose
 from patrol.sweep import free_fraction
 from worldsim.record import COMPLETED, INTERRUPTED
+from worldsim.truth import Truth, footprint_of
 
 if TYPE_CHECKING:
+    from patrol.prepare import Prepared
     from patrol.terrain import Terrain
     from worldsim.record import RunRecord
-    from worldsim.truth import Truth
 
 SLACK = 1e-6
 """How deep (m) a body may be in a wall or another body before a check calls it an overlap."""
@@ -152,7 +153,7 @@ class ExitCodes:
 class BodiesApart:
     """No body is over a wall or overlaps another in any tick, recomputed from the poses."""
 
-    def __init__(self, journal: RunRecord, terrain: Terrain | None) -> None:
+    def __init__(self, journal: RunRecord, terrain: Terrain) -> None:
         self._names = _names(journal)
         self._terrain = terrain
         self._radii = {robot.number: robot.radius for robot in journal.header.robots}
@@ -172,17 +173,16 @@ class BodiesApart:
         for i, j in np.argwhere(deep)[:1]:
             pair = f"{self._names[here[i].number]} and {self._names[here[j].number]}"
             self._problem = f"{pair} overlap at tick {record.k}, centres {apart[i, j]:.3f} m apart"
-        if self._terrain is not None:
-            for robot, radius in zip(here, radii, strict=True):
-                pose = Pose(robot.x, robot.y, robot.heading)
-                if free_fraction(self._terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
-                    where = f"({robot.x:.3f}, {robot.y:.3f})"
-                    self._problem = f"{self._names[robot.number]} is over a wall at tick {record.k}, at {where}"
+        for robot, radius in zip(here, radii, strict=True):
+            pose = Pose(robot.x, robot.y, robot.heading)
+            if free_fraction(self._terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
+                where = f"({robot.x:.3f}, {robot.y:.3f})"
+                self._problem = f"{self._names[robot.number]} is over a wall at tick {record.k}, at {where}"
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
-        what = "clear of each other" + (" and of walls" if self._terrain is not None else "; walls not looked at")
-        return Check("bodies apart", not self._problem, self._problem or f"{self._looked} poses {what}")
+        good = f"{self._looked} poses clear of each other and of walls"
+        return Check("bodies apart", not self._problem, self._problem or good)
 
 
 class LinksAddUp:
@@ -221,9 +221,10 @@ class LinksAddUp:
 class FogIsTrue:
     """MFoW, mean fog and points seen are what the poses give, recomputed from the beginning."""
 
-    def __init__(self, journal: RunRecord, truth: Truth) -> None:
-        self._truth = truth
-        self._step = float(journal.header.scenario["step"])
+    def __init__(self, prepared: Prepared) -> None:
+        self._step = prepared.scenario.step
+        footprint = footprint_of(prepared.scenario, prepared.terrain)
+        self._truth = Truth(footprint, prepared.patrolled, self._step)
         self._problem = ""
         self._ticks = 0
 

@@ -138,7 +138,7 @@ def _record(
     from worldsim.world import World
 
     scenario = prepared.scenario
-    world = World(scenario, prepared.terrain, prepared.starts, prepared.fields)
+    world = World(prepared)
     fleet: LockstepFleet | PacedFleet
     if scenario.factor is None:
         fleet = LockstepFleet(seats, options.deadline)
@@ -201,7 +201,7 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     from worldsim.verdict import judge
 
     journal = read_journal(out / "journal")
-    verdict = judge(journal, {}, terrain=prepared.terrain)
+    verdict = judge(journal, {}, prepared)
     summary = summarise(journal, verdict, wall_s)
     (out / "summary.json").write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
     _say(f"verdict {verdict.outcome}, mean MFoW {summary['mfow_mean_s']} s; see {out / 'summary.json'}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,6 @@ from patrol.message import Position
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
-    from patrol.fields import StaticFields
     from patrol.scenario import Scenario
     from patrol.terrain import Terrain
 
@@ -22,13 +21,6 @@ if TYPE_CHECKING:
 def as_sent(number: int, tick: int, step: float, pose: Pose) -> Pose:
     """A pose as others hear it (cm, mrad). Every footprint is computed from it, so truth and belief agree."""
     return Position.of(number, tick, tick * step, pose).pose
-
-
-def patrolled_area(fields: Mapping[int, StaticFields]) -> NDArray[np.bool_]:
-    """The points that count: bool (height, width), all that some robot of the fleet can observe."""
-    distinct = {id(one.patrolled): one.patrolled for one in fields.values()}
-    area: NDArray[np.bool_] = np.logical_or.reduce(list(distinct.values()))
-    return area
 
 
 def footprint_of(scenario: Scenario, terrain: Terrain) -> Footprint:
@@ -40,7 +32,7 @@ def footprint_of(scenario: Scenario, terrain: Terrain) -> Footprint:
 class Truth:
     """The fog over the patrolled area as it really is.
 
-    patrolled: bool (height, width). All ages are in ticks of `step` seconds.
+    patrolled: bool (height, width), the points that count. All ages are in ticks of `step` seconds.
     """
 
     def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_], step: float) -> None:

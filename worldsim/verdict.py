@@ -1,4 +1,4 @@
-"""The verdict: whether a run can be believed, judged from its journal and the exit codes of its processes alone."""
+"""The verdict: whether a run can be believed, judged from its prepared scenario, journal and exit codes alone."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ from worldsim.checks import (
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
-    from patrol.terrain import Terrain
+    from patrol.prepare import Prepared
     from worldsim.record import RunRecord
-    from worldsim.truth import Truth
 
 Outcome = Literal["valid", "invalid", "unknown"]
 
@@ -60,22 +59,27 @@ class Judge:
         self,
         journal: RunRecord,
         exit_codes: Mapping[str, int | None],
+        prepared: Prepared,
         *,
-        terrain: Terrain | None = None,
-        truth: Truth | None = None,
+        verify_fog: bool = True,
     ) -> None:
-        """As for `judge`; the journal may still be being written."""
+        """As for `judge`; the journal may still be being written.
+
+        verify_fog: whether to recompute the fog, which takes longer than all other checks together. Without it the
+        verdict has no check of that name: for a sweep, whose world has just computed the same numbers from the same
+        poses with the same code in the same process, so that nothing could have come between.
+        """
         self._journal = journal
         self._tallies: list[Tally] = [
             Complete(journal),
             TraceAgrees(journal),
             NobodyLost(journal),
             ExitCodes(journal, exit_codes),
-            BodiesApart(journal, terrain),
+            BodiesApart(journal, prepared.terrain),
             LinksAddUp(journal),
         ]
-        if truth is not None:
-            self._tallies.append(FogIsTrue(journal, truth))
+        if verify_fog:
+            self._tallies.append(FogIsTrue(prepared))
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
@@ -88,22 +92,16 @@ class Judge:
         return Verdict(_outcome(self._journal, checks), checks)
 
 
-def judge(
-    journal: RunRecord | None,
-    exit_codes: Mapping[str, int | None],
-    *,
-    terrain: Terrain | None = None,
-    truth: Truth | None = None,
-) -> Verdict:
+def judge(journal: RunRecord | None, exit_codes: Mapping[str, int | None], prepared: Prepared) -> Verdict:
     """Judge a run.
 
     journal: its records, or None when there is no journal. exit_codes: of the processes by name, robots by theirs;
-    None for one that was never seen to end; empty for a run in one process. terrain: the run's, to check bodies
-    against walls as well as against each other. truth: the run's, fresh, to recompute the fog from the poses.
+    None for one that was never seen to end; empty for a run in one process. prepared: the run's scenario, starts and
+    terrain, against which its poses and its fog are computed anew.
     """
     if journal is None:
         return Verdict("unknown", (Check("journal", False, "there is no journal"),))
-    judging = Judge(journal, exit_codes, terrain=terrain, truth=truth)
+    judging = Judge(journal, exit_codes, prepared)
     for record in journal.ticks:
         judging.tick(record)
     return judging.verdict()

@@ -11,13 +11,11 @@ from patrol.pose import Command, Drive, Pose
 from worldsim.bodies import Body, standstill
 from worldsim.ether import Delivery, Ether, Rule
 from worldsim.motion import move, within_limits
-from worldsim.truth import Truth, footprint_of, patrolled_area
+from worldsim.truth import Truth, footprint_of
 
 if TYPE_CHECKING:
-    from patrol.fields import StaticFields
     from patrol.footprint import Footprint
-    from patrol.scenario import Scenario
-    from patrol.terrain import Terrain
+    from patrol.prepare import Prepared
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,30 +52,24 @@ class World:
     holds, until none has come for `watchdog` seconds.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        terrain: Terrain,
-        starts: Sequence[Pose],
-        fields: Mapping[int, StaticFields],
-        *,
-        footprint: Footprint | None = None,
-        rules: Sequence[Rule] = (),
-    ) -> None:
+    def __init__(self, prepared: Prepared, *, footprint: Footprint | None = None, rules: Sequence[Rule] = ()) -> None:
         """Put the roster's bodies on their starts.
 
-        starts: in roster order. fields: by robot number; the patrolled area is the union of theirs. footprint: the
-        scenario's sensor on this terrain, when somebody else holds one that remembers. rules: the ether's.
+        footprint: the scenario's sensor on its terrain, when somebody else holds one that remembers. rules: the
+        ether's.
         """
+        scenario = prepared.scenario
+        self.prepared = prepared
         self.scenario = scenario
-        self.terrain = terrain
+        self.terrain = prepared.terrain
         self.step = scenario.step
         self.ticks = scenario.ticks
         self.tick = 0
         self.bodies = {
-            spec.number: Body(spec, pose, standstill(spec)) for spec, pose in zip(scenario.roster, starts, strict=True)
+            spec.number: Body(spec, pose, standstill(spec))
+            for spec, pose in zip(scenario.roster, prepared.starts, strict=True)
         }
-        self.truth = Truth(footprint or footprint_of(scenario, terrain), patrolled_area(fields), self.step)
+        self.truth = Truth(footprint or footprint_of(scenario, self.terrain), prepared.patrolled, self.step)
         self.ether = Ether(tuple(self.bodies), rules)
         self._waits = scenario.factor is None
         self._frames: tuple[tuple[int, bytes], ...] = ()

@@ -31,7 +31,7 @@ class Patrol:
         prepared = prepare(load_scenario({"terrain": {"builtin": terrain}}))
         self.mind = make_minds(prepared)[1]
         self._fleet = InProcessFleet({**make_minds(prepared), 1: self.mind})
-        self._world = World(prepared.scenario, prepared.terrain, prepared.starts, prepared.fields)
+        self._world = World(prepared)
         self._begin()
 
     def decide(self) -> Decision:

@@ -13,7 +13,6 @@ from patrol.journal import Event, TickRecord, read_journal
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
 from worldsim.record import INTERRUPTED
-from worldsim.truth import Truth, footprint_of, patrolled_area
 from worldsim.verdict import judge
 
 CARS = {"count": 3, "model": "car"}
@@ -55,9 +54,11 @@ def test_the_journal_on_disk_holds_the_same_run(tmp_path: Path) -> None:
 def test_the_fog_of_a_run_can_be_recomputed() -> None:
     prepared = prepare(scenario(robots=DISCS))
     outcome = run_in_process(prepared)
-    footprint = footprint_of(prepared.scenario, prepared.terrain)
-    truth = Truth(footprint, patrolled_area(prepared.fields), prepared.scenario.step)
-    assert judge(outcome.journal, {}, terrain=prepared.terrain, truth=truth).valid
+    assert judge(outcome.journal, {}, prepared) == outcome.verdict
+    assert "fog" in [check.name for check in outcome.verdict.checks]
+    unverified = run_in_process(prepared, keep=False, verify_fog=False)
+    assert "fog" not in [check.name for check in unverified.verdict.checks]
+    assert unverified.verdict.valid
 
 
 def test_everyone_patrols_and_hears_everyone() -> None:
@@ -92,12 +93,13 @@ def test_a_mind_that_fails_ends_the_run_and_the_journal_says_so(
 
     monkeypatch.setattr(Mind, "step", failing)
     events: list[Event] = []
+    prepared = prepare(scenario())
     with pytest.raises(RuntimeError, match="no idea"):
-        run_in_process(scenario(), journal=tmp_path / "journal", events=events.append)
+        run_in_process(prepared, journal=tmp_path / "journal", events=events.append)
     journal = read_journal(tmp_path / "journal")
     assert journal.end
     assert journal.end.reason == "failed: RuntimeError: no idea"
-    verdict = judge(journal, {})
+    verdict = judge(journal, {}, prepared)
     assert verdict.outcome == "invalid"
     assert [check.name for check in verdict.failed] == ["complete"]
     assert events == []

@@ -13,6 +13,7 @@ from patrol.fields import StaticFields
 from patrol.journal import Status
 from patrol.message import Position, encode
 from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.prepare import Prepared
 from patrol.random import draw
 from patrol.scenario import load_scenario
 from patrol.terrain import Terrain
@@ -90,8 +91,8 @@ class Lab:
         ground = terrain or self.room
         proxy = np.full(ground.shape, -1, dtype=np.int32)
         fields = StaticFields(cspace=ground.free, reach=ground.free, patrolled=ground.free, proxy=proxy)
-        poses = [Pose(*start) for start in starts]
-        return World(scenario, ground, poses, {spec.number: fields for spec in scenario.roster})
+        poses = tuple(Pose(*start) for start in starts)
+        return World(Prepared(scenario, ground, poses, {spec.number: fields for spec in scenario.roster}))
 
     def patrol(self, ticks: int = 40, seed: int = 1, **more: Any) -> World:
         """A world with two cars and two holonomic robots, not yet begun."""

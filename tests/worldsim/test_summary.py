@@ -18,16 +18,17 @@ from worldsim.verdict import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
+    from worldsim.world import World
 
 
-def summary_of(journal: MemoryJournal, wall_s: float | None = 2.0) -> dict[str, Any]:
-    return summarise(journal, judge(journal, {}), wall_s)
+def summary_of(world: World, journal: MemoryJournal, wall_s: float | None = 2.0) -> dict[str, Any]:
+    return summarise(journal, judge(journal, {}, world.prepared), wall_s)
 
 
 def test_the_summary_has_what_it_promises(lab: Lab) -> None:
     world = lab.patrol(ticks=20)
     journal = lab.run(world)
-    summary = summary_of(journal)
+    summary = summary_of(world, journal)
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert summary["scenario_hash"] == scenario_hash(world.scenario)
     assert summary["trace_hash"] == trace_hash(journal.ticks)
@@ -44,7 +45,7 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
 
 def test_robots_are_summed_up(lab: Lab) -> None:
     world = lab.patrol(ticks=20)
-    summary = summary_of(lab.run(world))
+    summary = summary_of(world, lab.run(world))
     assert list(summary["robots"]) == ["r1", "r2", "r3", "r4"]
     for body in world.bodies.values():
         facts = summary["robots"][body.spec.name]
@@ -59,7 +60,7 @@ def test_robots_are_summed_up(lab: Lab) -> None:
 def test_messages_are_counted_once_per_receiver(lab: Lab) -> None:
     world = lab.patrol(ticks=20)
     journal = lab.run(world, lab.fleet(world, killed={9: (3, Status.DEAD)}))
-    summary = summary_of(journal)
+    summary = summary_of(world, journal)
     messages = summary["messages"]
     assert messages["frames"] == 4 * 10 + 3 * 10
     assert messages["sent"] == 3 * messages["frames"] == messages["delivered"] + messages["dropped"]
@@ -75,15 +76,16 @@ def test_messages_are_counted_once_per_receiver(lab: Lab) -> None:
 
 def test_a_robot_that_is_lost_at_the_very_end_is_called_lost(lab: Lab) -> None:
     world = lab.patrol(ticks=5)
-    summary = summary_of(lab.run(world, lab.fleet(world, silent={(4, 4, "B")})))
+    summary = summary_of(world, lab.run(world, lab.fleet(world, silent={(4, 4, "B")})))
     assert summary["robots"]["r4"]["status"] == "lost"
     assert summary["robots"]["r4"]["missed"] == 1
 
 
 def test_a_run_cut_off_before_its_first_tick_has_a_summary(lab: Lab) -> None:
-    journal = lab.run(lab.patrol(ticks=5), stop=lambda: True)
+    world = lab.patrol(ticks=5)
+    journal = lab.run(world, stop=lambda: True)
     journal.end = None
-    summary = summary_of(journal, wall_s=None)
+    summary = summary_of(world, journal, wall_s=None)
     assert (summary["ticks"], summary["mfow_mean_s"], summary["realtime_factor"]) == (0, None, None)
     assert summary["verdict"]["outcome"] == "unknown"
 

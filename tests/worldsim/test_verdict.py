@@ -11,8 +11,7 @@ import pytest
 
 from patrol.journal import JournalWriter, RobotTick, Status, TickRecord, read_journal, trace_hash
 from worldsim.record import INTERRUPTED, MemoryJournal
-from worldsim.truth import Truth, footprint_of
-from worldsim.verdict import Verdict, judge
+from worldsim.verdict import Judge, Verdict, judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
@@ -21,10 +20,6 @@ if TYPE_CHECKING:
 TICKS = 12
 GOOD_EXITS: dict[str, int | None] = {"r1": 0, "r2": 0, "r3": 0, "r4": 0, "world": 0}
 NAMES = ["complete", "trace", "nobody lost", "exit codes", "bodies apart", "links add up", "fog"]
-
-
-def fresh_truth(world: World) -> Truth:
-    return Truth(footprint_of(world.scenario, world.terrain), world.truth.fog.patrolled.view(bool), world.step)
 
 
 @pytest.fixture
@@ -40,7 +35,7 @@ def journal(lab: Lab, world: World) -> MemoryJournal:
 @pytest.fixture
 def verdict(world: World) -> Callable[..., Verdict]:
     def of(journal: MemoryJournal, exits: dict[str, int | None] = GOOD_EXITS) -> Verdict:
-        return judge(journal, exits, terrain=world.terrain, truth=fresh_truth(world))
+        return judge(journal, exits, world.prepared)
 
     return of
 
@@ -51,6 +46,12 @@ def only_failure(verdict: Verdict) -> str:
     assert verdict.exit_code == 1
     assert len(verdict.failed) == 1, verdict.failed
     return f"{verdict.failed[0].name}: {verdict.failed[0].detail}"
+
+
+def failures(verdict: Verdict) -> dict[str, str]:
+    """The details of the checks that failed, by name."""
+    assert verdict.outcome == "invalid"
+    return {check.name: check.detail for check in verdict.failed}
 
 
 def change(journal: MemoryJournal, k: int, rehash: bool = True, **fields: Any) -> None:
@@ -91,8 +92,7 @@ def test_a_journal_on_disk_is_judged_the_same(
 def test_a_missing_tick_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     del journal.records[5]
     agree(journal)
-    failed = {check.name: check.detail for check in verdict(journal).failed}
-    assert failed["complete"] == "tick 6 follows tick 4"
+    assert failures(verdict(journal))["complete"] == "tick 6 follows tick 4"
 
 
 def test_missing_last_ticks_fail(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
@@ -125,13 +125,13 @@ def test_a_journal_without_an_end_cannot_be_judged(journal: MemoryJournal, world
     whole = path.read_bytes()
     for data in (whole, whole[:-3]):
         path.write_bytes(data)
-        cut = judge(read_journal(path), GOOD_EXITS, terrain=world.terrain)
+        cut = judge(read_journal(path), GOOD_EXITS, world.prepared)
         assert (cut.outcome, cut.exit_code, cut.valid) == ("unknown", 3, False)
         assert cut.failed[0].name == "complete"
 
 
-def test_no_journal_cannot_be_judged() -> None:
-    assert judge(None, GOOD_EXITS).exit_code == 3
+def test_no_journal_cannot_be_judged(world: World) -> None:
+    assert judge(None, GOOD_EXITS, world.prepared).exit_code == 3
 
 
 def test_another_trace_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
@@ -165,22 +165,20 @@ def test_a_bad_exit_code_fails(
     assert only_failure(verdict(journal, {**GOOD_EXITS, "r4": code})) == f"exit codes: {says}"
 
 
-def test_overlapping_bodies_fail(journal: MemoryJournal, world: World) -> None:
+def test_overlapping_bodies_fail(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     record = journal.records[7]
     change(journal, 7, robots=moved(record, 1, x=record.robots[0].x + 0.5, y=record.robots[0].y))
-    detail = only_failure(judge(journal, GOOD_EXITS, terrain=world.terrain))
-    assert detail == "bodies apart: r1 and r2 overlap at tick 7, centres 0.500 m apart"
+    assert failures(verdict(journal))["bodies apart"] == "r1 and r2 overlap at tick 7, centres 0.500 m apart"
 
 
-def test_a_body_over_a_wall_fails(journal: MemoryJournal, world: World) -> None:
+def test_a_body_over_a_wall_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     change(journal, 7, robots=moved(journal.records[7], 1, x=10.9, y=1.0))
-    detail = only_failure(judge(journal, GOOD_EXITS, terrain=world.terrain))
-    assert detail == "bodies apart: r2 is over a wall at tick 7, at (10.900, 1.000)"
+    assert failures(verdict(journal))["bodies apart"] == "r2 is over a wall at tick 7, at (10.900, 1.000)"
 
 
-def test_a_body_off_the_terrain_fails(journal: MemoryJournal, world: World) -> None:
+def test_a_body_off_the_terrain_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     change(journal, 7, robots=moved(journal.records[7], 1, x=19.9))
-    assert "r2 is over a wall" in only_failure(judge(journal, GOOD_EXITS, terrain=world.terrain))
+    assert "r2 is over a wall" in failures(verdict(journal))["bodies apart"]
 
 
 def test_a_vanished_frame_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
@@ -200,3 +198,16 @@ def test_an_embellished_fog_fails(journal: MemoryJournal, verdict: Callable[...,
     detail = only_failure(verdict(journal))
     assert detail.startswith("fog: tick 7: the poses give MFoW 3.5 s, ")
     assert "recorded is MFoW 3 s, " in detail
+
+
+def test_a_score_made_half_as_high_in_every_tick_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    journal.records = [replace(record, mfow=record.mfow // 2) for record in journal.records]
+    agree(journal)
+    assert only_failure(verdict(journal)).startswith("fog: tick 1: the poses give MFoW 0.5 s, ")
+
+
+def test_a_judge_who_takes_the_fog_as_it_is_says_nothing_of_it(journal: MemoryJournal, world: World) -> None:
+    judging = Judge(journal, GOOD_EXITS, world.prepared, verify_fog=False)
+    for record in journal.ticks:
+        judging.tick(record)
+    assert [check.name for check in judging.verdict().checks] == NAMES[:-1]
