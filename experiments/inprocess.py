@@ -16,7 +16,7 @@ from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journa
 from patrol.keyfile import fleet_key
 from patrol.prepare import Prepared, prepare
 from worldsim.loop import run_ticks
-from worldsim.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
+from worldsim.record import INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
 from worldsim.summary import Totals, summarise
 from worldsim.truth import footprint_of
 from worldsim.verdict import Judge, Verdict, judge
@@ -174,10 +174,10 @@ def _run(
             events(event)
 
     try:
-        completed = run_ticks(world, fleet, on_tick, on_event, stop)
+        reason = run_ticks(world, fleet, on_tick, on_event, stop)
     except BaseException as error:
         asked = isinstance(error, KeyboardInterrupt)
         with suppress(OSError):  # it may be the journal's disk that is full
             recorder.end(INTERRUPTED if asked else f"failed: {type(error).__name__}: {error}")
         raise
-    recorder.end(COMPLETED if completed else INTERRUPTED)
+    recorder.end(reason)

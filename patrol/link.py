@@ -27,6 +27,9 @@ LEASE_S = 60.0
 CLOSE_S = 2.0
 """How long closing may take; under loss it has been seen to take longer."""
 
+SEE_S = 5.0
+"""How long the router may take to say whose tokens there are."""
+
 TELL_S = (1.0, 5.0)
 """When somebody who waits says so for the first time, and how long after that again."""
 
@@ -173,6 +176,10 @@ class Link:
 
         handler = zenoh.handlers.Callback(receive, indirect=False)
         self._declared.append(self._session.liveliness().declare_subscriber(key, handler, history=True))
+
+    def sees(self, key: str) -> bool:
+        """Whether anybody holds the liveliness token of a key now."""
+        return any(reply.ok is not None for reply in self._session.liveliness().get(key, timeout=SEE_S))
 
     def live(self, key: str) -> None:
         """Declare a liveliness token, which ends with this process or its link."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 from patrol.journal import Event, Status, TickRecord
+from worldsim.record import COMPLETED, DESERTED, INTERRUPTED
 
 if TYPE_CHECKING:
     from worldsim.world import Reply, Report, World
@@ -43,17 +44,19 @@ def run_ticks(
     sink: Callable[[TickRecord], None],
     events: Callable[[Event], None],
     stop: Callable[[], bool] = lambda: False,
-) -> bool:
-    """Run the ticks that are left, waiting for every living robot in each phase; False when stopped early.
+) -> str:
+    """Run the ticks that are left, waiting for every living robot in each phase; why they ended (`worldsim.record`).
 
     sink: takes each tick's record. events: takes what happens between ticks. stop: asked between ticks.
     """
     try:
         while world.tick < world.ticks:
             if stop():
-                return False
+                return INTERRUPTED
+            if not world.living:
+                return DESERTED
             _run_tick(world, fleet, sink, events)
-        return True
+        return COMPLETED
     finally:
         fleet.finish(world.tick)
 

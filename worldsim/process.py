@@ -111,8 +111,12 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
     from worldsim.seats import Seats, Wire
 
     names = {spec.number: spec.name for spec in scenario.roster}
-    accepted = [key for name in names.values() for key in (keys.reply(name), keys.alive(name))]
+    accepted = [keys.alive(WORLD), *(key for name in names.values() for key in (keys.reply(name), keys.alive(name)))]
     mailbox: Mailbox[ToWorld | Presence] = Mailbox(accepted, decode_to_world, MAX_REPLY)
+    if link.sees(keys.alive(WORLD)):
+        raise BadInput(
+            f"--fleet {keys.fleet}: a world of this fleet is running already; choose another name, or end that one"
+        )
     lockstep = scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
     posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
     wire = Wire(keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(ending))
@@ -132,7 +136,7 @@ def _record(
     from worldsim.lockstep import LockstepFleet
     from worldsim.loop import run_ticks
     from worldsim.paced import PacedFleet
-    from worldsim.record import COMPLETED, INTERRUPTED, Recorder, header_of
+    from worldsim.record import INTERRUPTED, Recorder, header_of
     from worldsim.seats import Interrupted
     from worldsim.table import TicksTable
     from worldsim.world import World
@@ -154,8 +158,7 @@ def _record(
         reason = INTERRUPTED
         began = time.monotonic()
         try:
-            if run_ticks(world, fleet, on_tick, on_event, lambda: bool(ending)):
-                reason = COMPLETED
+            reason = run_ticks(world, fleet, on_tick, on_event, lambda: bool(ending))
         except Interrupted:
             pass
         except BaseException as error:

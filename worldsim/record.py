@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 COMPLETED = "completed"
 INTERRUPTED = "interrupted"
-"""Why a run ended: all its ticks are done, or somebody asked it to stop."""
+DESERTED = "nobody is living any more"
+"""Why a run ended: all its ticks are done, somebody asked it to stop, or no robot is left."""
 
 
 def lower_bound(area_m2: float, roster: Sequence[RobotSpec], range_m: float) -> float:

@@ -138,8 +138,10 @@ class Seats:
         arrived = self._wire.mailbox.get(timeout_s)
         if arrived is None:
             return None
-        number = self._number_of[arrived[0]]
+        number = self._number_of.get(arrived[0])
         message = arrived[1]
+        if number is None:  # the world's own token
+            return None
         if isinstance(message, ReplyA | ReplyB):
             if self._is_seated(number, message):
                 return number, message
@@ -180,7 +182,7 @@ class Seats:
                 for number in left:
                     self.dismiss(number, k, reason, orderly=True)
             arrived = self._wire.mailbox.get(POLL_S)
-            if arrived is not None and hasattr(arrived[1], "present"):
+            if arrived is not None and arrived[0] in self._number_of and hasattr(arrived[1], "present"):
                 self._note_presence(self._number_of[arrived[0]], present=arrived[1].present)
 
     # --- what arrives ------------------------------------------------------------------------------------------------

@@ -85,6 +85,8 @@ class SimRobot:
         self._now = now
         self._run: int | None = None
         self._world_present = False
+        self._unbroken = True  # no token has gone since our own world spoke
+        self._own_news = now()
         self._last_news = self._last_said = self._checked = now()
         self._tell_at = now() + TELL_S[0]
         self._k = -1
@@ -162,6 +164,7 @@ class SimRobot:
     def _take(self, message: ToRobot | Presence) -> None:
         if isinstance(message, Presence):
             self._world_present = message.present
+            self._unbroken = self._unbroken and message.present
             self._last_news = self._now()
         elif isinstance(message, Hello):
             self._greet(message)
@@ -171,7 +174,7 @@ class SimRobot:
             else:
                 self._leave(message.reason, orderly=message.orderly)
         else:
-            self._last_news = self._now()
+            self._hear_own_world()
             self._obey(message)
 
     def _obey(self, message: PhaseA | PhaseB | Stop) -> None:
@@ -190,11 +193,18 @@ class SimRobot:
 
     def _greet(self, message: Hello) -> None:
         if self._run is not None and message.run != self._run:
-            self._leave("another world has taken over this fleet", orderly=False)
+            if (self._world_present and self._unbroken) or self._now() < self._own_news + SILENCE_S:
+                self._mailbox.refused["stranger"] += 1  # our own world is still there
+            else:
+                self._leave("another world has taken over this fleet", orderly=False)
             return
         self._run = message.run
-        self._last_news = self._now()
+        self._hear_own_world()
         self._say_hello()
+
+    def _hear_own_world(self) -> None:
+        self._last_news = self._own_news = self._now()
+        self._unbroken = True
 
     def _say_hello(self) -> None:
         me = self._identity

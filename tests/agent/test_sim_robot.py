@@ -180,8 +180,28 @@ def test_it_leaves_when_its_process_should() -> None:
 
 
 def test_another_world_is_not_obeyed() -> None:
+    """Not as long as there is our own; nor later, but then we are free to leave."""
     scene = Scene()
-    scene.tell(Hello(0, ANYONE, 0, 5), Hello(0, ANYONE, 0, 6))
+    scene.world(present=True)
+    scene.tell(Hello(0, ANYONE, 0, 5))
+    scene.tick(0)
+    scene.mailbox.time += 2.0 * SILENCE_S
+    scene.tell(Hello(0, ANYONE, 0, 6))
+    scene.tick(1)
+    assert scene.robot.refused == 1
+    scene.world(present=False)
+    scene.world(present=True)
+    scene.tell(Hello(0, ANYONE, 0, 6))
+    scene.tick(2)
+    assert scene.robot.refused == 2
+    assert scene.last(1) != [HelloReply(1, 77, 0, 6, "a" * 64)]
+    scene.world(present=False)
+    scene.world(present=True)
+    assert scene.tick(3) == []  # a router that has returned
+    scene.world(present=False)
+    scene.world(present=True)
+    scene.mailbox.time += SILENCE_S
+    scene.tell(Hello(0, ANYONE, 0, 6))
     assert scene.robot.sense() is None
     assert "another world" in scene.robot.farewell
 

@@ -11,6 +11,7 @@ import pytest
 import fogwatch
 from patrol.errors import BadInput
 from patrol.eyes import Metrics
+from patrol.journal import read_journal
 from patrol.scenario import load_scenario
 
 SMALL = {
@@ -62,6 +63,16 @@ def test_bad_input_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="do not fit"):
         fogwatch.run(SMALL, out=tmp_path / "run", overrides={"robots.radius": 30.0, "robots.count": 9})
     assert not list(tmp_path.iterdir())
+
+
+def test_what_has_run_is_never_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def damaged(_: Path) -> None:
+        raise BadInput("journal: tick 7 is damaged")
+
+    monkeypatch.setattr("experiments.inprocess.read_journal", damaged)
+    with pytest.raises(BadInput, match="tick 7"):
+        fogwatch.run(SMALL, out=tmp_path / "run")
+    assert sum(1 for _ in read_journal(tmp_path / "run" / "journal").ticks) == 40
 
 
 def test_the_package_loads_nothing_until_a_run_is_wanted() -> None:

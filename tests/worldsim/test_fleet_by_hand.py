@@ -22,6 +22,7 @@ from patrol.link import open_link
 from patrol.phases import PhaseA, ReplyA, Stop, encode
 from patrol.pose import Pose
 from patrol.warmup import COMPILING, WAITING
+from worldsim.record import DESERTED
 
 pytestmark = pytest.mark.processes
 
@@ -191,6 +192,40 @@ def test_a_second_process_for_a_robot_is_turned_away(hand: Hand) -> None:
     assert "another process is anna already" in hand.said("impostor")
     hand.processes["world"].terminate()
     assert [hand.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0]
+
+
+def test_a_second_world_is_refused_and_a_quiet_run_refuses_nothing(hand: Hand) -> None:
+    hand.write({**SCENARIO, "duration": 100_000})
+    hand.start_router()
+    hand.start_world()
+    for robot in ("anna", "bert"):
+        hand.start_agent(robot)
+    hand.until(lambda: hand.ticks() > 10)
+    hand.start("second", "worldsim", *hand.common(), "--out", str(hand.folder / "second"))
+    assert hand.code("second") == 2
+    assert "--fleet by-hand-1: a world of this fleet is running already" in hand.said("second")
+    before = hand.ticks()
+    hand.until(lambda: hand.ticks() > before + 10)
+    hand.processes["world"].terminate()
+    assert [hand.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0]
+    end = read_journal(hand.out / "journal").end
+    assert end is not None
+    assert end.notes["refused"] == {}
+
+
+def test_a_run_ends_when_nobody_is_living(hand: Hand) -> None:
+    hand.write({**SCENARIO, "duration": 100_000})
+    hand.start_router()
+    hand.start_world()
+    for robot in ("anna", "bert"):
+        hand.start_agent(robot)
+    hand.until(lambda: hand.ticks() > 10)
+    for robot in ("anna", "bert"):
+        hand.processes[robot].kill()
+    assert hand.code("world") == 1
+    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["ended"] == DESERTED
+    assert summary["ticks"] < 200_000
 
 
 def test_another_scenario_is_refused(hand: Hand) -> None:

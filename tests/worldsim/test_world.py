@@ -13,6 +13,7 @@ from patrol.journal import Status, trace_hash
 from patrol.message import MAX_FRAME, Position, decode
 from patrol.pose import Drive, Pose, Velocity
 from worldsim.loop import run_ticks
+from worldsim.record import DESERTED
 from worldsim.world import Reply, Report
 
 if TYPE_CHECKING:
@@ -189,3 +190,11 @@ def test_oversized_frames_are_dropped_and_counted(lab: Lab) -> None:
     world.begin_tick()
     assert world.exchange({1: bytes(MAX_FRAME + 1), 2: bytes(MAX_FRAME)}) == {1: [bytes(MAX_FRAME)], 2: []}
     assert world.ether.links[1, 2].dropped == {"oversized": 1}
+
+
+def test_a_run_ends_when_nobody_is_living(lab: Lab) -> None:
+    world = lab.patrol(ticks=50)
+    fleet = lab.fleet(world, silent={(number, 5, "A") for number in (1, 2, 3, 4)})
+    ended = run_ticks(world, fleet, lambda _: None, lambda _: None)
+    assert ended == DESERTED
+    assert (world.tick, fleet.finished) == (6, 6)
