@@ -134,7 +134,10 @@ def doors_headline(report: MapReport) -> str:
     if not report.doors:
         return "doors: none; no narrow place decides what can be reached"
     shown = f", the narrowest {MOST_LINES}" if len(report.doors) > MOST_LINES else ", narrowest first"
-    return f"doors: {len(report.doors)}{shown}; widths are of whole free points"
+    return (
+        f"doors: {len(report.doors)}{shown}; widths are of whole free points, and a body needs half a point more "
+        "than its radius: a smaller --point may open a narrow one"
+    )
 
 
 def passing(door: Door) -> str:
@@ -144,7 +147,7 @@ def passing(door: Door) -> str:
 
 def consequence(door: Door) -> str:
     """What a door's width means for the body."""
-    return f"a wider body {'loses' if door.passes else 'such as this loses'} {door.behind:.1f} m²"
+    return f"{'a wider body loses' if door.passes else 'this body loses'} {door.behind:.1f} m²"
 
 
 def place(at: SealedPart | Door) -> str:
