@@ -133,6 +133,7 @@ def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> 
     while improved:
         improved = False
         for i in sorted(taken):
+            # Cuts that nothing but this one keeps out: two for one, or a shorter one for a longer.
             waiting = sorted(j for j in rivals[i] if len(rivals[j] & taken) == 1)
             pair = next((pair for pair in combinations(waiting, 2) if pair[1] not in rivals[pair[0]]), None)
             better = pair or tuple(j for j in waiting[:1] if j < i)

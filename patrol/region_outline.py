@@ -6,6 +6,7 @@ the tolerance vanish. Coordinates are in points, with (0, 0) at the lower left c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,10 +22,8 @@ SHAVE = 0.5
 """How much of the free ground (points) an outline may cut off at a corner: so little that each point keeps its
 centre."""
 
-
 NOTCH = 0.05
 """How far, in points, corners that touch are drawn apart."""
-
 
 _NO_SIDES = np.empty((0, 2, 2))
 
@@ -41,16 +40,21 @@ class Ring:
     skipped: list[Floats]
 
 
-def outline(free: BoolGrid, fill: float) -> list[Ring]:
-    """The outline of a mask, bool (h, w), simplified by at most `fill` points outwards and SHAVE inwards.
+def loops_of(free: BoolGrid, fill: float) -> list[Floats]:
+    """The exact outline of a mask, bool (h, w), as trace_loops has it, without holes whose sides are at most `fill`."""
+    loops = trace_loops(free)
+    return [loop for loop in loops if np.ptp(loop, axis=0).max() > fill or area(loop) > 0.0]
 
-    Outer rings run counter-clockwise, holes clockwise; rings neither cross nor touch. A hole whose sides are at most
-    `fill` is left out.
+
+def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
+    """An exact outline with few corners, moved by at most `fill` points outwards and SHAVE inwards.
+
+    Outer rings run counter-clockwise, holes clockwise; rings neither cross nor touch.
     """
-    loops = [loop for loop in trace_loops(free) if not _is_speck(loop, fill)]
     if not loops:
         return []
     everything = np.concatenate(loops)
+    everything = everything[np.argsort(everything[:, 1], kind="stable")]
     rings = [_straighten(loop, everything, fill) for loop in loops]
     sides = [_sides(ring) for ring in rings]
     for number, ring in enumerate(rings):
@@ -81,12 +85,11 @@ def trace_loops(mask: BoolGrid) -> list[Floats]:
     return loops
 
 
-def _is_speck(loop: Floats, fill: float) -> bool:
-    return bool(np.ptp(loop, axis=0).max() <= fill) and area(loop) < 0.0
-
-
 def _straighten(loop: Floats, everything: Floats, fill: float) -> Ring:
-    """The ring of a loop, in between whose corners and the loop's none of `everything`, float64 (m, 2), lies."""
+    """The ring of a loop, so that nothing else of the outline lies between the two.
+
+    everything: float64 (m, 2), all corners there are, by y.
+    """
     n = len(loop)
     xs, ys = np.ascontiguousarray(loop[:, 0]), np.ascontiguousarray(loop[:, 1])
     work = (np.empty((2 * n + 1, 5)), np.empty(n + 1), np.empty(n + 1, dtype=np.int64), np.empty(n, dtype=np.int64))
@@ -122,7 +125,8 @@ def _shuts_in(loop: Floats, side: tuple[int, int], everything: Floats) -> bool:
         return False
     pocket = loop[np.concatenate([[side[0]], passed, [side[1]]])]
     low, high = pocket.min(axis=0), pocket.max(axis=0)
-    near = everything[((everything >= low) & (everything <= high)).all(axis=1)]
+    near = everything[slice(*np.searchsorted(everything[:, 1], (low[1], np.nextafter(high[1], np.inf))))]
+    near = near[(near[:, 0] >= low[0]) & (near[:, 0] <= high[0])]
     own = (near[:, None, :] == pocket[None, :, :]).all(axis=2).any(axis=1)
     return bool(_in_polygon(near[~own], pocket).any())
 

@@ -27,7 +27,7 @@ from patrol.fields import load_grid, parts_of
 from patrol.kernels.regions import fill, spread
 from patrol.region_cuts import convex_pieces
 from patrol.region_links import Connection, connect
-from patrol.region_outline import outline
+from patrol.region_outline import loops_of, simplified
 from patrol.region_patchwork import made_convex, merged, stretched
 from patrol.terrain import BoolGrid, Terrain
 
@@ -97,12 +97,13 @@ def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit
     body: bool (h, w), where the centre of a body may be, on which connections lie; all free points when None. Raises
     BadInput for a terrain whose outline has more than MOST_CORNERS corners.
     """
-    rings = outline(terrain.free, FILL)
-    corners = sum(len(ring.corners) for ring in rings)
+    loops = loops_of(terrain.free, FILL)
+    rings = simplified(loops, FILL) if 3 * len(loops) <= MOST_CORNERS else []
+    corners = sum(len(ring.corners) for ring in rings) or 3 * len(loops)
     if corners > MOST_CORNERS:
         raise BadInput(
-            f"patrol.paths = regions: {terrain.name} is too broken up, its outline has {corners} corners and the most "
-            f"is {MOST_CORNERS}; choose wave, or a larger point"
+            f"patrol.paths = regions: {terrain.name} is too broken up, its outline has {corners} corners or more and "
+            f"the most is {MOST_CORNERS}; choose wave, or a larger point"
         )
     polygons = merged(made_convex(convex_pieces(rings)))
     bare = np.argwhere(terrain.free & (_laid(terrain, polygons) < 0))
