@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import math
+from collections import Counter, deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from patrol.journal import Status, TickRecord, TraceHash
-from patrol.pose import Pose
-from patrol.sweep import free_fraction
+from patrol.journal import RobotTick, Status, TickRecord, TraceHash
+from patrol.message import MAX_TRAIL, Position, Rejected, decode
+from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.sweep import advance, free_fraction
+from worldsim.motion import length
 from worldsim.record import COMPLETED, INTERRUPTED
 from worldsim.truth import Truth, footprint_of
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
+    from patrol.scenario import RobotSpec
     from patrol.terrain import Terrain
     from worldsim.record import RunRecord
 
 SLACK = 1e-6
 """How deep (m) a body may be in a wall or another body before a check calls it an overlap."""
+
+ROUNDED = 1.0 + 1e-12
+"""A velocity that was cut to a robot's speed may exceed it by this factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +193,100 @@ class BodiesApart:
         return Check("bodies apart", not self._problem, self._problem or good)
 
 
+class MovesAreTrue:
+    """From its start on each body goes where its commands take it, to the bit, and they are within its limits.
+
+    A body that nobody drives, or whose move was cancelled, stays exactly where it is.
+    """
+
+    def __init__(self, prepared: Prepared) -> None:
+        roster = prepared.scenario.roster
+        self._step = prepared.scenario.step
+        self._specs = {spec.number: spec for spec in roster}
+        self._due = {spec.number: start for spec, start in zip(roster, prepared.starts, strict=True)}
+        self._problem = ""
+        self._looked = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        if not self._problem and [row.number for row in record.robots] != list(self._specs):
+            self._problem = f"tick {record.k} does not hold the scenario's robots"
+        for row in () if self._problem else record.robots:
+            spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
+            command = Drive(row.c0, row.c1) if spec.model == "car" else Velocity(row.c0, row.c1)
+            problem = self._problem_of(row, spec, pose, command)
+            if problem:
+                self._problem = f"{spec.name} {problem} at tick {record.k}"
+                return
+            moves = not row.bumped and length(command, self._step) > 0.0
+            self._due[row.number] = advance(pose, command, self._step) if moves else pose
+            self._looked += 1
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        return Check("moves", not self._problem, self._problem or f"{self._looked} poses are where commands lead")
+
+    def _problem_of(self, row: RobotTick, spec: RobotSpec, pose: Pose, command: Command) -> str:
+        due = self._due[row.number]
+        if pose != due:
+            return f"is at {_place(pose)} and not at {_place(due)}, where its last move ended,"
+        if row.status is not Status.ALIVE and (length(command, self._step) > 0.0 or row.bumped):
+            return f"is {row.status.name.lower()} and drives"
+        if isinstance(command, Drive):
+            within = abs(command.speed) <= spec.speed and abs(command.curvature) <= 1.0 / spec.turning_radius
+        else:
+            within = math.hypot(command.vx, command.vy) <= spec.speed * ROUNDED
+        return "" if within else f"obeys {command}, which is beyond its limits,"
+
+
+class FramesAreTrue:
+    """Every frame says where its sender is in that tick, as the wire has it, and its trail where it was before.
+
+    Tags are not looked at: whoever hears a frame with a wrong one counts it as rejected.
+    """
+
+    def __init__(self, journal: RunRecord) -> None:
+        self._names = _names(journal)
+        self._step = float(journal.header.scenario["step"])
+        self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
+        self._problem = ""
+        self._looked = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        if self._problem:
+            return
+        due: dict[int, Position] = {}
+        for row in record.robots:
+            position = Position.of(row.number, record.k, record.k * self._step, Pose(row.x, row.y, row.heading))
+            self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
+            if row.status is Status.ALIVE:
+                due[row.number] = position
+        for source, frame in record.frames:
+            problem = self._problem_of(source, frame, due.get(source))
+            if problem:
+                self._problem = f"frame {record.k} of {self._names.get(source, source)} {problem}"
+                return
+            self._looked += 1
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        return Check("frames", not self._problem, self._problem or f"{self._looked} frames say what is true")
+
+    def _problem_of(self, source: int, frame: bytes, due: Position | None) -> str:
+        if due is None:
+            return "has no living sender"
+        try:
+            said = decode(frame)
+        except Rejected as rejected:
+            return f"cannot be read ({rejected})"
+        track = list(self._tracks[source])
+        trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in pairwise(track[: len(said.trail) + 1]))
+        if said != replace(due, trail=trail):
+            return f"says {said}, the pose gives {replace(due, trail=trail)}"
+        return ""
+
+
 class LinksAddUp:
     """On every directed link each frame sent was delivered or dropped once, and nothing else was."""
 
@@ -245,6 +347,10 @@ class FogIsTrue:
     def check(self) -> Check:
         """The result, once all ticks are in."""
         return Check("fog", not self._problem, self._problem or f"recomputed over {self._ticks} ticks")
+
+
+def _place(pose: Pose) -> str:
+    return f"({pose.x!r}, {pose.y!r}; {pose.heading!r} rad)"
 
 
 def _names(journal: RunRecord) -> dict[int, str]:

@@ -12,7 +12,9 @@ from worldsim.checks import (
     Complete,
     ExitCodes,
     FogIsTrue,
+    FramesAreTrue,
     LinksAddUp,
+    MovesAreTrue,
     NobodyLost,
     Tally,
     TraceAgrees,
@@ -76,6 +78,8 @@ class Judge:
             NobodyLost(journal),
             ExitCodes(journal, exit_codes),
             BodiesApart(journal, prepared.terrain),
+            MovesAreTrue(prepared),
+            FramesAreTrue(journal),
             LinksAddUp(journal),
         ]
         if verify_fog:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import JournalWriter, RobotTick, Status, TickRecord, read_journal, trace_hash
+from patrol.message import Position, encode
+from patrol.pose import Pose
+from worldsim.checks import MovesAreTrue
 from worldsim.record import INTERRUPTED, MemoryJournal
 from worldsim.verdict import Judge, Verdict, judge
 
@@ -19,7 +23,7 @@ if TYPE_CHECKING:
 
 TICKS = 12
 GOOD_EXITS: dict[str, int | None] = {"r1": 0, "r2": 0, "r3": 0, "r4": 0, "world": 0}
-NAMES = ["complete", "trace", "nobody lost", "exit codes", "bodies apart", "links add up", "fog"]
+NAMES = ["complete", "trace", "nobody lost", "exit codes", "bodies apart", "moves", "frames", "links add up", "fog"]
 
 
 @pytest.fixture
@@ -137,6 +141,12 @@ def test_no_journal_cannot_be_judged(world: World) -> None:
 def test_another_trace_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     heading = journal.records[3].robots[0].heading
     change(journal, 3, rehash=False, robots=moved(journal.records[3], 0, heading=heading + 1e-15))
+    assert list(failures(verdict(journal))) == ["trace", "moves"]
+
+
+def test_another_recorded_trace_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    assert journal.end
+    journal.end = replace(journal.end, trace_hash="00" * 32)
     assert only_failure(verdict(journal)).startswith("trace: the ticks hash to ")
 
 
@@ -211,3 +221,125 @@ def test_a_judge_who_takes_the_fog_as_it_is_says_nothing_of_it(journal: MemoryJo
     for record in journal.ticks:
         judging.tick(record)
     assert [check.name for check in judging.verdict().checks] == NAMES[:-1]
+
+
+@pytest.mark.parametrize("fields", [{"x": 3.5}, {"y": 3.5}, {"heading": 0.5}], ids=str)
+@pytest.mark.parametrize("k", [0, 7, TICKS - 1])
+def test_a_body_that_is_not_where_it_went_fails(
+    journal: MemoryJournal, verdict: Callable[..., Verdict], k: int, fields: dict[str, float]
+) -> None:
+    change(journal, k, robots=moved(journal.records[k], 0, **fields))
+    detail = failures(verdict(journal))["moves"]
+    assert detail.startswith("r1 is at (")
+    assert detail.endswith(f"at tick {k}")
+
+
+def test_the_last_bit_of_a_pose_counts(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    row = journal.records[7].robots[2]
+    change(journal, 7, robots=moved(journal.records[7], 2, x=math.nextafter(row.x, math.inf)))
+    assert list(failures(verdict(journal))) == ["moves"]
+
+
+def test_another_command_than_that_obeyed_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    for index, name in ((0, "r1"), (2, "r3")):
+        row = journal.records[5].robots[index]
+        was = journal.records[5]
+        change(journal, 5, robots=moved(was, index, c0=0.5 * row.c0, bumped=False))
+        assert only_failure(verdict(journal)).startswith(f"moves: {name} is at (")
+        journal.records[5] = was
+
+
+def test_a_move_that_only_the_record_cancels_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    k, index = next(
+        (record.k, index)
+        for record in journal.ticks
+        for index, row in enumerate(record.robots)
+        if record.k < TICKS - 1 and not row.bumped and row.c0
+    )
+    change(journal, k, robots=moved(journal.records[k], index, bumped=True))
+    assert only_failure(verdict(journal)).startswith("moves: ")
+
+
+def test_a_cancelled_move_that_the_record_lets_happen_fails(
+    journal: MemoryJournal, verdict: Callable[..., Verdict]
+) -> None:
+    k, index = next(
+        (record.k, index) for record in journal.ticks for index, row in enumerate(record.robots) if row.bumped
+    )
+    assert k < TICKS - 1
+    change(journal, k, robots=moved(journal.records[k], index, bumped=False))
+    assert only_failure(verdict(journal)).startswith("moves: ")
+
+
+def test_a_dead_body_that_drives_fails(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
+    journal = lab.run(world, lab.fleet(world, killed={2: (3, Status.DEAD)}))
+    change(journal, TICKS - 1, robots=moved(journal.records[-1], 2, c0=1.0))
+    assert only_failure(verdict(journal)) == f"moves: r3 is dead and drives at tick {TICKS - 1}"
+
+
+@pytest.mark.parametrize(
+    ("index", "fields"),
+    [(0, {"c0": 4.5}), (0, {"c1": -0.6}), (0, {"c0": math.nan}), (2, {"c0": 3.2, "c1": 3.2}), (3, {"c1": math.inf})],
+)
+def test_a_command_beyond_a_robots_limits_fails(
+    journal: MemoryJournal, verdict: Callable[..., Verdict], index: int, fields: dict[str, float]
+) -> None:
+    last = journal.records[-1]
+    change(journal, TICKS - 1, robots=moved(last, index, **fields))
+    detail = only_failure(verdict(journal))
+    assert detail.startswith(f"moves: r{index + 1} obeys ")
+    assert "beyond its limits" in detail
+
+
+def test_a_tick_without_one_of_the_robots_fails(journal: MemoryJournal, world: World) -> None:
+    moves = MovesAreTrue(world.prepared)
+    moves.tick(replace(journal.records[0], robots=journal.records[0].robots[1:]))
+    assert moves.check().detail == "tick 0 does not hold the scenario's robots"
+
+
+def frame_of(record: TickRecord, index: int, shift: float = 0.0, **fields: Any) -> bytes:
+    row = record.robots[index]
+    said = Position.of(row.number, record.k, 0.5 * record.k, Pose(row.x + shift, row.y, row.heading))
+    return encode(replace(said, **fields))
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"shift": 0.01}, {"robot": 4}, {"sequence": 8}, {"time_ms": 3501}, {"heading_mrad": 6283}, {"trail": ((7, 7),)}],
+    ids=str,
+)
+def test_a_frame_that_says_what_is_not_so_fails(
+    journal: MemoryJournal, verdict: Callable[..., Verdict], fields: dict[str, Any]
+) -> None:
+    record = journal.records[7]
+    change(journal, 7, frames=((1, frame_of(record, 0, **fields)), *record.frames[1:]))
+    assert only_failure(verdict(journal)).startswith("frames: frame 7 of r1 says Position(")
+
+
+def test_a_frame_with_a_true_trail_is_good(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    def place(k: int) -> tuple[int, int]:
+        row = journal.records[k].robots[0]
+        return round(100.0 * row.x), round(100.0 * row.y)
+
+    record = journal.records[7]
+    for length in range(1, 5):
+        ways = [(place(k - 1), place(k)) for k in range(7, 7 - length, -1)]
+        trail = tuple((old[0] - new[0], old[1] - new[1]) for old, new in ways)
+        change(journal, 7, frames=((1, frame_of(record, 0, trail=trail)), *record.frames[1:]))
+        assert verdict(journal).valid
+
+
+@pytest.mark.parametrize("frame", [b"", b"nonsense", bytes(65)])
+def test_a_frame_that_cannot_be_read_fails(
+    journal: MemoryJournal, verdict: Callable[..., Verdict], frame: bytes
+) -> None:
+    record = journal.records[7]
+    change(journal, 7, frames=((1, frame), *record.frames[1:]))
+    assert only_failure(verdict(journal)).startswith("frames: frame 7 of r1 cannot be read (malformed")
+
+
+def test_a_frame_of_a_dead_robot_fails(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
+    journal = lab.run(world, lab.fleet(world, killed={2: (3, Status.DEAD)}))
+    record = journal.records[7]
+    change(journal, 7, frames=(*record.frames, (3, frame_of(record, 2))))
+    assert failures(verdict(journal))["frames"] == "frame 7 of r3 has no living sender"
