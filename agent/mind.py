@@ -29,7 +29,7 @@ from agent.separation import artificial_obstacles, critical_areas, numbered, occ
 from agent.steering import CarSteering, HolonomicSteering
 from agent.unstuck import Unstuck
 from patrol.fields import StaticFields
-from patrol.footprint import Footprint
+from patrol.footprint import Footprint, sensor_footprint
 from patrol.inbox import Inbox
 from patrol.message import Position, encode
 from patrol.pose import TAU, Command, Drive, Pose, Velocity
@@ -71,12 +71,6 @@ class MindSetup:
     footprint: Footprint | None = None
     scratch: dict[str, Window] = field(default_factory=dict)
     regions: RegionSplit | None = None
-
-
-def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
-    """The footprint of the scenario's sensor."""
-    sensor = scenario.sensor
-    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
 
 
 class Mind:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from agent.mind import Mind, MindSetup
 from agent.refine import psi_field
+from patrol.footprint import sensor_footprint
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
 from patrol.keyfile import fleet_key
 from patrol.prepare import Prepared, prepare
 from worldsim.loop import run_ticks
 from worldsim.record import INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
 from worldsim.summary import Totals, summarise
-from worldsim.truth import footprint_of
 from worldsim.verdict import Judge, Verdict, judge
 from worldsim.world import Reply, Report, World
 
@@ -127,7 +127,7 @@ def run_in_process(
     ends the run and is passed on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
-    footprint = footprint_of(prepared.scenario, prepared.terrain)
+    footprint = sensor_footprint(prepared.scenario, prepared.terrain)
     world = World(prepared, footprint=footprint)
     fleet = InProcessFleet(make_minds(prepared, footprint, threads), threads)
     header = header_of(world, started)

@@ -26,6 +26,7 @@ from fogwatch.drawing import (
 )
 from patrol.errors import BadInput
 from patrol.fog import NEVER, Fog
+from patrol.footprint import sensor_footprint
 from patrol.journal import Journal, read_journal
 from patrol.mapcheck import MapReport
 from patrol.pose import Pose
@@ -33,7 +34,7 @@ from patrol.prepare import Prepared, prepare
 from patrol.records import RobotFacts, RobotTick, Status
 from patrol.rooms import Door
 from patrol.scenario import load_scenario
-from worldsim.truth import Truth, footprint_of
+from worldsim.truth import Truth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -164,7 +165,7 @@ def replay(journal: Journal, prepared: Prepared) -> FinalFog:
     if record is None:
         raise BadInput(f"{journal.path}: holds no whole tick; there is nothing to draw")
     poses = np.array(places, dtype=np.float64)
-    truth = Truth(footprint_of(scenario, prepared.terrain), prepared.patrolled, scenario.step)
+    truth = Truth(sensor_footprint(scenario, prepared.terrain), prepared.patrolled, scenario.step)
     # Where one look makes a point fresh, nothing older than the MFoW shows in the end.
     begin = 0 if scenario.sensor.quality != 1.0 else len(poses) - 1 - record.mfow
     for index in range(max(begin, 0), len(poses)):

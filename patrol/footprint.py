@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from numpy.typing import NDArray
 from patrol.kernels.footprint import cast, disc, keep_sector
 from patrol.pose import Pose
 from patrol.terrain import Terrain
+
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
 
 REMEMBERED = 64
 """Footprints kept by a `Footprint`: in one tick every robot, and in one process every belief, asks for the same few."""
@@ -78,6 +82,12 @@ class Footprint:
             keep_sector(mask, heading, self.angle)
         mask.flags.writeable = False
         return View(row - self.reach, col - self.reach, mask, self._quality)
+
+
+def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
+    """The scenario's sensor on its terrain."""
+    sensor = scenario.sensor
+    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
 
 
 def _quality_window(quality: Quality, reach: int, point: float) -> NDArray[np.float64] | None:

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from patrol.footprint import sensor_footprint
 from patrol.journal import RobotTick, Status, TickRecord, TraceHash
 from patrol.message import MAX_TRAIL, Position, Rejected, decode
 from patrol.pose import Command, Drive, Pose, Velocity
 from patrol.sweep import advance, free_fraction
 from worldsim.motion import length
 from worldsim.record import COMPLETED, INTERRUPTED
-from worldsim.truth import Truth, footprint_of
+from worldsim.truth import Truth
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
@@ -325,7 +326,7 @@ class FogIsTrue:
 
     def __init__(self, prepared: Prepared) -> None:
         self._step = prepared.scenario.step
-        footprint = footprint_of(prepared.scenario, prepared.terrain)
+        footprint = sensor_footprint(prepared.scenario, prepared.terrain)
         self._truth = Truth(footprint, prepared.patrolled, self._step)
         self._problem = ""
         self._ticks = 0

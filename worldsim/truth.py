@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +12,10 @@ from patrol.footprint import Footprint
 from patrol.message import Position
 from patrol.pose import Pose
 
-if TYPE_CHECKING:
-    from patrol.scenario import Scenario
-    from patrol.terrain import Terrain
-
 
 def as_sent(number: int, tick: int, step: float, pose: Pose) -> Pose:
     """A pose as others hear it (cm, mrad). Every footprint is computed from it, so truth and belief agree."""
     return Position.of(number, tick, tick * step, pose).pose
-
-
-def footprint_of(scenario: Scenario, terrain: Terrain) -> Footprint:
-    """The scenario's sensor on its terrain."""
-    sensor = scenario.sensor
-    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
 
 
 class Truth:

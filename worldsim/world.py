@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from patrol.footprint import sensor_footprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.pose import Command, Drive, Pose
 from worldsim.bodies import Body, standstill
 from worldsim.ether import Delivery, Ether, Rule
 from worldsim.motion import move, within_limits
-from worldsim.truth import Truth, footprint_of
+from worldsim.truth import Truth
 
 if TYPE_CHECKING:
     from patrol.footprint import Footprint
@@ -69,7 +70,7 @@ class World:
             spec.number: Body(spec, pose, standstill(spec))
             for spec, pose in zip(scenario.roster, prepared.starts, strict=True)
         }
-        self.truth = Truth(footprint or footprint_of(scenario, self.terrain), prepared.patrolled, self.step)
+        self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled, self.step)
         self.ether = Ether(tuple(self.bodies), rules)
         self._waits = scenario.factor is None
         self._frames: tuple[tuple[int, bytes], ...] = ()
