@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from patrol.message import MAX_FRAME
 
@@ -16,15 +16,6 @@ Rule = Callable[[int, int, int], str | None]
 A rule keeps no state. Where it draws, it draws from (seed, Purpose.ETHER, fault, source, destination, sequence), so
 that what befalls one frame does not depend on any other.
 """
-
-
-@dataclass(slots=True)
-class LinkCount:
-    """What became of the frames of one directed pair: sent = delivered + all that were dropped, by cause."""
-
-    sent: int = 0
-    delivered: int = 0
-    dropped: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,19 +34,19 @@ class Delivery:
 class Ether:
     """The radio between robots: every frame to every other robot within the tick, less what the rules take.
 
-    It never looks inside a frame; a frame's sequence is the tick in which the world took it.
+    It never looks inside a frame; a frame's sequence is the tick in which the world took it. It keeps no counts: the
+    journal has every frame's fate.
     """
 
-    def __init__(self, numbers: Sequence[int], rules: Sequence[Rule] = ()) -> None:
+    def __init__(self, rules: Sequence[Rule] = ()) -> None:
         self._rules = tuple(rules)
-        self.links = {(i, j): LinkCount() for i in numbers for j in numbers if i != j}
 
     def carry(
-        self, tick: int, frames: Mapping[int, bytes | None], present: Collection[int], living: Collection[int]
+        self, tick: int, frames: Mapping[int, bytes | None], present: Collection[int], listening: Collection[int]
     ) -> Delivery:
-        """Send each robot's frame (None: it is silent) to all others present; only the living hear."""
+        """Send each robot's frame (None: it is silent) to all others present; only those listening hear."""
         receivers = sorted(present)
-        heard: dict[int, list[bytes]] = {number: [] for number in sorted(living)}
+        heard: dict[int, list[bytes]] = {number: [] for number in sorted(listening)}
         arrived, dropped = [], []
         for source, frame in sorted(frames.items()):
             if frame is None:
@@ -63,15 +54,11 @@ class Ether:
             for destination in receivers:
                 if destination == source:
                     continue
-                link = self.links[source, destination]
-                link.sent += 1
                 cause = self._loss(source, destination, tick, frame, destination in heard)
                 if cause is None:
-                    link.delivered += 1
                     heard[destination].append(frame)
                     arrived.append((source, destination, tick))
                 else:
-                    link.dropped[cause] = link.dropped.get(cause, 0) + 1
                     dropped.append((source, destination, tick, cause))
         return Delivery(heard, tuple(arrived), tuple(dropped))
 

@@ -40,8 +40,7 @@ class LockstepFleet:
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """The replies of those that answer in time."""
-        lost = {number for number, _, _ in self._lost}
-        asked = {number: pass_on(k, frames) for number, frames in heard.items() if number not in lost}
+        asked = {number: pass_on(k, frames) for number, frames in heard.items()}
         return {number: reply_of(answer) for number, answer in self._ask(k, "B", asked, ReplyB).items()}
 
     def lost(self) -> list[tuple[int, Status, str]]:

@@ -23,7 +23,7 @@ class Fleet(Protocol):
         ...
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
-        """Tell the living robots what they hear; returns their replies, None from one that is late.
+        """Tell those who answered phase A what they hear; returns their replies, None from one that is late.
 
         A robot missing from the answer has died.
         """

@@ -71,7 +71,7 @@ class World:
             for spec, pose in zip(scenario.roster, prepared.starts, strict=True)
         }
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled, self.step)
-        self.ether = Ether(tuple(self.bodies), rules)
+        self.ether = Ether(rules)
         self._waits = scenario.factor is None
         self._frames: tuple[tuple[int, bytes], ...] = ()
         self._delivery = Delivery({}, (), ())
@@ -89,12 +89,16 @@ class World:
         return {number: Report(body.pose, body.bumped) for number, body in living.items()}
 
     def exchange(self, frames: Mapping[int, bytes | None]) -> dict[int, list[bytes]]:
-        """The ether carries the frames of the living; returns what each living robot hears, by sender and sequence."""
-        living = self.living
-        sent = {number: frame for number in living if (frame := frames.get(number)) is not None}
+        """The ether carries the frames of the living; returns what each of them hears, by sender and sequence.
+
+        frames: one for each living robot, None from one that stays silent. A robot that is missing has died in phase A
+        and hears nothing any more.
+        """
+        listening = [number for number in self.living if number in frames]
+        sent = {number: frame for number in listening if (frame := frames[number]) is not None}
         present = [number for number, body in self.bodies.items() if body.present]
         self._frames = tuple(sent.items())
-        self._delivery = self.ether.carry(self.tick, sent, present, living)
+        self._delivery = self.ether.carry(self.tick, sent, present, listening)
         return self._delivery.heard
 
     def end_tick(self, replies: Mapping[int, Reply | None]) -> TickRecord:

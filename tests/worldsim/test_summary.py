@@ -69,9 +69,8 @@ def test_messages_are_counted_once_per_receiver(lab: Lab) -> None:
     assert messages["bytes_per_robot_s"] == length / (70 * 0.5)
     assert summary["robots"]["r3"]["status"] == "dead"
     assert summary["robots"]["r3"]["decisions"] == 10
-    links = world.ether.links.values()
-    assert messages["sent"] == sum(link.sent for link in links)
-    assert messages["delivered"] == sum(link.delivered for link in links)
+    assert messages["delivered"] == sum(len(record.deliveries) for record in journal.ticks)
+    assert messages["dropped"] == sum(len(record.dropped) for record in journal.ticks)
 
 
 def test_a_robot_that_is_lost_at_the_very_end_is_called_lost(lab: Lab) -> None:

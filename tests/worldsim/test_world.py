@@ -14,6 +14,7 @@ from patrol.message import MAX_FRAME, Position, decode
 from patrol.pose import Drive, Pose, Velocity
 from worldsim.loop import run_ticks
 from worldsim.record import DESERTED
+from worldsim.verdict import judge
 from worldsim.world import Reply, Report
 
 if TYPE_CHECKING:
@@ -156,6 +157,19 @@ def test_a_robot_that_stops_answering_is_lost_after_that_tick(lab: Lab, phase: s
     assert len(last.deliveries) == 6
 
 
+def test_a_robot_that_dies_in_phase_a_hears_nothing_any_more(lab: Lab) -> None:
+    world = lab.patrol(ticks=6)
+    fleet = lab.fleet(world, silent={(2, 4, "A")})
+    journal = lab.run(world, fleet)
+    record = journal.records[4]
+    assert record.robots[1].status is Status.ALIVE
+    assert [source for source, _ in record.frames] == [1, 3, 4]
+    assert list(fleet.heard[4]) == [1, 3, 4]
+    assert record.dropped == tuple((source, 2, 4, "receiver dead") for source in (1, 3, 4))
+    assert all(2 not in delivery[:2] for delivery in record.deliveries)
+    assert judge(journal, {}, world.prepared).failed[0].name == "nobody lost"
+
+
 def test_a_robot_that_the_fleet_reports_gone_is_gone(lab: Lab) -> None:
     world = lab.patrol(ticks=6)
     fleet = lab.fleet(world, killed={2: (3, Status.DEAD)})
@@ -189,7 +203,8 @@ def test_oversized_frames_are_dropped_and_counted(lab: Lab) -> None:
     world = lab.world([DISC, DISC], [(2.0, 2.0, 0.0), (6.0, 2.0, 0.0)])
     world.begin_tick()
     assert world.exchange({1: bytes(MAX_FRAME + 1), 2: bytes(MAX_FRAME)}) == {1: [bytes(MAX_FRAME)], 2: []}
-    assert world.ether.links[1, 2].dropped == {"oversized": 1}
+    record = world.end_tick({1: reply(0.0, 0.0), 2: reply(0.0, 0.0)})
+    assert (record.deliveries, record.dropped) == (((2, 1, 0),), ((1, 2, 0, "oversized"),))
 
 
 def test_a_run_ends_when_nobody_is_living(lab: Lab) -> None:
