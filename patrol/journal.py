@@ -202,10 +202,7 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
     return {
         "type": "tick",
         "k": record.k,
-        "robots": [
-            (r.number, r.status, r.x, r.y, r.heading, r.c0, r.c1, r.bumped, r.state, r.goal, r.decision_ms, r.rejected)
-            for r in record.robots
-        ],
+        "robots": [_row(robot) for robot in record.robots],
         "frames": record.frames,
         "delivered": _grouped((*delivery, "") for delivery in record.deliveries),
         "dropped": _grouped(record.dropped),
@@ -213,6 +210,11 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
         "fog_mean": record.fog_mean,
         "seen": record.seen,
     }
+
+
+def _row(r: RobotTick) -> tuple[Any, ...]:
+    driven = (r.x, r.y, r.heading, r.c0, r.c1, r.bumped)
+    return (r.number, r.status, *driven, r.state, r.goal, r.decision_ms, r.rejected, r.refused)
 
 
 def _grouped(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, int, str, list[int]]]:
@@ -263,6 +265,7 @@ def _typed_tick(value: dict[str, Any]) -> TickRecord:
 
 
 def _typed_robot(row: Sequence[Any]) -> RobotTick:
-    number, status, x, y, heading, c0, c1, bumped, state, goal, decision_ms, rejected = row
+    number, status, x, y, heading, c0, c1, bumped, state, goal, decision_ms, rejected, refused = row
     place = None if goal is None else (goal[0], goal[1])
-    return RobotTick(number, Status(status), x, y, heading, c0, c1, bumped, state, place, decision_ms, rejected)
+    driven = (x, y, heading, c0, c1, bumped)
+    return RobotTick(number, Status(status), *driven, state, place, decision_ms, rejected, refused)

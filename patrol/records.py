@@ -26,6 +26,7 @@ class RobotTick:
     x, y, heading: the true pose when the tick began (m, rad). c0, c1: the command that it obeyed, speed (m/s) and
     curvature (1/m) of a car, velocity along x and y (m/s) of a holonomic robot. bumped: that move was cancelled.
     state, goal (m), decision_ms, rejected (frames so far): what its mind reported, empty or None without a report.
+    refused: its mind's command made no sense and stopped it.
     """
 
     number: int
@@ -40,6 +41,7 @@ class RobotTick:
     goal: tuple[float, float] | None
     decision_ms: float | None
     rejected: int | None
+    refused: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,8 @@ class Body:
     """One robot's body.
 
     command: what it obeys, within its limits. bumped: whether its last move was cancelled. distance_m: driven so far,
-    m, along the path. collisions: moves cancelled so far. refused: commands that made no sense and stopped it.
-    missed: ticks in which no command came in time. silent_s: time since the last command, s.
+    m, along the path. collisions: moves cancelled so far. refused: whether its last command made no sense and
+    stopped it. silent_s: time since the last command, s.
     """
 
     spec: RobotSpec
@@ -33,8 +33,7 @@ class Body:
     bumped: bool = False
     distance_m: float = 0.0
     collisions: int = 0
-    refused: int = 0
-    missed: int = 0
+    refused: bool = False
     silent_s: float = 0.0
 
     @property

@@ -233,6 +233,8 @@ class MovesAreTrue:
             return f"is at {_place(pose)} and not at {_place(due)}, where its last move ended,"
         if row.status is not Status.ALIVE and (length(command, self._step) > 0.0 or row.bumped):
             return f"is {row.status.name.lower()} and drives"
+        if row.refused and (row.c0 != 0.0 or row.c1 != 0.0):
+            return "drives though its command was refused"
         if isinstance(command, Drive):
             within = abs(command.speed) <= spec.speed and abs(command.curvature) <= 1.0 / spec.turning_radius
         else:

@@ -27,6 +27,7 @@ class _Robot:
     model: str
     distance_m: float = 0.0
     collisions: int = 0
+    refused: int = 0
     dead_ends: int = 0
     living: int = 0
     frames: int = 0
@@ -46,6 +47,7 @@ class _Robot:
         self.status = row.status
         self.living += row.status is Status.ALIVE
         self.collisions += row.bumped
+        self.refused += row.refused
         if not row.bumped:
             command = Drive(row.c0, row.c1) if self.model == "car" else Velocity(row.c0, row.c1)
             self.distance_m += length(command, step)
@@ -65,6 +67,7 @@ class _Robot:
             "collisions": self.collisions,
             "decisions": decisions,
             "missed": self.living - decisions,
+            "refused_commands": self.refused,
             "decision_ms_p50": _percentile(self.decision_ms, 50),
             "decision_ms_p99": _percentile(self.decision_ms, 99),
             "sent": self.sent,
@@ -134,9 +137,10 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
 
     Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first. A
     message is counted once per receiver: sent = delivered + dropped; `frames` counts it once. `bytes_per_robot_s`:
-    bytes that a living robot sends per second. `missed`: ticks in which no command came in time. wall_s: wall time of
-    the ticks, s, or None when unknown. For a fleet of processes, `refused`: messages that the world dropped unread, by
-    reason; at the pace of the clock also `deadlines`: frames and commands that came late by robot, and how far the
+    bytes that a living robot sends per second. `missed`: ticks in which no command came in time. `refused_commands`:
+    those that made no sense. wall_s: wall time of the ticks, s, or None when unknown. For a fleet of processes,
+    `refused`: messages that the world dropped unread, by reason;
+    at the pace of the clock also `deadlines`: frames and commands that came late by robot, and how far the
     world itself fell behind (wall s).
     """
     totals = Totals(journal.header)

@@ -130,13 +130,13 @@ class World:
         body = self.bodies[number]
         body.status = status
         body.command = standstill(body.spec)
-        body.bumped = False
+        body.bumped = body.refused = False
         return Event(self.tick, status.name.lower(), number, reason)
 
     def _obey(self, body: Body, reply: Reply | None) -> None:
         """Take over a reply's command, or deal with its absence."""
+        body.refused = False
         if reply is None:
-            body.missed += 1
             body.silent_s += self.step
             if self._waits or body.silent_s >= self.scenario.watchdog:
                 body.command = standstill(body.spec)
@@ -144,7 +144,7 @@ class World:
         body.silent_s = 0.0
         command = within_limits(body.spec, reply.command)
         if command is None:
-            body.refused += 1
+            body.refused = True
             command = standstill(body.spec)
         body.command = command
 
@@ -166,4 +166,5 @@ def _robot_tick(body: Body, pose: Pose, reply: Reply | None) -> RobotTick:
         goal=reply.goal if reply else None,
         decision_ms=reply.decision_ms if reply else None,
         rejected=reply.rejected if reply else None,
+        refused=body.refused,
     )

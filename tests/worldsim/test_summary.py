@@ -54,6 +54,7 @@ def test_robots_are_summed_up(lab: Lab) -> None:
         assert (facts["decisions"], facts["missed"], facts["dead_end_share"]) == (20, 0, 0.25)
         assert facts["decision_ms_p50"] == facts["decision_ms_p99"] == float(body.spec.number)
         assert (facts["sent"], facts["delivered"], facts["dropped"], facts["rejected"]) == (60, 60, 0, 38)
+        assert facts["refused_commands"] == 0
     assert sum(facts["distance_m"] for facts in summary["robots"].values()) > 0
 
 
@@ -71,6 +72,17 @@ def test_messages_are_counted_once_per_receiver(lab: Lab) -> None:
     assert summary["robots"]["r3"]["decisions"] == 10
     assert messages["delivered"] == sum(len(record.deliveries) for record in journal.ticks)
     assert messages["dropped"] == sum(len(record.dropped) for record in journal.ticks)
+
+
+def test_commands_that_made_no_sense_are_counted_by_robot(lab: Lab) -> None:
+    world = lab.patrol(ticks=20)
+    journal = lab.run(world)
+    for k in (3, 4, 11):
+        robots = list(journal.records[k].robots)
+        robots[2] = replace(robots[2], refused=True)
+        journal.records[k] = replace(journal.records[k], robots=tuple(robots))
+    counts = {name: facts["refused_commands"] for name, facts in summary_of(world, journal)["robots"].items()}
+    assert counts == {"r1": 0, "r2": 0, "r3": 3, "r4": 0}
 
 
 def test_a_robot_that_is_lost_at_the_very_end_is_called_lost(lab: Lab) -> None:

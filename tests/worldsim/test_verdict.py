@@ -291,6 +291,11 @@ def test_a_command_beyond_a_robots_limits_fails(
     assert "beyond its limits" in detail
 
 
+def test_a_refused_command_that_drives_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
+    change(journal, TICKS - 1, robots=moved(journal.records[-1], 0, refused=True))
+    assert only_failure(verdict(journal)) == "moves: r1 drives though its command was refused at tick 11"
+
+
 def test_a_tick_without_one_of_the_robots_fails(journal: MemoryJournal, world: World) -> None:
     moves = MovesAreTrue(world.prepared)
     moves.tick(replace(journal.records[0], robots=journal.records[0].robots[1:]))
