@@ -24,6 +24,7 @@ from patrol.scenario import Scenario, load_scenario, open_scenario
 from patrol.warmup import warm
 
 if TYPE_CHECKING:
+    from fogwatch.launcher import Launch
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
     from worldsim.record import RunRecord
@@ -67,14 +68,15 @@ class Result:
 class Wishes:
     """How a run is to be done, and who is told.
 
-    port: of the router, or None for a free one. stop: asked all the time whether to end early; urgent: whether to end
-    by force.
+    port: of the router, or None for a free one. begin: called when the ticks are about to begin. stop: asked from then
+    on whether to end early; urgent: whether to end by force. Before that KeyboardInterrupt ends everything.
     """
 
     out: Path | None = None
     in_process: bool = False
     port: int | None = None
     show: Show = field(default_factory=Silent)
+    begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
 
@@ -115,12 +117,19 @@ def execute(scenario: Scenario, wishes: Wishes) -> Result:
         resolved = folder.load()
         fleet_key(resolved)  # whether it can be read is better known before there are processes
         return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
-    except BadInput:
+    except (BadInput, KeyboardInterrupt):
         if not folder.journal.exists():  # what has run is kept, whatever is wrong with it
             folder.discard()
         raise
     finally:
         wishes.show.close()
+
+
+def _begin(wishes: Wishes) -> None:
+    """The ticks are about to begin, unless somebody has wanted an end before."""
+    wishes.begin()
+    if wishes.stop():
+        raise KeyboardInterrupt
 
 
 def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
@@ -133,6 +142,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
     names = {spec.number: spec.name for spec in scenario.roster}
     points = int(np.count_nonzero(prepared.patrolled))
     watcher = Watcher(names, points, scenario.step, scenario.ticks, time.monotonic)
+    _begin(wishes)
     with closing(TicksTable(folder.ticks, scenario.step)) as table:
 
         def on_tick(record: TickRecord) -> None:
@@ -169,13 +179,15 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
         launch.start()
         prepared = prepared or prepare(scenario)
         _announce(scenario, folder, wishes)
-        _save_static(prepared, folder)
+        _write_static(prepared, _unfinished(folder.static))
+        _begin(wishes)
+        _unfinished(folder.static).rename(folder.static)
         launch.watch()
     except BaseException:
         launch.interrupted = True
         raise
     finally:
-        exit_codes = launch.finish()
+        exit_codes = _finish(launch)
         for static in (folder.static, _unfinished(folder.static)):
             shutil.rmtree(static, ignore_errors=True)
 
@@ -217,17 +229,23 @@ def _check_memory(robots: int) -> None:
         )
 
 
-def _save_static(prepared: Prepared, folder: RunFolder) -> None:
-    """Write the static fields for the processes, which go on as soon as the folder is there."""
+def _finish(launch: Launch) -> Mapping[str, int | None]:
+    """End all processes; who is interrupted at that ends them by force."""
+    try:
+        return launch.finish()
+    except KeyboardInterrupt:
+        return launch.finish()
+
+
+def _write_static(prepared: Prepared, part: Path) -> None:
+    """Write the static fields for the processes, which go on as soon as the folder has its name."""
     from agent.process import PSI
     from agent.refine import psi_field
 
-    part = _unfinished(folder.static)
     prepared.save(part)
     patrol = prepared.scenario.patrol
     if patrol.avoidance == "goal-refinement":
         np.save(part / PSI, psi_field(prepared.terrain, patrol.refine_reach))
-    part.rename(folder.static)
 
 
 def _unfinished(static: Path) -> Path:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +16,7 @@ import typer
 
 from fogwatch import cli_map, cli_paper, cli_scenario, cli_sweep
 from patrol.errors import BadInput
+from patrol.lifeline import heed
 from patrol.scenario import BUILTINS, open_scenario, parse_overrides
 
 INTERRUPTED = 130
@@ -88,6 +91,7 @@ def run(
     given = {field: value for field, value in overrides.items() if value is not None}
     if port is not None and not 0 < port < 65536:
         raise BadInput(f"--port {port}: no TCP port; give one from 1 to 65535")
+    ending = heed(None, patience=0)
     scenario = open_scenario(what, {**given, **parse_overrides(settings or [])})
 
     from rich.console import Console
@@ -96,20 +100,38 @@ def run(
     from fogwatch.launcher import Failed
     from fogwatch.live import make_show
     from fogwatch.report import print_report
-    from patrol.lifeline import heed
 
-    ending = heed(None)
-    wishes = Wishes(out, in_process, port, make_show(quiet), lambda: bool(ending), lambda: ending.times > 1)
+    def begin() -> None:
+        ending.patience = 1  # the first ends the run in order, the second at once
+
+    show = make_show(quiet)
+    wishes = Wishes(out, in_process, port, show, begin, lambda: bool(ending), lambda: ending.times > 1)
     try:
         result = execute(scenario, wishes)
     except Failed as failed:
         print(f"fogwatch: {failed}", file=sys.stderr)
         return UNKNOWN
-    if quiet:
-        print(result.folder)
-    else:
-        print_report(Console(), result.summary, result.folder)
+    with _readers_may_leave():
+        if quiet:
+            print(result.folder)
+        else:
+            print_report(Console(), result.summary, result.folder)
     return INTERRUPTED if ending else result.verdict.exit_code
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"fogwatch {metadata.version('fogwatch')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
+    ] = False,
+) -> None:
+    """What goes before a command."""
 
 
 @app.command()
@@ -137,8 +159,7 @@ def guarded(command: Callable[[], Any]) -> int:
         print(f"fogwatch: {bad}", file=sys.stderr)
         return 2
     except (KeyboardInterrupt, typer.Abort):
-        print("fogwatch: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        code = INTERRUPTED
     except BrokenPipeError:
         return 0
     except Exception as error:  # noqa: BLE001 - a mistake of ours leaves the run unjudged, not invalid
@@ -148,7 +169,19 @@ def guarded(command: Callable[[], Any]) -> int:
         if message := error.format_message():  # without one it has printed the help
             print(f"fogwatch: {message}", file=sys.stderr)
         return 2
+    if code == INTERRUPTED:  # typer may have made that of the signal
+        print("fogwatch: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0
+
+
+@contextmanager
+def _readers_may_leave() -> Iterator[None]:
+    """Print what nobody may read to its end; the exit code is the same."""
+    try:
+        yield
+        sys.stdout.flush()
+    except (BrokenPipeError, SystemExit):  # rich turns the first into the second
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _place(text: str) -> list[float]:

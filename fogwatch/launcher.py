@@ -129,7 +129,8 @@ class Launch:
     def obituary(self, name: str) -> str:
         """How a process ended and the end of its log."""
         child = self.children[name]
-        return f"{name} {_how(child.code)}; the end of its log ({child.log}):\n{child.last_words()}"
+        words = child.last_words()
+        return f"{name} {_how(child.code)}" + (f"; the end of its log ({child.log}):\n{words}" if words else "")
 
     # --- starting ----------------------------------------------------------------------------------------------------
 
@@ -156,7 +157,7 @@ class Launch:
         return False
 
     def _spawn(self, name: str, module: str, arguments: Sequence[str]) -> Child:
-        log = self.folder.log(name.removeprefix("the "))
+        log = self.folder.log(f"robot-{name}" if name in self.robots else name.removeprefix("the "))
         command = [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._pipe[0])]
         with log.open("ab") as output:
             process = subprocess.Popen(

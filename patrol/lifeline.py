@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import math
 import os
 import signal
 import sys
@@ -30,9 +31,14 @@ _POLL_S = 0.02
 
 
 class Ending:
-    """Whether this process should leave, why, and how often it was told."""
+    """Whether this process should leave, why, and how often it was told.
 
-    def __init__(self) -> None:
+    patience: so many signals are left to whoever asks this object; each further one raises KeyboardInterrupt wherever
+    the process is. None: all are.
+    """
+
+    def __init__(self, patience: int | None = None) -> None:
+        self.patience = patience
         self.reason = ""
         self.times = 0
         self._asked = threading.Event()
@@ -51,7 +57,7 @@ class Ending:
         """Wait until asked to leave, at most so long; whether asked."""
         return self._asked.wait(timeout_s)
 
-    def wait_for(self, path: Path, limit_s: float) -> bool:
+    def wait_for(self, path: Path, limit_s: float = math.inf) -> bool:
         """Wait until there is something at the path, at most so long; whether there is."""
         waited_s = 0.0
         while not path.exists():
@@ -61,15 +67,18 @@ class Ending:
         return True
 
 
-def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None) -> Ending:
+def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, patience: int | None = None) -> Ending:
     """Heed signals and the lifeline, a file descriptor, from now on; called on the main thread.
 
-    on_death: called when the process has not left in time after its launcher's death, right before it ends.
+    on_death: called when the process has not left in time after its launcher's death, right before it ends. patience:
+    see `Ending`.
     """
-    ending = Ending()
+    ending = Ending(patience)
 
     def by_signal(number: int, _frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
+        if ending.patience is not None and ending.times > ending.patience:
+            raise KeyboardInterrupt
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it

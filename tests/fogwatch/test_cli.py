@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -130,6 +131,33 @@ def test_version_names_what_it_stands_on(fogwatch: Callable[..., int], capsys: p
     shown = capsys.readouterr().out
     for name in ("fogwatch 0", "Python 3", "eclipse-zenoh 1", "numba 0", "numpy 2"):
         assert name in shown
+
+
+def test_the_version_is_an_option_too(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert fogwatch("--version") == 0
+    assert capsys.readouterr().out.startswith("fogwatch 0")
+
+
+@pytest.mark.parametrize("ok", [True, False])
+@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
+def test_a_reader_that_leaves_changes_no_exit_code(quiet: list[str], ok: bool, tmp_path: Path) -> None:
+    """A verdict is not made valid, nor invalid, by ``| head``."""
+    program = (
+        "import sys, worldsim.checks as checks; from fogwatch.cli import main\n"
+        f"checks.NobodyLost.check = lambda self: checks.Check('nobody lost', {ok}, 'made up')\n"
+        f"sys.argv = ['fogwatch', 'run', 'open', '--in-process', *{[*COARSE, *quiet]!r}]\n"
+        "sys.exit(main())"
+    )
+    reading, writing = os.pipe()
+    os.close(reading)
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", program], cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, text=True
+    )
+    os.close(writing)
+    errors = process.communicate(timeout=120)[1]
+    assert process.returncode == (0 if ok else 1), errors
+    assert "Traceback" not in errors
+    assert "Exception ignored" not in errors
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], []])

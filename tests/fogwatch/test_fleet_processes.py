@@ -215,6 +215,8 @@ def test_a_robot_may_have_any_name(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 2, "robots": [{"name": "world"}, {"name": "router"}]})
     assert run.end() == 0, run.errors
     assert set(run.summary()["exit_codes"]) == {"the router", "the world", "world", "router"}
+    logs = {path.name for path in (run.folder / "logs").iterdir()}
+    assert logs == {"router.log", "world.log", "robot-router.log", "robot-world.log"}
 
 
 def test_an_agent_that_dies_before_the_run_begins_ends_it_with_a_reason(start: Callable[..., Run]) -> None:
@@ -222,7 +224,7 @@ def test_an_agent_that_dies_before_the_run_begins_ends_it_with_a_reason(start: C
     until(lambda: "r1" in run.children())
     os.kill(run.children()["r1"], signal.SIGKILL)
     assert run.end() == 3, run.errors
-    assert "the run could not begin: r1 was killed by SIGKILL" in run.errors
+    assert "the run could not begin: r1 was killed by SIGKILL\n" in run.errors  # and left nothing in its log
     assert not run.children()
 
 
@@ -230,6 +232,34 @@ def test_a_run_can_be_interrupted_before_it_begins(start: Callable[..., Run]) ->
     run = start({**OPEN, "duration": 100_000})
     until(lambda: len(run.children()) == 4)
     run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
+    assert run.errors.endswith("fogwatch: interrupted\n")
+    until(lambda: not run.children(), limit_s=5.0)
+    assert run.summary()["ended"] == "interrupted" if run.folder.exists() else True
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("robots", [2, 40])
+def test_a_run_can_be_interrupted_while_it_prepares(
+    robots: int, number: signal.Signals, start: Callable[..., Run]
+) -> None:
+    """A fleet of two is spawned before its terrain is ready, one of 40 afterwards."""
+    run = start({**OPEN, "point": 0.1, "duration": 100_000, "robots": {"count": robots, "model": "holonomic"}})
+    until((run.folder / "scenario.yaml").exists)
+    run.process.send_signal(number)
+    assert run.end() == 130, run.errors
+    assert run.errors.endswith("fogwatch: interrupted\n")
+    assert not run.folder.exists()
+    until(lambda: not run.children(), limit_s=5.0)
+
+
+def test_a_second_signal_ends_at_once(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000})
+    until(lambda: run.ticks() > 20)
+    for pid in run.children().values():
+        os.kill(pid, signal.SIGSTOP)  # nobody leaves in order
+    run.process.send_signal(signal.SIGINT)
+    run.process.send_signal(signal.SIGTERM)
     assert run.end() == 130, run.errors
     assert not run.children()
 
@@ -241,6 +271,7 @@ def test_nothing_outlives_a_killed_launcher(start: Callable[..., Run]) -> None:
     run.process.kill()
     run.process.wait()
     until(lambda: not run.children(), limit_s=5.0)
+    assert not (run.folder / "static").exists()
     assert sum(1 for _ in read_journal(run.folder / "journal").ticks) > 20
 
 
