@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 import time
@@ -125,7 +126,8 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
     from patrol.prepare import Prepared, prepare
 
     static: Path | None = options.static
-    if static is not None and not ending.wait_for(static, options.wait):
+    limit_s = options.wait if options.lifeline is None else math.inf  # a launcher may have a large map to work on
+    if static is not None and not ending.wait_for(static, limit_s):
         if ending:
             return None
         raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")

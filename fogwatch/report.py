@@ -52,15 +52,16 @@ def measures(summary: Mapping[str, Any]) -> list[str]:
     lines.append(f"messages    {counts}; {messages['bytes_per_robot_s']:.0f} bytes per robot and second")
     if deadlines := summary.get("deadlines"):
         frames, commands = (sum(deadlines[what].values()) for what in ("late_frames", "late_commands"))
-        lines.append(f"deadlines   missed by {commands} commands and {frames} frames")
+        late = sum(deadlines["too_late"].values())
+        lines.append(f"deadlines   missed by {commands} commands and {frames} frames, {late} of which came too late")
     return lines
 
 
 def _bound(mean: float, bound: float, summary: Mapping[str, Any]) -> str:
-    """The lower bound beside the mean; the ratio once the run is long enough for the bound to hold."""
+    """The lower bound beside the mean; the ratio once all is seen and the run long enough for the bound to hold."""
     if not bound:
         return ""
-    settled = summary["simulated_s"] >= 4.0 * bound
+    settled = summary["seen_share"] == 1.0 and summary["simulated_s"] >= 4.0 * bound
     return f"; lower bound {bound:.1f} s" + (f", ratio {mean / bound:.2f}" if settled else "")
 
 

@@ -24,17 +24,20 @@ PHASE_B_SHARE = 0.2
 class PacedFleet:
     """A `worldsim.loop.Fleet` of processes that keeps to the clock. step_s: of wall time.
 
-    late_frames, late_commands: missed deadlines by robot number. slipped_s: by how much the world itself has fallen
+    late_frames, late_commands: missed deadlines by robot number. too_late: frames that came after theirs, and went to
+    nobody; the others never came. slipped_s: by how much the world itself has fallen
     behind and given up on catching up.
     """
 
     def __init__(self, seats: Seats, step_s: float) -> None:
         self.late_frames: Counter[int] = Counter()
         self.late_commands: Counter[int] = Counter()
+        self.too_late: Counter[int] = Counter()
         self.slipped_s = 0.0
         self._seats = seats
         self._step_s = step_s
         self._k = 0
+        self._closed = False  # no frame of this tick is taken any more
         self._begins: float | None = None
         self._living: list[int] = []
         self._commands: dict[int, ReplyB] = {}
@@ -43,11 +46,13 @@ class PacedFleet:
         """The frames that have come when phase B is due, None for the others."""
         self._living = list(reports)
         self._k = k
+        self._closed = False
         begins = self._begin()
         for number, report in reports.items():
             self._seats.send(number, tell(k, report))
         frames: dict[int, bytes | None] = {}
         self._collect(frames, begins + PHASE_B_SHARE * self._step_s)
+        self._closed = True
         self.late_frames.update(number for number in reports if number not in frames)
         return {number: frames.get(number) for number in reports}
 
@@ -77,6 +82,7 @@ class PacedFleet:
         """What the journal's end says of the pace: missed deadlines by robot number, and the world's own slip."""
         return {
             "late_frames": dict(sorted(self.late_frames.items())),
+            "too_late": dict(sorted(self.too_late.items())),
             "late_commands": dict(sorted(self.late_commands.items())),
             "slipped_s": self.slipped_s,
         }
@@ -103,7 +109,9 @@ class PacedFleet:
 
     def _note(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, bytes | None]) -> None:
         if isinstance(answer, ReplyA):
-            if answer.k == self._k:
+            if answer.k == self._k and not self._closed:
                 frames[number] = answer.frame
+            elif answer.frame is not None:
+                self.too_late[number] += 1
         elif number not in self._commands or answer.k >= self._commands[number].k:
             self._commands[number] = answer

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -53,6 +55,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BadInput as bad:
         print(f"world: {bad}", file=sys.stderr)
         return 2
+    finally:
+        if options.lifeline is not None and options.static is not None and ending:
+            for static in (options.static, options.static.with_suffix(".part")):  # its launcher may be gone
+                shutil.rmtree(static, ignore_errors=True)
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
@@ -71,7 +77,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     from worldsim.seats import Interrupted, Missing
 
     static: Path | None = options.static
-    if static is not None and not ending.wait_for(static, options.wait):
+    limit_s = options.wait if options.lifeline is None else math.inf  # a launcher may have a large map to work on
+    if static is not None and not ending.wait_for(static, limit_s):
         if ending:
             return EXIT_INTERRUPTED
         raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")
@@ -207,7 +214,9 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     verdict = judge(journal, {}, prepared)
     summary = summarise(journal, verdict, wall_s)
     (out / "summary.json").write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
-    _say(f"verdict {verdict.outcome}, mean MFoW {summary['mfow_mean_s']} s; see {out / 'summary.json'}")
+    mean = summary["mfow_mean_s"]
+    mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"
+    _say(f"verdict {verdict.outcome}, {mfow}; see {out / 'summary.json'}")
     for check in verdict.failed:
         _say(f"  {check.name}: {check.detail}")
     return verdict.exit_code

@@ -140,8 +140,9 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     bytes that a living robot sends per second. `missed`: ticks in which no command came in time. `refused_commands`:
     those that made no sense. wall_s: wall time of the ticks, s, or None when unknown. For a fleet of processes,
     `refused`: messages that the world dropped unread, by reason;
-    at the pace of the clock also `deadlines`: frames and commands that came late by robot, and how far the
-    world itself fell behind (wall s).
+    at the pace of the clock also `deadlines`: frames and commands that were not there in time by robot, how
+    many of the frames came after all (`too_late`; they reach nobody and are not among the sent), and how far the world
+    itself fell behind (wall s).
     """
     totals = Totals(journal.header)
     for record in journal.ticks:
@@ -156,7 +157,8 @@ def _of_processes(journal: RunRecord) -> dict[str, Any]:
     if "late_commands" in notes:
         names = {robot.number: robot.name for robot in journal.header.robots}
         late = {
-            what: {names[robot]: n for robot, n in notes[what].items()} for what in ("late_frames", "late_commands")
+            what: {names[robot]: n for robot, n in notes.get(what, {}).items()}
+            for what in ("late_frames", "too_late", "late_commands")
         }
         facts["deadlines"] = {**late, "slipped_s": notes["slipped_s"]}
     return facts

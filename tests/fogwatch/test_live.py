@@ -23,7 +23,7 @@ SUMMARY = {
     "mfow_max_s": 90.0,
     "fog_mean_s": 20.0,
     "bound_s": 40.0,
-    "seen_share": 0.995,
+    "seen_share": 1.0,
     "patrolled_area_m2": 8800.0,
     "messages": {"sent": 10, "delivered": 9, "dropped": 1, "rejected": 0, "bytes_per_robot_s": 56.0},
     "robots": {
@@ -46,7 +46,12 @@ SUMMARY = {
             "decision_ms_p99": None,
         },
     },
-    "deadlines": {"late_frames": {"anna": 1}, "late_commands": {"anna": 2, "bert": 3}, "slipped_s": 0.0},
+    "deadlines": {
+        "late_frames": {"anna": 1},
+        "too_late": {"anna": 1},
+        "late_commands": {"anna": 2, "bert": 3},
+        "slipped_s": 0.0,
+    },
     "verdict": {
         "outcome": "invalid",
         "valid": False,
@@ -113,14 +118,20 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
     for words in (
         "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
         "MFoW        mean 60.0 s, most 90.0 s; lower bound 40.0 s, ratio 1.50",
-        "coverage    99.50 % of 8800 m² to patrol",
+        "coverage    100.00 % of 8800 m² to patrol",
         "10 sent, 9 delivered, 1 dropped, 0 rejected",
-        "missed by 5 commands and 1 frames",
+        "missed by 5 commands and 1 frames, 1 of which came too late",
         "verdict     invalid",
         "nobody lost: bert",
         f"{tmp_path}: fog.png, summary.json",
     ):
         assert words in shown
+
+
+@pytest.mark.parametrize("short", [{"seen_share": 0.995}, {"simulated_s": 100.0}])
+def test_a_run_too_short_to_settle_is_not_held_against_the_bound(short: dict[str, float]) -> None:
+    assert measures({**SUMMARY, **short})[1].endswith("lower bound 40.0 s")
+    assert measures({**SUMMARY, "bound_s": 0.0})[1].endswith("most 90.0 s")
 
 
 def test_the_report_of_a_run_without_ticks() -> None:

@@ -350,7 +350,7 @@ def test_the_world_keeps_to_the_clock() -> None:
         replies = fleet.phase_b(k, heard())
         assert net.time - began == pytest.approx(0.5 * (k + 1))
         assert all(reply is not None and reply.command == Velocity(float(k), 0.0) for reply in replies.values())
-    assert fleet.notes() == {"late_frames": {}, "late_commands": {}, "slipped_s": 0.0}
+    assert fleet.notes() == {"late_frames": {}, "too_late": {}, "late_commands": {}, "slipped_s": 0.0}
 
 
 def test_late_frames_are_lost_and_late_commands_count_where_they_come() -> None:
@@ -372,6 +372,7 @@ def test_late_frames_are_lost_and_late_commands_count_where_they_come() -> None:
     assert fleet.lost() == []
     notes = fleet.notes()
     assert notes["late_frames"] == {1: 1, 2: 1}
+    assert notes["too_late"] == {1: 1}
     assert notes["late_commands"] == {2: 2, 3: 1}
 
 
