@@ -7,7 +7,7 @@ import platform
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
@@ -109,7 +109,7 @@ def run(
     try:
         result = execute(scenario, wishes)
     except Failed as failed:
-        print(f"fogwatch: {failed}", file=sys.stderr)
+        _complain(str(failed))
         return UNKNOWN
     with _readers_may_leave():
         if quiet:
@@ -156,7 +156,7 @@ def guarded(command: Callable[[], Any]) -> int:
     try:
         code = command()
     except BadInput as bad:
-        print(f"fogwatch: {bad}", file=sys.stderr)
+        _complain(str(bad))
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
@@ -167,11 +167,17 @@ def guarded(command: Callable[[], Any]) -> int:
             traceback.print_exc()
             return UNKNOWN
         if message := error.format_message():  # without one it has printed the help
-            print(f"fogwatch: {message}", file=sys.stderr)
+            _complain(message)
         return 2
     if code == INTERRUPTED:  # typer may have made that of the signal
-        print("fogwatch: interrupted", file=sys.stderr)
+        _complain("interrupted")
     return code if isinstance(code, int) else 0
+
+
+def _complain(line: str) -> None:
+    """Say it on the standard error, if anybody listens."""
+    with suppress(BrokenPipeError):
+        print(f"fogwatch: {line}", file=sys.stderr, flush=True)
 
 
 @contextmanager

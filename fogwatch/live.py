@@ -111,9 +111,16 @@ class LiveTable:
             self._started = False
 
 
+class _Unread(Console):
+    """Says no more once nobody reads it; the run goes on."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+
+
 def make_show(quiet: bool) -> Show:
     """The way of showing that fits where the standard error goes."""
-    console = Console(stderr=True)
+    console = _Unread(stderr=True)
     if quiet:
         return Silent()
     return LiveTable(console) if console.is_terminal else Plain(console)

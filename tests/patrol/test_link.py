@@ -114,7 +114,9 @@ def dropping(link: Link, key: str) -> Callable[[bytes], None]:
 
 
 @pytest.mark.parametrize("way", [Link.post, dropping, Link.show])
-def test_what_is_sent_arrives_under_its_key(way: Callable[..., Callable[[bytes], None]], links: Callable[[], Link]) -> None:
+def test_what_is_sent_arrives_under_its_key(
+    way: Callable[..., Callable[[bytes], None]], links: Callable[[], Link]
+) -> None:
     mailbox: Mailbox[int] = Mailbox(("t/x/a",), whole, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t/*/a", mailbox)
