@@ -118,7 +118,7 @@ class NobodyLost:
         """Take in the next tick."""
         for robot in record.robots:
             if robot.status is Status.LOST and robot.number not in self._lost:
-                self._lost[robot.number] = f"{self._names[robot.number]} at tick {record.k}"
+                self._lost[robot.number] = f"{self._names.get(robot.number, robot.number)} at tick {record.k}"
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
@@ -157,6 +157,39 @@ class ExitCodes:
         judged = [name for name in self._codes if name not in excused]
         good = f"{len(judged)} processes ended with 0" if self._codes else "there were no processes"
         return Check("exit codes", not wrong, "; ".join(wrong) or good)
+
+
+class RobotsThere:
+    """Every tick holds the scenario's robots, in roster order, each somewhere on the terrain.
+
+    What does not cannot be looked at any further: the checks that compute from poses stop where this one fails.
+    """
+
+    def __init__(self, prepared: Prepared) -> None:
+        self._terrain = prepared.terrain
+        self._roster = [spec.number for spec in prepared.scenario.roster]
+        self._names = [spec.name for spec in prepared.scenario.roster]
+        self._problem = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was wrong so far."""
+        return not self._problem
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        if self._problem:
+            return
+        if [row.number for row in record.robots] != self._roster:
+            self._problem = f"tick {record.k} does not hold the scenario's robots"
+            return
+        for name, row in zip(self._names, record.robots, strict=True):
+            if not (self._terrain.contains(row.x, row.y) and math.isfinite(row.heading)):
+                self._problem = f"{name} is nowhere at tick {record.k}: ({row.x}, {row.y}; {row.heading} rad)"
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        return Check("robots there", self.ok, self._problem or f"{len(self._roster)} in every tick")
 
 
 class BodiesApart:
@@ -210,8 +243,6 @@ class MovesAreTrue:
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
-        if not self._problem and [row.number for row in record.robots] != list(self._specs):
-            self._problem = f"tick {record.k} does not hold the scenario's robots"
         for row in () if self._problem else record.robots:
             spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
             command = Drive(row.c0, row.c1) if spec.model == "car" else Velocity(row.c0, row.c1)

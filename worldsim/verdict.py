@@ -16,6 +16,7 @@ from worldsim.checks import (
     LinksAddUp,
     MovesAreTrue,
     NobodyLost,
+    RobotsThere,
     Tally,
     TraceAgrees,
 )
@@ -72,27 +73,33 @@ class Judge:
         poses with the same code in the same process, so that nothing could have come between.
         """
         self._journal = journal
-        self._tallies: list[Tally] = [
+        self._there = RobotsThere(prepared)
+        self._always: list[Tally] = [
             Complete(journal),
             TraceAgrees(journal),
             NobodyLost(journal),
             ExitCodes(journal, exit_codes),
+            LinksAddUp(journal),
+            self._there,
+        ]
+        self._of_poses: list[Tally] = [
             BodiesApart(journal, prepared.terrain),
             MovesAreTrue(prepared),
             FramesAreTrue(journal),
-            LinksAddUp(journal),
         ]
         if verify_fog:
-            self._tallies.append(FogIsTrue(prepared))
+            self._of_poses.append(FogIsTrue(prepared))
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
-        for tally in self._tallies:
+        for tally in self._always:
+            tally.tick(record)
+        for tally in self._of_poses if self._there.ok else ():
             tally.tick(record)
 
     def verdict(self) -> Verdict:
         """The verdict, once all ticks are in and the journal has ended."""
-        checks = tuple(tally.check() for tally in self._tallies)
+        checks = tuple(tally.check() for tally in (*self._always, *self._of_poses))
         return Verdict(_outcome(self._journal, checks), checks)
 
 
