@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from agent.contacts import Contacts
 from agent.ground import Disc
 from agent.kernels.dilate import carry, dilate
 from agent.posts import Posts
@@ -14,7 +15,7 @@ from patrol.fields import StaticFields
 from patrol.fog import Box, Fog
 from patrol.footprint import Footprint
 from patrol.inbox import Inbox
-from patrol.message import Position
+from patrol.message import CONTACT, Position
 from patrol.pose import Pose
 
 
@@ -35,6 +36,8 @@ class Belief:
 
     Staleness spreads over the points where this robot can stand, so it never crosses a wall nor a gap too narrow for
     the body. What is stale where no body fits first counts at its post, the place to see it from.
+
+    contacts: the intruders that others report, and those that the robot itself does.
     """
 
     def __init__(self, fields: StaticFields, posts: Posts, footprint: Footprint, inbox: Inbox, dilatation: int) -> None:
@@ -42,6 +45,7 @@ class Belief:
         self.fog = Fog(fields.patrolled)
         self.inbox = inbox
         self.peers: dict[int, Peer] = {}
+        self.contacts = Contacts()
         self._footprint = footprint
         self._posts = posts
         self._reach = np.ascontiguousarray(fields.reach).view(np.uint8)
@@ -61,7 +65,9 @@ class Belief:
         boxes = [self.fog.observe(self._footprint.visible(own), tick)]
         for frame in frames:
             position = self.inbox.accept(frame, tick * step)
-            if position is not None:
+            if position is not None and position.robot == CONTACT:
+                self.contacts.report(position, tick)
+            elif position is not None:
                 boxes += self._hear(position, tick)
         for box in boxes:
             if box is not None and self._dilatation > 0:

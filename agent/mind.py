@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.behaviours.surround import Errand, Surround
 from agent.belief import Belief, Peer
+from agent.contacts import Place
 from agent.decision import Decision, State
 from agent.direction import bearings_by_force, bearings_by_vector
 from agent.field import Field, Pull
@@ -31,7 +33,7 @@ from agent.unstuck import Unstuck
 from patrol.fields import StaticFields
 from patrol.footprint import Footprint, sensor_footprint
 from patrol.inbox import Inbox
-from patrol.message import Position, encode
+from patrol.message import MAX_CONTACTS, Position, encode
 from patrol.pose import TAU, Command, Drive, Pose, Velocity
 from patrol.random import Purpose, draw
 from patrol.scenario import RobotSpec, Scenario
@@ -74,7 +76,7 @@ class MindSetup:
 
 
 class Mind:
-    """Call `frame` with the pose of tick k, then `step` with what was heard; once each, k counting up."""
+    """Call `frames` with the pose of tick k, then `step` with what was heard; once each, k counting up."""
 
     def __init__(self, setup: MindSetup) -> None:
         scenario, terrain = setup.scenario, setup.terrain
@@ -83,6 +85,7 @@ class Mind:
         self._setup = setup
         self._step = scenario.step
         self._patience = math.ceil(scenario.radio.forget_after / scenario.step)
+        self._memory = math.floor(patrol.contact_memory / scenario.step)
         self._radii = {spec.number: spec.radius for spec in scenario.roster}
         self._margin = self.spec.radius + 0.5 * scenario.point
         self._trail: deque[tuple[int, int]] = deque(maxlen=scenario.radio.trail + 1)
@@ -112,6 +115,8 @@ class Mind:
         identity = (scenario.seed, setup.number, setup.incarnation)
         self._give_way = GiveWay(*identity, self._radii, scenario.step) if patrol.give_way else None
         self._unstuck = Unstuck(self._car, self.spec.speed, scenario.step)
+        self._parking = max(self._car.stride, 2.0 * self.spec.turning_radius)
+        self._surround = Surround(scenario, setup.number, terrain, setup.fields, setup.scratch)
 
     def frame(self, k: int, pose: Pose) -> bytes:
         """The position message of tick k."""
@@ -125,24 +130,39 @@ class Mind:
         trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in itertools.pairwise(places))
         return encode(Position.of(self.spec.number, k, k * self._step, pose, trail), self._setup.key)
 
-    def step(self, k: int, pose: Pose, heard: Sequence[bytes], bumped: bool) -> Decision:
+    def frames(self, k: int, pose: Pose, contacts: Sequence[Place] = ()) -> tuple[bytes, ...]:
+        """All that the robot sends in tick k: its position, and the intruders (x, y in m) that it sees itself."""
+        found = [Position.of_contact(k, k * self._step, x, y) for x, y in contacts[:MAX_CONTACTS]]
+        return self.frame(k, pose), *(encode(contact, self._setup.key) for contact in found)
+
+    def step(
+        self, k: int, pose: Pose, heard: Sequence[bytes], bumped: bool, contacts: Sequence[Place] = ()
+    ) -> Decision:
         """Decide at tick k.
 
         pose: the robot's own. heard: the frames that reach it, by sender and sequence. bumped: whether its last move
-        was cancelled by a collision.
+        was cancelled by a collision. contacts: the intruders (x, y in m) that it sees itself.
         """
         as_heard = Position.of(self.spec.number, k, k * self._step, pose).pose
         self.belief.update(k, as_heard, heard, self._step)
-        self._obstruct(k, pose, bumped)
+        for place in contacts[:MAX_CONTACTS]:
+            self.belief.contacts.report(Position.of_contact(k, k * self._step, *place), k)
+        intruders = self.belief.contacts.known(k, self._memory)
+        self._obstruct(k, pose, bumped, separate=not intruders)
         start = self._ground.join(pose.x, pose.y)
         mfow = self.belief.fog.mfow(k)
         pull = Pull(np.zeros(0), None)
-        if start is not None:
+        errand = None
+        if start is not None and intruders:
+            errand = self._surround.errand(as_heard, self._live(k), intruders, self._ground, start)
+        if start is not None and errand is None:
             pull = self._pull(k, pose, start, mfow)
-        if self.spec.model == "holonomic":
+        if errand is not None and start is not None:
+            choice = self._take_place(k, pose, start, errand, bumped)
+        elif self.spec.model == "holonomic":
             choice = self._go(k, pose, start, pull)
         else:
-            choice = self._drive(k, pose, start, pull, bumped)
+            choice = self._drive(k, pose, self._ahead(k, start, pull), bumped)
         command, state, bearing, goal = choice
         return Decision(
             command=command,
@@ -155,8 +175,11 @@ class Mind:
             rejected=self.belief.inbox.rejected,
         )
 
-    def _obstruct(self, k: int, pose: Pose, bumped: bool) -> None:
-        """Close what is in the way just now: silent peers, those given way to, artificial obstacles, semaphores."""
+    def _obstruct(self, k: int, pose: Pose, bumped: bool, *, separate: bool) -> None:
+        """Close what is in the way just now: silent peers, those given way to, artificial obstacles, semaphores.
+
+        separate: whether the last two count, as they do while the robot patrols.
+        """
         point = self._setup.scenario.point
         live = self._live(k)
         silent = self.belief.silent(k, self._patience, self._radii, self._margin)
@@ -164,9 +187,11 @@ class Mind:
         if self._give_way is not None:
             self._give_way.update(k, pose, bumped, self.belief.peers, 2.0 * self._holonomic.stride)
             discs += self._give_way.discs(k, pose, self.belief.peers, point)
-        if "artificial-obstacles" in self._separations:
+        if separate and "artificial-obstacles" in self._separations:
             discs += artificial_obstacles(pose, live, self._setup.scenario.patrol.obstacle_radius, point)
-        areas = occupied_areas(self._areas, self._ground.terrain, pose, live) if self._areas is not None else []
+        areas = []
+        if separate and self._areas is not None:
+            areas = occupied_areas(self._areas, self._ground.terrain, pose, live)
         self._ground.obstruct(discs, areas)
 
     def _live(self, k: int) -> dict[int, Peer]:
@@ -229,11 +254,33 @@ class Mind:
         blocked = way < BLOCKED_SHARE * self._holonomic.stride
         return velocity, State.DEAD_END if blocked else State.PATROLLING, bearing, goal
 
-    def _drive(
-        self, k: int, pose: Pose, start: tuple[int, int] | None, pull: Pull, bumped: bool
+    def _take_place(
+        self, k: int, pose: Pose, start: tuple[int, int], errand: Errand, bumped: bool
     ) -> tuple[Command, State, float | None, Goal | None]:
-        """A car's choice: towards the goal, or whatever leads out of a dead end."""
-        bearing, goal = self._ahead(k, start, pull)
+        """The way to a place around an intruder, or staying there."""
+        bearing = math.atan2(errand.bend[1] - pose.y, errand.bend[0] - pose.x)
+        goal = Goal(errand.place, errand.bend)
+        here, near = (pose.x, pose.y), errand.bend == errand.place
+        if self.spec.model == "holonomic":
+            due = CLEAR_SHARE * min(self._holonomic.stride, math.dist(here, errand.bend))
+            targets = [errand.bend, self._ground.centre(*start)]
+            if math.dist(here, errand.place) > self._holonomic.stride:
+                targets.insert(0, self._surround.pushed(pose, self._live(k), errand.bend))
+            for target in targets:
+                velocity, way = self._holonomic.towards(pose, target)
+                if way >= due:
+                    break
+            return velocity, State.SURROUNDING, bearing, goal
+        if near and not bumped and not self._unstuck.active and math.dist(here, errand.place) < self._parking:
+            return self._car.park(pose, errand.place), State.SURROUNDING, bearing, goal
+        command, state, _, _ = self._drive(k, pose, (bearing, goal), bumped)
+        return command, State.SURROUNDING if state is State.PATROLLING else state, bearing, goal
+
+    def _drive(
+        self, k: int, pose: Pose, ahead: tuple[float | None, Goal | None], bumped: bool
+    ) -> tuple[Command, State, float | None, Goal | None]:
+        """A car's choice: towards the goal ahead (its bearing, rad, and itself), or out of a dead end."""
+        bearing, goal = ahead
         if self._unstuck.active:
             drive = self._unstuck.step(k, pose, bumped)
             if drive is not None:

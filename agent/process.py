@@ -55,12 +55,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run_mind(mind: Mind, robot: Robot, radio: Radio, show: Show) -> None:
     """Sense, tell, hear, decide, act, for as long as there is something to sense."""
     while (sensed := robot.sense()) is not None:
-        radio.send(mind.frame(sensed.k, sensed.pose))
+        radio.send(mind.frames(sensed.k, sensed.pose, sensed.contacts))
         heard = radio.hear()
         if heard is None:
             continue
         began = time.perf_counter()
-        decision = mind.step(sensed.k, sensed.pose, heard, sensed.bumped)
+        decision = mind.step(sensed.k, sensed.pose, heard, sensed.bumped, sensed.contacts)
         decision_ms = (time.perf_counter() - began) * 1000.0
         robot.act(decision, decision_ms)
         show(sensed, decision, decision_ms)

@@ -10,8 +10,15 @@ import math
 
 from patrol.pose import Drive, Pose, Velocity, wrap
 from patrol.scenario import RobotSpec
-from patrol.sweep import free_fraction, path_is_free
+from patrol.sweep import advance, free_fraction, path_is_free
 from patrol.terrain import Terrain
+
+PARKING_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0)
+PARKING_SPEEDS = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125)
+"""Shares of the tightest turn and of the full speed that a parking car tries."""
+
+WORTH_IT = 0.05
+"""A parking car that can come nearer to its place by no more than this in a step stays where it is, m."""
 
 TOUCH = 1e-6
 """Left between a body and the wall it stops at, m."""
@@ -69,6 +76,18 @@ class CarSteering:
         tightest = 1.0 / self._spec.turning_radius
         curvature = wrap(heading - pose.heading) / (speed * self._step)
         return Drive(speed, max(-tightest, min(tightest, curvature)))
+
+    def park(self, pose: Pose, place: tuple[float, float]) -> Drive:
+        """The step, forward or back, that ends nearest to ``place`` (m); none where no step brings the car nearer."""
+        best, least = Drive(0.0, 0.0), math.dist((pose.x, pose.y), place) - WORTH_IT
+        for speed in PARKING_SPEEDS:
+            for turn in PARKING_TURNS:
+                drive = Drive(speed * self._spec.speed, turn / self._spec.turning_radius)
+                end = advance(pose, drive, self._step)
+                left = math.dist((end.x, end.y), place)
+                if left < least and self.is_free(pose, drive):
+                    best, least = drive, left
+        return best
 
     def is_free(self, pose: Pose, drive: Drive) -> bool:
         """Whether the next step of ``drive`` touches no wall."""

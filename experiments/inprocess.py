@@ -49,10 +49,12 @@ class InProcessFleet:
         self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
         self._reports: Mapping[int, Report] = {}
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
-        """Every mind's position frame."""
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+        """What every mind sends."""
         self._reports = reports
-        return {number: self._minds[number].frame(k, report.pose) for number, report in reports.items()}
+        return {
+            number: self._minds[number].frames(k, report.pose, report.contacts) for number, report in reports.items()
+        }
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """Every mind's command."""
@@ -75,7 +77,7 @@ class InProcessFleet:
     def _step(self, k: int, number: int, heard: Sequence[bytes]) -> Reply:
         report = self._reports[number]
         begun = time.perf_counter()
-        decision = self._minds[number].step(k, report.pose, heard, report.bumped)
+        decision = self._minds[number].step(k, report.pose, heard, report.bumped, report.contacts)
         spent_ms = (time.perf_counter() - begun) * 1000.0
         return Reply(decision.command, decision.state, decision.refined, spent_ms, decision.rejected)
 

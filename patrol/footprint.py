@@ -40,6 +40,12 @@ class View:
     mask: NDArray[np.uint8]
     quality: NDArray[np.float64] | None
 
+    def shows(self, row: int, col: int) -> bool:
+        """Whether the terrain's point (row, col) is seen."""
+        up, across = row - self.row0, col - self.col0
+        rows, cols = self.mask.shape
+        return 0 <= up < rows and 0 <= across < cols and bool(self.mask[up, across])
+
 
 class Footprint:
     """A sensor on a terrain: from a pose to the points it observes.

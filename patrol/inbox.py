@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from patrol.message import Position, Rejected, RejectReason, decode
+from patrol.message import CONTACT, Position, Rejected, RejectReason, decode
 
 # Rounding to centimetres moves each of two positions by up to 0.5 cm along each axis.
 _ROUNDING = 0.02
@@ -18,6 +18,8 @@ _ROUNDING = 0.02
 _STEADY = 3
 # How much further than its sender's clock can have run a sequence may be, in steps: covers stalls of the network.
 _AHEAD = 64
+# How many steps a contact may be off what some robot would send now: a replayed one ends after so many.
+_CONTACT_SLACK = 4
 
 
 @dataclass(slots=True)
@@ -34,6 +36,10 @@ class Inbox:
     own: the receiver's robot number. roster: the numbers of all robots. bounds: the terrain's (x_min, y_min, x_max,
     y_max), m. max_speed: of the fastest robot, m/s. step: s between two frames of a sender; a frame may come one step
     early or late. key: of the tags, or None when the fleet uses none.
+
+    A contact, an intruder's position, does not say who reports it and may be reported by several at once. It must lie
+    on the terrain, and its sequence must be one that some robot of the roster would send about now, going on from that
+    robot's last accepted frame.
     """
 
     def __init__(
@@ -65,9 +71,13 @@ class Inbox:
         """The position in a frame that came at now_s (own clock, s, never decreasing), or None when it is dropped."""
         try:
             position = decode(frame, self._key)
-            self._check_sender(position)
-            self._check_place(position)
-            self._check_motion(_Heard(position, now_s))
+            if position.robot == CONTACT:
+                self._check_place(position)
+                self._check_contact(_Heard(position, now_s))
+            else:
+                self._check_sender(position)
+                self._check_place(position)
+                self._check_motion(_Heard(position, now_s))
         except Rejected as rejected:
             self.counts[rejected.reason] += 1
             return None
@@ -109,6 +119,19 @@ class Inbox:
                     raise Rejected(reason, "does not follow the last one")
         self._jumped.pop(robot, None)
         self._last[robot] = heard
+
+    def _check_contact(self, heard: _Heard) -> None:
+        if not self._last:
+            raise Rejected(RejectReason.UNKNOWN, "a contact, and no robot has been heard that could report it")
+        leads = [
+            heard.position.sequence - last.position.sequence - (heard.at - last.at) / self._step
+            for last in self._last.values()
+        ]
+        lead = min(leads, key=abs)
+        if abs(lead) > _CONTACT_SLACK:
+            raise Rejected(
+                RejectReason.AHEAD if lead > 0.0 else RejectReason.OLD, "nobody reports contacts of then now"
+            )
 
     def _follows(self, before: _Heard, after: _Heard) -> bool:
         return after.position.sequence > before.position.sequence and self._implausible(before, after) is None

@@ -28,6 +28,15 @@ from patrol.pose import TAU, Pose, wrap
 
 VERSION = 1
 MAX_FRAME = 64
+CONTACT = 0
+"""The robot number of a contact: an intruder's position, reported by a robot that sees it."""
+
+MAX_CONTACTS = 4
+"""Contacts that a robot reports in one tick."""
+
+MAX_FRAMES = 1 + MAX_CONTACTS
+"""Frames that a robot sends in one tick: its own position first, then its contacts."""
+
 MAX_TRAIL = 4
 MAX_KEY = 64
 MAX_ROBOT = 0xFFFF
@@ -109,6 +118,11 @@ class Position:
             _milliradians(pose.heading),
             trail,
         )
+
+    @classmethod
+    def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
+        """The report of an intruder seen at (x, y) in m; sequence and time (s) are those of the reporter's position."""
+        return cls.of(CONTACT, sequence, time_s, Pose(x, y, 0.0))
 
     @property
     def pose(self) -> Pose:

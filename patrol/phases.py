@@ -1,7 +1,7 @@
 """The protocol between the world and a simulated robot, as bytes: two phases a tick, a greeting and a farewell.
 
     world to robot     Hello      who is there?              robot to world   HelloReply
-                       PhaseA     your pose at tick k                         ReplyA    the position frame, or none
+                       PhaseA     your pose at tick k                         ReplyA    its frames: position, contacts
                        PhaseB     what you hear at tick k                     ReplyB    the command
                        Stop       leave, and why
 
@@ -19,10 +19,10 @@ from typing import Any
 
 import msgpack
 
-from patrol.message import MAX_FRAME
+from patrol.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 from patrol.pose import Command, Drive, Pose, Velocity
 
-PROTOCOL = 1
+PROTOCOL = 2
 FIRST_INCARNATION = 1
 ANYONE = 0
 """The instance in a message that is meant for whoever listens."""
@@ -65,15 +65,16 @@ class Hello(Head):
 
 @dataclass(frozen=True, slots=True)
 class PhaseA(Head):
-    """Where the robot is at tick k, and whether its last move was cancelled."""
+    """Where the robot is at tick k, whether its last move was cancelled, and which intruders (x, y in m) it sees."""
 
     pose: Pose
     bumped: bool
+    contacts: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseB(Head):
-    """The position frames that reach the robot in tick k, by sender and sequence."""
+    """The frames that reach the robot in tick k, by sender and sequence."""
 
     frames: tuple[bytes, ...]
 
@@ -97,9 +98,9 @@ class HelloReply(Head):
 
 @dataclass(frozen=True, slots=True)
 class ReplyA(Head):
-    """The position frame that the robot sends in tick k, or None when it sends none."""
+    """What the robot sends in tick k: its position frame, then those of its contacts; or nothing at all."""
 
-    frame: bytes | None
+    frames: tuple[bytes, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +124,7 @@ ToWorld = HelloReply | ReplyA | ReplyB
 
 def max_to_robot(robots: int) -> int:
     """Bytes of the longest message to a robot in a fleet of so many."""
-    return MAX_REPLY + robots * (MAX_FRAME + 2)
+    return MAX_REPLY + robots * MAX_FRAMES * (MAX_FRAME + 2)
 
 
 def encode(message: ToRobot | ToWorld) -> bytes:
@@ -157,9 +158,10 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
             kind, body = _HELLO, [message.run, message.scenario, message.protocol]
         case PhaseA():
             pose = message.pose
-            kind, body = _PHASE_A, [float(pose.x), float(pose.y), float(pose.heading), bool(message.bumped)]
+            seen = [float(value) for contact in message.contacts for value in contact]
+            kind, body = _PHASE_A, [float(pose.x), float(pose.y), float(pose.heading), bool(message.bumped), seen]
         case ReplyA():
-            kind, body = _PHASE_A, [message.frame]
+            kind, body = _PHASE_A, [list(message.frames)]
         case PhaseB():
             kind, body = _PHASE_B, [list(message.frames)]
         case ReplyB():
@@ -213,14 +215,19 @@ def _hello_reply(values: list[Any]) -> HelloReply:
 
 def _phase_a(values: list[Any]) -> PhaseA:
     pose = Pose(_finite(values[3]), _finite(values[4]), _finite(values[5]))
-    return PhaseA(*_head(values), pose, _flag(values[6]))
+    flat = values[7]
+    if type(flat) is not list or len(flat) % 2 or len(flat) > 2 * MAX_CONTACTS:
+        raise Malformed(f"contacts are an array of at most {MAX_CONTACTS} pairs")
+    seen = [_finite(value) for value in flat]
+    return PhaseA(*_head(values), pose, _flag(values[6]), tuple(zip(seen[::2], seen[1::2], strict=True)))
 
 
 def _reply_a(values: list[Any]) -> ReplyA:
-    frame = values[3]
-    if frame is not None and type(frame) is not bytes:
-        raise Malformed("a frame is bytes or nothing")
-    return ReplyA(*_head(values), frame)
+    # A frame that is too long is the ether's to drop and count, so that it fares the same without a wire in between.
+    frames = values[3]
+    if type(frames) is not list or len(frames) > MAX_FRAMES or any(type(frame) is not bytes for frame in frames):
+        raise Malformed(f"frames are an array of at most {MAX_FRAMES} times bytes")
+    return ReplyA(*_head(values), tuple(frames))
 
 
 def _phase_b(values: list[Any]) -> PhaseB:
@@ -288,7 +295,7 @@ def _text(value: object, most: int) -> str:
 
 _TO_ROBOT: Mapping[int, tuple[int, Callable[[Any], ToRobot]]] = {
     _HELLO: (1, _hello),
-    _PHASE_A: (4, _phase_a),
+    _PHASE_A: (5, _phase_a),
     _PHASE_B: (1, _phase_b),
     _STOP: (2, _stop),
 }

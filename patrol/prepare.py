@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.errors import BadInput
 from patrol.fields import StaticFields, compute_fields, load_grid
 from patrol.maps import load_terrain
 from patrol.pose import Pose
@@ -100,10 +101,11 @@ class Prepared:
 def prepare(scenario: Scenario) -> Prepared:
     """Load the terrain, place the robots and compute each body's fields.
 
-    Raises BadInput for an unusable map, for starts that do not fit, for bodies too wide for the terrain and for regions
-    that do not make a split.
+    Raises BadInput for an unusable map, for intruders that are not on passable ground, for starts that do not fit, for
+    bodies too wide for the terrain and for regions that do not make a split.
     """
     terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
+    _check_intruders(scenario, terrain)
     starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
@@ -116,6 +118,18 @@ def prepare(scenario: Scenario) -> Prepared:
         splits = _split(scenario, terrain, by_radius)
         regions = {spec.number: splits[spec.radius] for spec in scenario.roster}
     return Prepared(scenario, terrain, starts, fields, regions)
+
+
+def _check_intruders(scenario: Scenario, terrain: Terrain) -> None:
+    for number, intruder in enumerate(scenario.intruders):
+        x, y = intruder.place
+        where = f"intruders.{number}.place = [{x:g}, {y:g}]"
+        if not terrain.contains(x, y):
+            xmin, ymin, xmax, ymax = terrain.bounds
+            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+            raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
+        if not terrain.passable[terrain.point_at(x, y)]:
+            raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
 
 
 def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:

@@ -7,6 +7,17 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
+MAX_TICKS = 2**29 - 1
+"""Ticks of the longest run: a frame's sequence keeps the three bits above for its place among its sender's frames."""
+
+
+def frame_sequence(k: int, place: int) -> int:
+    """The number that tells a frame of tick k from all others of its sender; 32 bits.
+
+    place: 0 for the position, 1 and up for the contacts. So a robot that reports no contacts has its ticks as sequence.
+    """
+    return k + (MAX_TICKS + 1) * place
+
 
 class Status(IntEnum):
     """A robot's standing in a run. Only ALIVE robots take part in a tick; a body stays where it is in all others."""
@@ -48,8 +59,9 @@ class RobotTick:
 class TickRecord:
     """One tick of the world.
 
-    robots: in roster order. frames: (source, bytes) of the positions sent. deliveries: (source, destination, sequence)
-    of the frames that arrived. dropped: the same and the cause. mfow, fog_mean: of the true fog after this tick's
+    robots: in roster order. frames: (source, bytes) of what was sent, each source's position before its contacts.
+    deliveries: (source, destination, sequence) of the frames that arrived, with the sequence of `frame_sequence`.
+    dropped: the same and the cause. mfow, fog_mean: of the true fog after this tick's
     observations, in ticks. seen: patrolled points seen so far.
     """
 

@@ -20,6 +20,7 @@ from pydantic import ValidationError
 from patrol.errors import BadInput
 from patrol.scenario_errors import did_you_mean, one_line, show
 from patrol.scenario_model import (
+    IntruderSpec,
     PatrolSpec,
     RadioSpec,
     RobotEntry,
@@ -35,6 +36,7 @@ from patrol.scenario_yaml import dump_section, parse_yaml, read_text
 __all__ = [
     "BUILTINS",
     "MAX_ROBOTS",
+    "IntruderSpec",
     "PatrolSpec",
     "RadioSpec",
     "RobotEntry",

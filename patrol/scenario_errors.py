@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from patrol.scenario_model import (
+    IntruderSpec,
     PatrolSpec,
     RadioSpec,
     RobotEntry,
@@ -27,6 +28,7 @@ _SECTIONS: dict[str, type[Section]] = {
     "sensor": SensorSpec,
     "patrol": PatrolSpec,
     "radio": RadioSpec,
+    "intruders": IntruderSpec,
 }
 _UNKNOWN = ("extra_forbidden", "invalid_key")
 _LONGEST = 60
@@ -89,7 +91,7 @@ def _expected(problem: ErrorDetails, section: type[Section]) -> str:
             near = get_close_matches(str(problem["input"]).lower(), re.split(r", | or ", known), n=1, cutoff=0.6)
             return f"expected {known}{f'; did you mean {near[0]}?' if near else ''}"
         case "model_type":
-            return f"expected keys and values ({', '.join(section.model_fields)})"
+            return f"expected keys and values ({', '.join(_keys(section))})"
         case "too_long":
             return f"expected at most {context['max_length']} of them"
         case "tuple_type":
@@ -132,8 +134,12 @@ def _nearest_key(key: str, section: type[Section]) -> str:
     spelled = {
         name: f"{home}.{name}" if home else f"{name} at the top level"
         for home, other in everywhere.items()
-        for name in other.model_fields
+        for name in _keys(other)
     }
-    spelled |= {name: name for name in section.model_fields}
+    spelled |= {name: name for name in _keys(section)}
     near = get_close_matches(key.lower(), spelled, n=1, cutoff=0.6)
-    return f"did you mean {spelled[near[0]]}?" if near else did_you_mean(key, list(section.model_fields))
+    return f"did you mean {spelled[near[0]]}?" if near else did_you_mean(key, _keys(section))
+
+
+def _keys(section: type[Section]) -> list[str]:
+    return [field.alias or name for name, field in section.model_fields.items()]

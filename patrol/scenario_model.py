@@ -16,10 +16,12 @@ from pydantic_core import PydanticCustomError
 
 from patrol.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.pose import Pose, wrap
+from patrol.records import MAX_TICKS
 from patrol.scenario_values import (
     MAX_ROBOTS,
     SEPARATIONS,
     Builtin,
+    Corner,
     Count,
     Degrees,
     Exponent,
@@ -44,8 +46,6 @@ from patrol.scenario_values import (
     at_least,
     by_shape,
 )
-
-MAX_TICKS = 2**31 - 2
 
 
 class Section(BaseModel):
@@ -165,6 +165,11 @@ class PatrolSpec(Section):
     goal_distance: Positive = Field(5.5, description="m, from the robot to its goal")
     refine_side: Positive = Field(2.0, description="m, side of the square in which the goal is refined")
     refine_reach: Positive = Field(10.0, description="m, reach of the obstacle field psi that refines the goal")
+    surround_distance: Positive = Field(8.0, description="m, from an intruder to the robots that surround it")
+    surround_repulsion: NotNegative = Field(0.3, description="push of a robot close by, as a share of the attraction")
+    contact_memory: NotNegative = Field(
+        5.0, description="s after the last report of an intruder until patrolling goes on"
+    )
     tolerance: Tolerance = Field(1e-16, description="relative error at which far points are left out; 0: none are")
 
     @property
@@ -200,6 +205,20 @@ class RadioSpec(Section):
         return _absolute(value, info)
 
 
+class IntruderSpec(Section):
+    """Somebody who stands on the terrain for a while, is seen by sensors, and is in nobody's way."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    place: Corner = Field(description="m, [x, y]")
+    at: NotNegative = Field(0.0, description="s, when it comes")
+    stay: Positive | None = Field(None, alias="for", description="s, how long it stays; null: to the end")
+
+    def is_there(self, time_s: float) -> bool:
+        """Whether it is on the terrain at a time in s."""
+        return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)
+
+
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
     """One robot of the roster. number: 1..N. speed: m/s. radius, turning_radius: m. start: None for a random one."""
@@ -228,6 +247,9 @@ class Scenario(Section):
     sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
     patrol: PatrolSpec = Field(default_factory=PatrolSpec, description="how a robot decides where to go")
     radio: RadioSpec = Field(default_factory=RadioSpec, description="what robots send")
+    intruders: tuple[IntruderSpec, ...] = Field(
+        (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
+    )
     faults: tuple[Any, ...] = Field((), description="must be empty")
 
     @property

@@ -15,6 +15,7 @@ from patrol.footprint import sensor_footprint
 from patrol.journal import RobotTick, Status, TickRecord, TraceHash
 from patrol.message import MAX_TRAIL, Position, Rejected, decode
 from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.records import frame_sequence
 from patrol.sweep import advance, free_fraction
 from worldsim.motion import length
 from worldsim.record import COMPLETED, INTERRUPTED
@@ -332,10 +333,13 @@ class LinksAddUp:
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
         here = [robot.number for robot in record.robots if robot.status not in (Status.ABSENT, Status.LEFT)]
+        places: Counter[int] = Counter()
         for source, _ in record.frames:
+            sequence = frame_sequence(record.k, places[source])
+            places[source] += 1
             for destination in here:
                 if destination != source:
-                    self._open[source, destination, record.k] += 1
+                    self._open[source, destination, sequence] += 1
                     self._sent += 1
         for link in [*record.deliveries, *(dropped[:3] for dropped in record.dropped)]:
             self._settled += 1

@@ -1,4 +1,4 @@
-"""The ether: whether a position frame reaches each of the other robots, decided for each directed pair by itself."""
+"""The ether: whether a frame reaches each of the other robots, decided for each directed pair by itself."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from patrol.message import MAX_FRAME
+from patrol.records import frame_sequence
 
 OVERSIZED = "oversized"
 RECEIVER_DEAD = "receiver dead"
@@ -34,32 +35,33 @@ class Delivery:
 class Ether:
     """The radio between robots: every frame to every other robot within the tick, less what the rules take.
 
-    It never looks inside a frame; a frame's sequence is the tick in which the world took it. It keeps no counts: the
-    journal has every frame's fate.
+    It never looks inside a frame; a frame's sequence says in which tick the world took it and which of its sender's
+    frames it was (`patrol.records.frame_sequence`). It keeps no
+    counts: the journal has every frame's fate.
     """
 
     def __init__(self, rules: Sequence[Rule] = ()) -> None:
         self._rules = tuple(rules)
 
     def carry(
-        self, tick: int, frames: Mapping[int, bytes | None], present: Collection[int], listening: Collection[int]
+        self, tick: int, frames: Mapping[int, Sequence[bytes]], present: Collection[int], listening: Collection[int]
     ) -> Delivery:
-        """Send each robot's frame (None: it is silent) to all others present; only those listening hear."""
+        """Send each robot's frames, in their order, to all others present; only those listening hear."""
         receivers = sorted(present)
         heard: dict[int, list[bytes]] = {number: [] for number in sorted(listening)}
         arrived, dropped = [], []
-        for source, frame in sorted(frames.items()):
-            if frame is None:
-                continue
+        sent = [(source, place, frame) for source in sorted(frames) for place, frame in enumerate(frames[source])]
+        for source, place, frame in sent:
+            sequence = frame_sequence(tick, place)
             for destination in receivers:
                 if destination == source:
                     continue
-                cause = self._loss(source, destination, tick, frame, destination in heard)
+                cause = self._loss(source, destination, sequence, frame, destination in heard)
                 if cause is None:
                     heard[destination].append(frame)
-                    arrived.append((source, destination, tick))
+                    arrived.append((source, destination, sequence))
                 else:
-                    dropped.append((source, destination, tick, cause))
+                    dropped.append((source, destination, sequence, cause))
         return Delivery(heard, tuple(arrived), tuple(dropped))
 
     def _loss(self, source: int, destination: int, sequence: int, frame: bytes, listens: bool) -> str | None:

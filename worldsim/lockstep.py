@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from patrol.journal import Status
@@ -33,10 +33,10 @@ class LockstepFleet:
         self._deadline_s = deadline_s
         self._lost: list[tuple[int, Status, str]] = []
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
-        """The position frames of those that answer in time."""
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+        """The frames of those that answer in time."""
         answers = self._ask(k, "A", {number: tell(k, report) for number, report in reports.items()}, ReplyA)
-        return {number: answer.frame for number, answer in answers.items()}
+        return {number: answer.frames for number, answer in answers.items()}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """The replies of those that answer in time."""
@@ -98,7 +98,7 @@ class LockstepFleet:
 
 def tell(k: int, report: Report) -> Make:
     """Phase A for one robot."""
-    return lambda incarnation, instance: PhaseA(incarnation, instance, k, report.pose, report.bumped)
+    return lambda incarnation, instance: PhaseA(incarnation, instance, k, report.pose, report.bumped, report.contacts)
 
 
 def pass_on(k: int, frames: list[bytes]) -> Make:

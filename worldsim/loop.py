@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from patrol.journal import Event, Status, TickRecord
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class Fleet(Protocol):
     """All robots' minds, wherever they are."""
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
-        """Tell the living robots where they are; returns their position frames, None from one that stays silent.
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+        """Tell the living robots what they sense; returns the frames that they send, none from one that stays silent.
 
         A robot missing from the answer has died.
         """

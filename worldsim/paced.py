@@ -8,7 +8,7 @@ command that comes later counts for the tick it comes in, when that has none of 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from patrol.journal import Status
@@ -42,19 +42,19 @@ class PacedFleet:
         self._living: list[int] = []
         self._commands: dict[int, ReplyB] = {}
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
-        """The frames that have come when phase B is due, None for the others."""
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+        """The frames that have come when phase B is due, none for the others."""
         self._living = list(reports)
         self._k = k
         self._closed = False
         begins = self._begin()
         for number, report in reports.items():
             self._seats.send(number, tell(k, report))
-        frames: dict[int, bytes | None] = {}
+        frames: dict[int, Sequence[bytes]] = {}
         self._collect(frames, begins + PHASE_B_SHARE * self._step_s)
         self._closed = True
         self.late_frames.update(number for number in reports if number not in frames)
-        return {number: frames.get(number) for number in reports}
+        return {number: frames.get(number, ()) for number in reports}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
         """The newest commands that have come when the step ends, None for robots that sent none."""
@@ -97,7 +97,7 @@ class PacedFleet:
         self._begins = due
         return due
 
-    def _collect(self, frames: dict[int, bytes | None], until: float) -> None:
+    def _collect(self, frames: dict[int, Sequence[bytes]], until: float) -> None:
         """Take what has come, and what comes until then."""
         while True:
             left = until - self._seats.now
@@ -107,11 +107,11 @@ class PacedFleet:
             elif left <= 0.0:
                 return
 
-    def _note(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, bytes | None]) -> None:
+    def _note(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, Sequence[bytes]]) -> None:
         if isinstance(answer, ReplyA):
             if answer.k == self._k and not self._closed:
-                frames[number] = answer.frame
-            elif answer.frame is not None:
-                self.too_late[number] += 1
+                frames[number] = answer.frames
+            else:
+                self.too_late[number] += len(answer.frames)
         elif number not in self._commands or answer.k >= self._commands[number].k:
             self._commands[number] = answer

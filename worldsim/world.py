@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.footprint import sensor_footprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
+from patrol.message import MAX_CONTACTS, MAX_FRAMES
 from patrol.pose import Command, Drive, Pose
 from worldsim.bodies import Body, standstill
 from worldsim.ether import Delivery, Ether, Rule
 from worldsim.motion import move, within_limits
-from worldsim.truth import Truth
+from worldsim.truth import Truth, as_sent
 
 if TYPE_CHECKING:
     from patrol.footprint import Footprint
@@ -21,17 +23,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Phase A, world to robot: its own pose, and whether its last move was cancelled."""
+    """Phase A, to a robot: its own pose, whether its last move was cancelled, and the intruders (x, y in m) it sees."""
 
     pose: Pose
     bumped: bool
+    contacts: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
     """Phase B, robot to world: its command, and diagnostics that change nothing.
 
-    state: patrolling, dead-end or holding. goal: x and y in m, or None. decision_ms: wall time of the decision.
+    state: what its mind is doing. goal: x and y in m, or None. decision_ms: wall time of the decision.
     rejected: frames its inbox refused, so far.
     """
 
@@ -86,18 +89,18 @@ class World:
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
         self.truth.observe(self.tick, ((number, body.pose) for number, body in living.items()))
-        return {number: Report(body.pose, body.bumped) for number, body in living.items()}
+        return {number: Report(body.pose, body.bumped, self._seen_by(body)) for number, body in living.items()}
 
-    def exchange(self, frames: Mapping[int, bytes | None]) -> dict[int, list[bytes]]:
+    def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> dict[int, list[bytes]]:
         """The ether carries the frames of the living; returns what each of them hears, by sender and sequence.
 
-        frames: one for each living robot, None from one that stays silent. A robot that is missing has died in phase A
-        and hears nothing any more.
+        frames: those of each living robot, its position first; none from one that stays silent. A robot that is missing
+        has died in phase A and hears nothing any more.
         """
         listening = [number for number in self.living if number in frames]
-        sent = {number: frame for number in listening if (frame := frames[number]) is not None}
+        sent = {number: frames[number][:MAX_FRAMES] for number in listening}
         present = [number for number, body in self.bodies.items() if body.present]
-        self._frames = tuple(sent.items())
+        self._frames = tuple((number, frame) for number, all_of_it in sent.items() for frame in all_of_it)
         self._delivery = self.ether.carry(self.tick, sent, present, listening)
         return self._delivery.heard
 
@@ -132,6 +135,16 @@ class World:
         body.command = standstill(body.spec)
         body.bumped = body.refused = False
         return Event(self.tick, status.name.lower(), number, reason)
+
+    def _seen_by(self, body: Body) -> tuple[tuple[float, float], ...]:
+        """Where a robot sees intruders: on points of its footprint; at most `MAX_CONTACTS`, nearest first."""
+        here = [intruder.place for intruder in self.scenario.intruders if intruder.is_there(self.tick * self.step)]
+        if not here:
+            return ()
+        pose = as_sent(body.spec.number, self.tick, self.step, body.pose)
+        view = self.truth.footprint.visible(pose)
+        seen = [place for place in here if view.shows(*self.terrain.point_at(*place))]
+        return tuple(sorted(seen, key=lambda place: (math.dist(place, (pose.x, pose.y)), place))[:MAX_CONTACTS])
 
     def _obey(self, body: Body, reply: Reply | None) -> None:
         """Take over a reply's command, or deal with its absence."""

@@ -14,11 +14,15 @@ from patrol.pose import Pose
 
 @dataclass(frozen=True, slots=True)
 class Sensed:
-    """What a robot knows of itself at the beginning of tick k. bumped: its last move was cancelled."""
+    """What a robot senses at the beginning of tick k.
+
+    pose: its own. bumped: its last move was cancelled. contacts: intruders in its view, x and y in m.
+    """
 
     k: int
     pose: Pose
     bumped: bool
+    contacts: tuple[tuple[float, float], ...] = ()
 
 
 class Robot(Protocol):
@@ -36,8 +40,8 @@ class Robot(Protocol):
 class Radio(Protocol):
     """A broadcast of position frames."""
 
-    def send(self, frame: bytes) -> None:
-        """Send this robot's position."""
+    def send(self, frames: tuple[bytes, ...]) -> None:
+        """Send this robot's position and its contacts."""
         ...
 
     def hear(self) -> list[bytes] | None:

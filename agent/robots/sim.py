@@ -109,11 +109,11 @@ class SimRobot:
             self._take(arrived[1])
         phase, self._next = self._next, None
         self._k = phase.k
-        return Sensed(phase.k, phase.pose, phase.bumped)
+        return Sensed(phase.k, phase.pose, phase.bumped, phase.contacts)
 
-    def send(self, frame: bytes) -> None:
-        """Answer phase A with this robot's position frame."""
-        payload = encode(ReplyA(self._identity.incarnation, self._identity.instance, self._k, frame))
+    def send(self, frames: tuple[bytes, ...]) -> None:
+        """Answer phase A with this robot's position frame and its contacts."""
+        payload = encode(ReplyA(self._identity.incarnation, self._identity.instance, self._k, frames))
         self._answer_a = (self._k, payload)
         self._post(payload)
 

@@ -1,0 +1,1 @@
+"""What robots do besides patrolling, on the same positions and paths (paper, "Integration with other behaviour")."""
