@@ -49,6 +49,9 @@ CLEAR_SHARE = 0.5
 """A direction in which a robot can make at least this share of a step is good enough to take."""
 
 
+AFTER_BUMP = 0.5
+"""Probability that a holonomic robot that bumped on its way around an intruder takes a random step."""
+
 BARELY = 1e-3
 """A move shorter than this is none, m."""
 
@@ -214,6 +217,11 @@ class Mind:
             repel(pull.sums, pose, live, patrol)
         return pull
 
+    def _draw(self, k: int, index: int) -> float:
+        """What chance says of tick k's move, in [0, 1). index: 0 whether it is random, 1 where it goes."""
+        scenario, number = self._setup.scenario, self.spec.number
+        return draw(scenario.seed, Purpose.RANDOM_MOVE, number, self._setup.incarnation, k, index)
+
     def _directions(self, pull: Pull) -> list[float]:
         """The bearings to try, rad, best first."""
         patrol = self._setup.scenario.patrol
@@ -225,9 +233,8 @@ class Mind:
         self, k: int, pose: Pose, start: tuple[int, int] | None, pull: Pull
     ) -> tuple[Command, State, float | None, Goal | None]:
         """A holonomic robot's choice: the strongest direction in which it can move, or now and then a random one."""
-        identity = (self._setup.scenario.seed, Purpose.RANDOM_MOVE, self.spec.number, self._setup.incarnation, k)
-        if draw(*identity, 0) < self._setup.scenario.patrol.random_move:
-            bearing = TAU * draw(*identity, 1)
+        if self._draw(k, 0) < self._setup.scenario.patrol.random_move:
+            bearing = TAU * self._draw(k, 1)
             return self._holonomic.heading(pose, bearing)[0], State.PATROLLING, bearing, None
         directions = self._directions(pull)
         if start is None or not directions:
@@ -263,13 +270,15 @@ class Mind:
         here, near = (pose.x, pose.y), errand.bend == errand.place
         if self.spec.model == "holonomic":
             due = CLEAR_SHARE * min(self._holonomic.stride, math.dist(here, errand.bend))
-            targets = [errand.bend, self._ground.centre(*start)]
-            if math.dist(here, errand.place) > self._holonomic.stride:
-                targets.insert(0, self._surround.pushed(pose, self._live(k), errand.bend))
-            for target in targets:
-                velocity, way = self._holonomic.towards(pose, target)
-                if way >= due:
-                    break
+            not_there = math.dist(here, errand.place) > self._holonomic.stride
+            if bumped and self._draw(k, 0) < AFTER_BUMP:
+                bearing = TAU * self._draw(k, 1)
+                return self._holonomic.heading(pose, bearing)[0], State.SURROUNDING, bearing, goal
+            pushed = self._surround.pushed(pose, self._live(k), errand.bend)
+            velocity, way = self._holonomic.towards(pose, pushed if not_there else errand.bend)
+            for target in (errand.bend, self._ground.centre(*start)):
+                if way < due:
+                    velocity, way = self._holonomic.towards(pose, target)
             return velocity, State.SURROUNDING, bearing, goal
         if near and not bumped and not self._unstuck.active and math.dist(here, errand.place) < self._parking:
             return self._car.park(pose, errand.place), State.SURROUNDING, bearing, goal
