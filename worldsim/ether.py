@@ -36,8 +36,7 @@ class Ether:
     """The radio between robots: every frame to every other robot within the tick, less what the rules take.
 
     It never looks inside a frame; a frame's sequence says in which tick the world took it and which of its sender's
-    frames it was (`patrol.records.frame_sequence`). It keeps no
-    counts: the journal has every frame's fate.
+    frames it was (`patrol.records.frame_sequence`). It keeps no counts: the journal has every frame's fate.
     """
 
     def __init__(self, rules: Sequence[Rule] = ()) -> None:

@@ -73,7 +73,7 @@ class Scene:
         """One whole tick in lockstep; what was heard."""
         self.tell(a(k), b(k, frames))
         assert self.robot.sense() is not None
-        self.robot.send(b"frame %d" % k)
+        self.robot.send((b"frame %d" % k,))
         heard = self.robot.hear()
         self.robot.act(DECISION, 1.5)
         return heard
@@ -103,7 +103,7 @@ def test_a_tick_in_lockstep() -> None:
     scene = Scene()
     assert scene.tick(3, (b"x", b"y")) == [b"x", b"y"]
     assert scene.sent == [
-        ReplyA(1, 77, 3, b"frame 3"),
+        ReplyA(1, 77, 3, (b"frame 3",)),
         ReplyB(1, 77, 3, Velocity(1.0, -1.0), "patrolling", (3.5, 4.5), 1.5, 2),
     ]
 
@@ -117,7 +117,7 @@ def test_a_repeat_is_answered_from_the_last_answer_and_decides_nothing() -> None
     assert sensed is not None
     assert sensed.k == 1
     assert scene.last(2) == answers
-    scene.robot.send(b"frame")
+    scene.robot.send((b"frame",))
     scene.tell(a(1), a(1), b(1))
     assert scene.robot.hear() == []
     assert [type(message) for message in scene.last(3)] == [ReplyA, ReplyA, ReplyA]
@@ -129,7 +129,7 @@ def test_who_comes_late_goes_on_with_the_newest_tick_and_all_that_was_heard() ->
     sensed = scene.robot.sense()
     assert sensed is not None
     assert sensed.k == 2
-    scene.robot.send(b"frame")
+    scene.robot.send((b"frame",))
     scene.tell(b(2, (b"2",)))
     assert scene.robot.hear() == [b"0", b"1", b"2"]
     scene.robot.act(DECISION, 1.0)
@@ -140,11 +140,11 @@ def test_a_tick_that_is_over_is_not_decided_but_what_comes_later_is_heard() -> N
     scene = Scene()
     scene.tell(a(0))
     assert scene.robot.sense() is not None
-    scene.robot.send(b"frame")
+    scene.robot.send((b"frame",))
     scene.tell(a(1))
     assert scene.robot.hear() is None
     assert scene.robot.sense() is not None
-    scene.robot.send(b"frame")
+    scene.robot.send((b"frame",))
     scene.tell(b(0, (b"0",)), b(1, (b"1",)))
     assert scene.robot.hear() == [b"0", b"1"]
 

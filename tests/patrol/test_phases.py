@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from patrol.message import MAX_CONTACTS, MAX_FRAMES
 from patrol.phases import (
     MAX_REPLY,
     Hello,
@@ -33,16 +34,17 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 anything = st.floats(allow_nan=False)
 words = st.text("abcdefghij -", max_size=32)
 heads = (counts, ids, counts)
+pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
 
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads, ids),
-    st.builds(PhaseA, *heads, st.builds(Pose, finite, finite, finite), st.booleans()),
+    st.builds(PhaseA, *heads, st.builds(Pose, finite, finite, finite), st.booleans(), pairs),
     st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple)),
     st.builds(Stop, *heads, st.booleans(), words),
 )
 to_world: st.SearchStrategy[ToWorld] = st.one_of(
     st.builds(HelloReply, *heads, ids, words, counts),
-    st.builds(ReplyA, *heads, st.none() | st.binary(max_size=100)),
+    st.builds(ReplyA, *heads, st.lists(st.binary(max_size=100), max_size=MAX_FRAMES).map(tuple)),
     st.builds(
         ReplyB,
         *heads,
@@ -127,6 +129,11 @@ def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.D
         msgpack.packb([1, 1.0, 1, 0, b""]),
         msgpack.packb([2, 1, 1, 0, [b"x" * 65]]),
         msgpack.packb([2, 1, 1, 0, ["text"]]),
+        msgpack.packb([1, 1, 1, 0, [b"x"] * (MAX_FRAMES + 1)]),
+        msgpack.packb([1, 1, 1, 0, b"frame"]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0]]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0, math.nan]]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1)]),
         msgpack.packb([3, 1, 1, 0, True, "\x1b[2J"]),
     ],
 )
@@ -139,7 +146,7 @@ def test_hostile_bytes_are_malformed(payload: bytes) -> None:
 
 def test_an_oversized_reply_is_malformed() -> None:
     with pytest.raises(Malformed, match="at most"):
-        decode_to_world(encode(ReplyA(1, 1, 0, bytes(MAX_REPLY))))
+        decode_to_world(encode(ReplyA(1, 1, 0, (bytes(MAX_REPLY),))))
 
 
 def test_a_pose_that_is_not_finite_is_malformed() -> None:

@@ -43,12 +43,15 @@ class RandomFleet:
     heard: list[Mapping[int, list[bytes]]] = field(default_factory=list)
     finished: int | None = None
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, bytes | None]:
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
         return {
-            number: encode(Position.of(number, k, k * self.world.step, report.pose))
+            number: (encode(Position.of(number, k, k * self.world.step, report.pose)), *self._contacts(k, report))
             for number, report in reports.items()
             if (number, k, "A") not in self.silent
         }
+
+    def _contacts(self, k: int, report: Report) -> list[bytes]:
+        return [encode(Position.of_contact(k, k * self.world.step, x, y)) for x, y in report.contacts]
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         self.heard.append(heard)

@@ -150,7 +150,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
         os.urandom(60),
         bytes(100_000),
         b"\xdd\xff\xff\xff\xff",
-        encode(ReplyA(*head, b"frame")),
+        encode(ReplyA(*head, (b"frame",))),
         encode(PhaseA(*head, Pose(0.0, 0.0, 0.0), bumped=False)),
         encode(Stop(*head, orderly=True, reason="go home")),
     ]

@@ -91,7 +91,7 @@ class Net:
         if isinstance(message, Hello):
             self.deliver(number, HelloReply(1, 70 + number, 0, message.run, HASH))
         elif isinstance(message, PhaseA):
-            self.deliver(number, ReplyA(*me, b"frame"), self.delays.pop((number, message.k, "A"), 0.001))
+            self.deliver(number, ReplyA(*me, (b"frame",)), self.delays.pop((number, message.k, "A"), 0.001))
         elif isinstance(message, PhaseB):
             reply = ReplyB(*me, Velocity(float(message.k), 0.0), "patrolling", None, 2.0, 0)
             self.deliver(number, reply, self.delays.pop((number, message.k, "B"), 0.001))
@@ -190,7 +190,7 @@ def test_who_asks_for_a_greeting_gets_one_or_is_turned_away() -> None:
 def test_a_tick_takes_everybodys_answers() -> None:
     net = Net()
     fleet = fleet_of(net)
-    assert fleet.phase_a(0, REPORTS) == dict.fromkeys(NAMES, b"frame")
+    assert fleet.phase_a(0, REPORTS) == dict.fromkeys(NAMES, (b"frame",))
     replies = fleet.phase_b(0, heard())
     assert list(replies) == [1, 2, 3]
     assert fleet.lost() == []
@@ -202,12 +202,12 @@ def test_answers_of_other_ticks_phases_and_processes_do_not_count() -> None:
     net = Net()
     fleet = fleet_of(net)
     net.mute = {1}
-    net.deliver(1, ReplyA(1, 71, 4, b"old"))
-    net.deliver(1, ReplyA(1, 99, 5, b"stranger"))
-    net.deliver(1, ReplyA(2, 71, 5, b"other incarnation"))
+    net.deliver(1, ReplyA(1, 71, 4, (b"old",)))
+    net.deliver(1, ReplyA(1, 99, 5, (b"stranger",)))
+    net.deliver(1, ReplyA(2, 71, 5, (b"other incarnation",)))
     net.deliver(1, ReplyB(1, 71, 5, Velocity(0.0, 0.0), "patrolling", None, 1.0, 0))
-    net.deliver(1, ReplyA(1, 71, 5, b"mine"), 0.5)
-    assert fleet.phase_a(5, REPORTS) == {1: b"mine", 2: b"frame", 3: b"frame"}
+    net.deliver(1, ReplyA(1, 71, 5, (b"mine",)), 0.5)
+    assert fleet.phase_a(5, REPORTS) == {1: (b"mine",), 2: (b"frame",), 3: (b"frame",)}
     assert net.refused["stranger"] == 2
 
 
@@ -223,8 +223,8 @@ def test_a_pause_below_the_deadline_only_takes_time() -> None:
     net = Net()
     fleet = fleet_of(net)
     net.mute = {2}
-    net.deliver(2, ReplyA(1, 72, 3, b"late"), 9.0)
-    assert fleet.phase_a(3, REPORTS)[2] == b"late"
+    net.deliver(2, ReplyA(1, 72, 3, (b"late",)), 9.0)
+    assert fleet.phase_a(3, REPORTS)[2] == (b"late",)
     assert len(net.told(PhaseA, 2)) == 9
     assert fleet.lost() == []
 
@@ -251,8 +251,8 @@ def test_the_first_tick_may_take_longer() -> None:
     net = Net()
     fleet = fleet_of(net, deadline_s=5.0)
     net.mute = {2}
-    net.deliver(2, ReplyA(1, 72, 0, b"slow start"), 30.0)
-    assert fleet.phase_a(0, REPORTS)[2] == b"slow start"
+    net.deliver(2, ReplyA(1, 72, 0, (b"slow start",)), 30.0)
+    assert fleet.phase_a(0, REPORTS)[2] == (b"slow start",)
 
 
 def test_a_pause_of_the_world_itself_is_nobodys_death() -> None:
@@ -267,8 +267,8 @@ def test_a_pause_of_the_world_itself_is_nobodys_death() -> None:
         return None
 
     net.get = get_after_a_long_sleep  # type: ignore[method-assign]
-    net.deliver(2, ReplyA(1, 72, 3, b"here"), 3601.0)
-    assert fleet.phase_a(3, REPORTS)[2] == b"here"
+    net.deliver(2, ReplyA(1, 72, 3, (b"here",)), 3601.0)
+    assert fleet.phase_a(3, REPORTS)[2] == (b"here",)
 
 
 def test_a_token_that_goes_ends_the_wait_early() -> None:
@@ -290,8 +290,8 @@ def test_tokens_that_go_with_the_router_come_back() -> None:
     for number in NAMES:
         net.presence(number, False)
         net.presence(number, True, 4.0)
-        net.deliver(number, ReplyA(1, 70 + number, 3, b"back"), 4.5)
-    assert fleet.phase_a(3, REPORTS) == dict.fromkeys(NAMES, b"back")
+        net.deliver(number, ReplyA(1, 70 + number, 3, (b"back",)), 4.5)
+    assert fleet.phase_a(3, REPORTS) == dict.fromkeys(NAMES, (b"back",))
     assert fleet.lost() == []
 
 
@@ -345,7 +345,7 @@ def test_the_world_keeps_to_the_clock() -> None:
     fleet = PacedFleet(net.seats, 0.5)
     began = net.time
     for k in range(4):
-        assert fleet.phase_a(k, REPORTS) == dict.fromkeys(NAMES, b"frame")
+        assert fleet.phase_a(k, REPORTS) == dict.fromkeys(NAMES, (b"frame",))
         assert net.time - began == pytest.approx(0.5 * k + 0.1)
         replies = fleet.phase_b(k, heard())
         assert net.time - began == pytest.approx(0.5 * (k + 1))
@@ -358,7 +358,7 @@ def test_late_frames_are_lost_and_late_commands_count_where_they_come() -> None:
     net.gather()
     fleet = PacedFleet(net.seats, 0.5)
     net.delays = {(1, 0, "A"): 0.2, (2, 0, "B"): 0.6, (3, 0, "B"): 0.45, (3, 1, "B"): 0.1}
-    assert fleet.phase_a(0, REPORTS) == {1: None, 2: b"frame", 3: b"frame"}
+    assert fleet.phase_a(0, REPORTS) == {1: (), 2: (b"frame",), 3: (b"frame",)}
     first = fleet.phase_b(0, heard())
     assert first[1] is not None
     assert (first[2], first[3]) == (None, None)

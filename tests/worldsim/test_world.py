@@ -30,7 +30,7 @@ def reply(vx: float, vy: float) -> Reply:
 def test_a_tick_goes_from_poses_to_poses(lab: Lab) -> None:
     world = lab.world([DISC, DISC], [(2.0, 2.0, 0.5), (6.0, 2.0, 0.0)])
     assert world.begin_tick() == {1: Report(Pose(2.0, 2.0, 0.5), False), 2: Report(Pose(6.0, 2.0, 0.0), False)}
-    assert world.exchange({1: b"one", 2: None}) == {1: [], 2: [b"one"]}
+    assert world.exchange({1: [b"one"], 2: []}) == {1: [], 2: [b"one"]}
     record = world.end_tick({1: reply(2.0, 0.0), 2: reply(0.0, 0.0)})
     assert (record.k, record.robots[0].x, record.robots[0].c0) == (0, 2.0, 2.0)
     assert (record.frames, record.deliveries, record.dropped) == (((1, b"one"),), ((1, 2, 0),), ())
@@ -73,7 +73,7 @@ def test_the_dead_neither_see_nor_hear_but_are_in_the_way(lab: Lab) -> None:
     event = world.lose(2, Status.DEAD, "killed")
     assert (event.k, event.kind, event.robot, event.detail) == (1, "dead", 2, "killed")
     assert list(world.begin_tick()) == [1]
-    assert world.exchange({1: b"one", 2: b"ghost"}) == {1: []}
+    assert world.exchange({1: [b"one"], 2: [b"ghost"]}) == {1: []}
     after = world.end_tick({1: reply(0.0, 0.0), 2: reply(1.0, 0.0)})
     assert after.robots[1].status is Status.DEAD
     assert (after.robots[1].x, after.robots[1].c0) == (12.5, 0.0)
@@ -203,7 +203,7 @@ def test_the_fleet_is_told_the_end_even_when_the_sink_fails(lab: Lab) -> None:
 def test_oversized_frames_are_dropped_and_counted(lab: Lab) -> None:
     world = lab.world([DISC, DISC], [(2.0, 2.0, 0.0), (6.0, 2.0, 0.0)])
     world.begin_tick()
-    assert world.exchange({1: bytes(MAX_FRAME + 1), 2: bytes(MAX_FRAME)}) == {1: [bytes(MAX_FRAME)], 2: []}
+    assert world.exchange({1: [bytes(MAX_FRAME + 1)], 2: [bytes(MAX_FRAME)]}) == {1: [bytes(MAX_FRAME)], 2: []}
     record = world.end_tick({1: reply(0.0, 0.0), 2: reply(0.0, 0.0)})
     assert (record.deliveries, record.dropped) == (((2, 1, 0),), ((1, 2, 0, "oversized"),))
 
