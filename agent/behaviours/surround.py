@@ -6,9 +6,10 @@ intruder". On open ground that ends with the robots equally spaced on the circle
 forces have other equilibria as well: two robots on one side of a wall push each other along it and leave the other
 side empty. So every robot computes where the repulsion should leave the fleet, instead of waiting for it: places in
 sight of the intruder, near the circle, that lie as far apart in bearing as the walls allow. Which of them is whose
-makes all ways together shortest. Positions are all that needs, so all robots find the same; and who moves along a
-shortest path to its place makes no other assignment better, so nobody changes its mind. Each is then attracted to its
-place along the wave's paths, and pushed a little by others close by on the way there.
+makes the sum of the squares of all ways least, so that nobody has to pass another who stands on the way, but takes
+over its place. Positions are all that needs, so all robots find the same; and since every step along a way lowers that
+sum, and so does every exchange of places, they settle. Each is attracted to its place along the wave's paths, and
+pushed a little by others close by on the way there.
 
 A robot for which no place is left, because the ring is full or cannot be reached, patrols on. Of several intruders each
 robot takes the nearest.
@@ -88,9 +89,12 @@ class Surround:
         ring = self._ring_of(mine, len(team))
         if not ring.spots:
             return None
-        takes = assign([[_length(lengths, ring.ground.join(*places[n])) for n in team] for lengths in ring.lengths])
-        mine_at = next((i for i, index in enumerate(takes) if team[index] == self._number), None)
-        return None if mine_at is None else self._way(ring.spots[mine_at], ground, start)
+        from_spots = [[_length(lengths, ring.ground.join(*places[n])) for n in team] for lengths in ring.lengths]
+        takes = assign([[length * length for length in row] for row in from_spots])
+        for spot, row, index in zip(ring.spots, from_spots, takes, strict=True):
+            if team[index] == self._number:
+                return self._way(spot, row[index], ground, start)
+        return None
 
     def pushed(self, pose: Pose, peers: Mapping[int, Peer], bend: Place) -> Place:
         """The point as far off as ``bend`` (m) in the direction that others close by leave of the way there."""
@@ -120,12 +124,19 @@ class Surround:
             self._ring = _Ring(intruder, count, ground, spots, lengths)
         return self._ring
 
-    def _way(self, spot: Spot, ground: Ground, start: tuple[int, int]) -> Errand:
-        """The way to a spot over the ground as it is now, or to the nearest place that there is a way to."""
+    def _way(self, spot: Spot, length: int, ground: Ground, start: tuple[int, int]) -> Errand:
+        """The way to a spot over the ground as it is now, or to the nearest place that there is a way to.
+
+        length: of the way when nothing is closed, hundredths of a point.
+        """
+        if start == (spot.row + 1, spot.col + 1):
+            return Errand((spot.x, spot.y), (spot.x, spot.y))
         wave = self._wave()
         wave.begin(ground, *start)
-        wave.extend(LONGEST)
         row, col = spot.row - wave.row0, spot.col - wave.col0
+        for limit in (length, LONGEST):
+            if wave.state[row, col] & STATUS != SETTLED:
+                wave.extend(limit)
         if wave.state[row, col] & STATUS != SETTLED:
             rows, cols = np.nonzero(wave.state & STATUS == SETTLED)
             nearest = int(np.argmin((rows - row) ** 2 + (cols - col) ** 2))

@@ -12,7 +12,7 @@ from agent.decision import Decision, State
 from agent.mind import Mind, MindSetup
 from agent.refine import psi_field
 from patrol.fields import compute_fields
-from patrol.message import decode
+from patrol.message import Position, decode, encode
 from patrol.pose import Drive, Pose, Velocity
 from patrol.scenario import Scenario, load_scenario
 from patrol.sweep import advance, path_is_free
@@ -164,3 +164,45 @@ def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str) -> No
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}, {field: 1e6})
     mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
     assert mind.step(0, Pose(6.0, 6.0, 0.0), [], bumped=False).goal is not None
+
+
+def surrounding(own: Pose, contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:
+    """What a robot decides at tick 3 in the rooms with another one at (20, 20)."""
+    mind = minds(scenario_of("holonomic", random_move=0.0), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    other = encode(Position.of(2, 3, 1.5, Pose(20.0, 20.0, 0.0)))
+    return mind.step(3, own, [other, *frames], False, contacts)
+
+
+def test_an_intruder_seen_or_heard_of_is_surrounded() -> None:
+    own = Pose(6.0, 6.0, 0.0)
+    seen = surrounding(own, contacts=((12.0, 14.0),))
+    heard = surrounding(own, frames=(encode(Position.of_contact(3, 1.5, 12.0, 14.0)),))
+    assert seen.state is heard.state is State.SURROUNDING
+    assert seen.command == heard.command
+    assert seen.sector_sums == ()
+    assert surrounding(own).state is State.PATROLLING
+
+
+def test_hostile_contacts_change_nothing_but_the_count_of_what_was_rejected() -> None:
+    own = Pose(6.0, 6.0, 0.0)
+    hostile = (
+        encode(Position.of_contact(3, 1.5, -4.0, 14.0)),
+        encode(Position.of_contact(900, 450.0, 12.0, 14.0)),
+        encode(Position.of_contact(3, 1.5, 12.0, 14.0))[:-1],
+        bytes(64),
+    )
+    quiet, attacked = surrounding(own), surrounding(own, frames=hostile)
+    assert attacked.rejected == quiet.rejected + len(hostile)
+    assert (attacked.command, attacked.state) == (quiet.command, State.PATROLLING)
+
+
+def test_contacts_are_frames_of_their_own_and_at_most_four() -> None:
+    mind = minds(scenario_of("car"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    pose = Pose(6.0, 6.0, 0.0)
+    frames = mind.frames(7, pose, tuple((10.0 + index, 20.0) for index in range(6)))
+    assert frames[0] == mind.frame(7, pose)
+    assert [decode(frame).robot for frame in frames] == [1, 0, 0, 0, 0]
+    first = decode(frames[1])
+    assert (first.sequence, first.time_ms, first.x_cm, first.y_cm) == (7, 3500, 1000, 2000)
+    assert max(map(len, frames)) <= 32
+    assert mind.frames(8, pose) == (mind.frame(8, pose),)

@@ -68,7 +68,7 @@ def test_what_cannot_be_decoded_is_counted_by_reason() -> None:
     assert box.accept(frame(0, 10.0, key=KEY), 0.0) is not None
 
 
-@pytest.mark.parametrize(("robot", "reason"), [(1, "own"), (0, "unknown"), (6, "unknown"), (65535, "unknown")])
+@pytest.mark.parametrize(("robot", "reason"), [(1, "own"), (6, "unknown"), (65535, "unknown")])
 def test_only_other_robots_of_the_roster_are_heard(robot: int, reason: str) -> None:
     box = inbox()
     assert box.accept(frame(0, 10.0, robot=robot), 0.0) is None
@@ -195,3 +195,53 @@ def test_hostile_bytes_are_only_ever_counted(frames: list[bytes]) -> None:
     believed = [box.accept(data, float(k)) for k, data in enumerate(frames)]
     assert box.accepted == sum(position is not None for position in believed)
     assert box.accepted + box.rejected == len(frames)
+
+
+def contact(sequence: int, x: float, y: float = 40.0, key: bytes | None = None) -> bytes:
+    return encode(Position.of_contact(sequence, sequence * STEP, x, y), key)
+
+
+def test_contacts_of_robots_that_are_heard_are_believed_from_everyone_and_anywhere() -> None:
+    box = inbox()
+    assert box.accept(frame(4, 10.0), 2.0) is not None
+    found = [box.accept(contact(4, x), 2.0) for x in (90.0, 90.0, 5.0)]  # of two robots, and a second intruder far off
+    assert [position and (position.robot, position.pose.x) for position in found] == [(0, 90.0), (0, 90.0), (0, 5.0)]
+    assert box.accept(contact(6, 70.0), 3.0) is not None  # the reporter's own frame was lost
+    assert box.rejected == 0
+    assert box.last(0) is None
+
+
+def test_a_contact_before_anybody_was_heard_is_refused() -> None:
+    box = inbox()
+    assert box.accept(contact(0, 10.0), 0.0) is None
+    assert reasons(box) == {RejectReason.UNKNOWN: 1}
+
+
+def test_contacts_that_cannot_be_are_refused_and_counted() -> None:
+    box = inbox(KEY)
+    assert box.accept(frame(100, 10.0, key=KEY), 50.0) is not None
+    assert box.accept(contact(100, 101.0, key=KEY), 50.0) is None
+    assert box.accept(contact(100, 10.0, -5.0, key=KEY), 50.0) is None
+    assert box.accept(contact(100, 10.0), 50.0) is None
+    assert box.accept(contact(100, 10.0, key=b"other"), 50.0) is None
+    assert box.accept(contact(100, 10.0, key=KEY)[:-1], 50.0) is None
+    assert reasons(box) == {RejectReason.OUTSIDE: 2, RejectReason.TAG: 2, RejectReason.MALFORMED: 1}
+
+
+def test_replayed_contacts_and_those_from_the_future_are_refused_and_poison_nothing() -> None:
+    box = inbox()
+    for k in range(40):
+        assert box.accept(frame(k, 10.0), k * STEP) is not None
+    replayed = contact(20, 30.0)
+    assert box.accept(replayed, 39 * STEP) is None
+    assert box.accept(contact(2**32 // 500 - 1, 30.0), 39 * STEP) is None
+    assert box.accept(contact(39, 30.0), 39 * STEP) is not None
+    assert reasons(box) == {RejectReason.OLD: 1, RejectReason.AHEAD: 1}
+
+
+def test_a_contact_touches_nobodys_position() -> None:
+    box = inbox()
+    assert box.accept(frame(4, 10.0), 2.0) is not None
+    assert box.accept(contact(4, 90.0), 2.0) is not None
+    assert box.accept(frame(5, 11.0), 2.5) is not None
+    assert box.rejected == 0

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -60,3 +61,21 @@ def test_a_start_off_the_terrain_is_refused() -> None:
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"starts": [[-5, 5]]}})
     with pytest.raises(BadInput, match="not on open"):
         prepare(scenario)
+
+
+@pytest.mark.parametrize(
+    ("place", "problem"),
+    [([-3, 4], "not on open, which spans x 0 to"), ([math.inf, 0], "expected"), ([1e8, 4], "not on")],
+)
+def test_an_intruder_must_be_on_the_terrain(place: list[float], problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        prepare(load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "intruders": [{"place": place}]}))
+
+
+def test_an_intruder_must_be_on_passable_ground() -> None:
+    mapping = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}}
+    terrain = prepare(load_scenario(mapping)).terrain
+    row, col = map(int, np.argwhere(~terrain.passable)[0])
+    place = list(terrain.centre(row, col))
+    with pytest.raises(BadInput, match=r"intruders\.0\.place = .*: in an obstacle of yards; move it"):
+        prepare(load_scenario({**mapping, "intruders": [{"place": place}]}))
