@@ -1,4 +1,4 @@
-"""Who takes which place, so that all ways together are shortest."""
+"""Who takes which place, so that the sum of costs is least."""
 
 from __future__ import annotations
 
