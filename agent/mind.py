@@ -267,23 +267,27 @@ class Mind:
         """The way to a place around an intruder, or staying there."""
         bearing = math.atan2(errand.bend[1] - pose.y, errand.bend[0] - pose.x)
         goal = Goal(errand.place, errand.bend)
-        here, near = (pose.x, pose.y), errand.bend == errand.place
         if self.spec.model == "holonomic":
-            due = CLEAR_SHARE * min(self._holonomic.stride, math.dist(here, errand.bend))
-            not_there = math.dist(here, errand.place) > self._holonomic.stride
-            if bumped and self._draw(k, 0) < AFTER_BUMP:
-                bearing = TAU * self._draw(k, 1)
-                return self._holonomic.heading(pose, bearing)[0], State.SURROUNDING, bearing, goal
-            pushed = self._surround.pushed(pose, self._live(k), errand.bend)
-            velocity, way = self._holonomic.towards(pose, pushed if not_there else errand.bend)
-            for target in (errand.bend, self._ground.centre(*start)):
-                if way < due:
-                    velocity, way = self._holonomic.towards(pose, target)
-            return velocity, State.SURROUNDING, bearing, goal
-        if near and not bumped and not self._unstuck.active and math.dist(here, errand.place) < self._parking:
+            return self._approach(k, pose, start, errand, bumped), State.SURROUNDING, bearing, goal
+        near = errand.bend == errand.place and math.dist((pose.x, pose.y), errand.place) < self._parking
+        if near and not bumped and not self._unstuck.active:
             return self._car.park(pose, errand.place), State.SURROUNDING, bearing, goal
         command, state, _, _ = self._drive(k, pose, (bearing, goal), bumped)
         return command, State.SURROUNDING if state is State.PATROLLING else state, bearing, goal
+
+    def _approach(self, k: int, pose: Pose, start: tuple[int, int], errand: Errand, bumped: bool) -> Velocity:
+        """A holonomic robot's step towards a place, yielding to others on the way but not on its last step."""
+        if bumped and self._draw(k, 0) < AFTER_BUMP:
+            return self._holonomic.heading(pose, TAU * self._draw(k, 1))[0]
+        here = (pose.x, pose.y)
+        targets = [errand.bend, self._ground.centre(*start)]
+        if math.dist(here, errand.place) > self._holonomic.stride:
+            targets = [self._surround.pushed(pose, self._live(k), errand.bend), *targets]
+        velocity, way = self._holonomic.towards(pose, targets[0])
+        for target in targets[1:]:
+            if way < CLEAR_SHARE * min(self._holonomic.stride, math.dist(here, errand.bend)):
+                velocity, way = self._holonomic.towards(pose, target)
+        return velocity
 
     def _drive(
         self, k: int, pose: Pose, ahead: tuple[float | None, Goal | None], bumped: bool
