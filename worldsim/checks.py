@@ -17,6 +17,7 @@ from patrol.message import MAX_TRAIL, Position, Rejected, decode
 from patrol.pose import Command, Drive, Pose, Velocity
 from patrol.records import frame_sequence
 from patrol.sweep import advance, free_fraction
+from worldsim.intruders import Intruders
 from worldsim.motion import length
 from worldsim.record import COMPLETED, INTERRUPTED
 from worldsim.truth import Truth
@@ -275,14 +276,16 @@ class MovesAreTrue:
 
 
 class FramesAreTrue:
-    """Every frame says where its sender is in that tick, as the wire has it, and its trail where it was before.
+    """A sender's first frame says where it is in that tick, as the wire has it, and its trail where it was before.
 
-    Tags are not looked at: whoever hears a frame with a wrong one counts it as rejected.
+    Each of the others reports an intruder that its footprint covers, and none twice. Tags are not looked at: whoever
+    hears a frame with a wrong one counts it as rejected.
     """
 
-    def __init__(self, journal: RunRecord) -> None:
+    def __init__(self, journal: RunRecord, prepared: Prepared) -> None:
         self._names = _names(journal)
-        self._step = float(journal.header.scenario["step"])
+        self._step = prepared.scenario.step
+        self._intruders = Intruders(prepared.scenario, sensor_footprint(prepared.scenario, prepared.terrain))
         self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
         self._problem = ""
         self._looked = 0
@@ -292,13 +295,21 @@ class FramesAreTrue:
         if self._problem:
             return
         due: dict[int, Position] = {}
+        contacts: dict[int, list[Position]] = {}
+        time_s = record.k * self._step
         for row in record.robots:
-            position = Position.of(row.number, record.k, record.k * self._step, Pose(row.x, row.y, row.heading))
+            pose = Pose(row.x, row.y, row.heading)
+            position = Position.of(row.number, record.k, time_s, pose)
             self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
             if row.status is Status.ALIVE:
                 due[row.number] = position
+                seen = self._intruders.seen_by(row.number, record.k, pose)
+                contacts[row.number] = [Position.of_contact(record.k, time_s, *place) for place in seen]
         for source, frame in record.frames:
-            problem = self._problem_of(source, frame, due.get(source))
+            if source in due or source not in contacts:
+                problem = self._problem_of(source, frame, due.pop(source, None))
+            else:
+                problem = _problem_of_contact(frame, contacts[source])
             if problem:
                 self._problem = f"frame {record.k} of {self._names.get(source, source)} {problem}"
                 return
@@ -385,6 +396,18 @@ class FogIsTrue:
     def check(self) -> Check:
         """The result, once all ticks are in."""
         return Check("fog", not self._problem, self._problem or f"recomputed over {self._ticks} ticks")
+
+
+def _problem_of_contact(frame: bytes, due: list[Position]) -> str:
+    """What is wrong with a report; it is taken off those that are due."""
+    try:
+        said = decode(frame)
+    except Rejected as rejected:
+        return f"cannot be read ({rejected})"
+    if said not in due:
+        return f"says {said}, and its sender sees no such intruder"
+    due.remove(said)
+    return ""
 
 
 def _place(pose: Pose) -> str:

@@ -85,7 +85,7 @@ class Judge:
         self._of_poses: list[Tally] = [
             BodiesApart(journal, prepared.terrain),
             MovesAreTrue(prepared),
-            FramesAreTrue(journal),
+            FramesAreTrue(journal, prepared),
         ]
         if verify_fog:
             self._of_poses.append(FogIsTrue(prepared))

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.footprint import sensor_footprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
-from patrol.message import MAX_CONTACTS, MAX_FRAMES
+from patrol.message import MAX_FRAMES
 from patrol.pose import Command, Drive, Pose
 from worldsim.bodies import Body, standstill
 from worldsim.ether import Delivery, Ether, Rule
+from worldsim.intruders import Intruders
 from worldsim.motion import move, within_limits
-from worldsim.truth import Truth, as_sent
+from worldsim.truth import Truth
 
 if TYPE_CHECKING:
     from patrol.footprint import Footprint
@@ -74,6 +74,7 @@ class World:
             for spec, pose in zip(scenario.roster, prepared.starts, strict=True)
         }
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled, self.step)
+        self._intruders = Intruders(scenario, self.truth.footprint)
         self.ether = Ether(rules)
         self._waits = scenario.factor is None
         self._frames: tuple[tuple[int, bytes], ...] = ()
@@ -89,7 +90,8 @@ class World:
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
         self.truth.observe(self.tick, ((number, body.pose) for number, body in living.items()))
-        return {number: Report(body.pose, body.bumped, self._seen_by(body)) for number, body in living.items()}
+        seen = {number: self._intruders.seen_by(number, self.tick, body.pose) for number, body in living.items()}
+        return {number: Report(body.pose, body.bumped, seen[number]) for number, body in living.items()}
 
     def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> dict[int, list[bytes]]:
         """The ether carries the frames of the living; returns what each of them hears, by sender and sequence.
@@ -135,16 +137,6 @@ class World:
         body.command = standstill(body.spec)
         body.bumped = body.refused = False
         return Event(self.tick, status.name.lower(), number, reason)
-
-    def _seen_by(self, body: Body) -> tuple[tuple[float, float], ...]:
-        """Where a robot sees intruders: on points of its footprint; at most `MAX_CONTACTS`, nearest first."""
-        here = [intruder.place for intruder in self.scenario.intruders if intruder.is_there(self.tick * self.step)]
-        if not here:
-            return ()
-        pose = as_sent(body.spec.number, self.tick, self.step, body.pose)
-        view = self.truth.footprint.visible(pose)
-        seen = [place for place in here if view.shows(*self.terrain.point_at(*place))]
-        return tuple(sorted(seen, key=lambda place: (math.dist(place, (pose.x, pose.y)), place))[:MAX_CONTACTS])
 
     def _obey(self, body: Body, reply: Reply | None) -> None:
         """Take over a reply's command, or deal with its absence."""

@@ -85,7 +85,7 @@ def test_a_decision_at_ten_centimetres_is_quick(terrain: str, limit_ms: float) -
     spent = []
     for k in range(300):
         reports = world.begin_tick()
-        heard = world.exchange({number: minds[number].frame(k, report.pose) for number, report in reports.items()})
+        heard = world.exchange({number: minds[number].frames(k, report.pose) for number, report in reports.items()})
         replies = {}
         for number, report in reports.items():
             begun = time.thread_time()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from patrol.message import MAX_CONTACTS, MAX_FRAME, decode
+import pytest
+
+from patrol.message import MAX_CONTACTS, MAX_FRAME, Position, decode, encode
 from worldsim.world import World
 
 if TYPE_CHECKING:
@@ -66,5 +69,18 @@ def test_contacts_are_carried_and_a_run_with_them_is_valid(lab: Lab) -> None:
     first = next(iter(journal.ticks))
     assert [source for source, _ in first.frames] == [1, 1, 1, 2, 3, 4]
     assert len({*first.deliveries}) == len(first.deliveries) == 6 * 3
-    verdict = judge(journal, {}, terrain=lab.room)
+    verdict = judge(journal, {}, world.prepared)
     assert verdict.valid, verdict.failed
+
+
+@pytest.mark.parametrize(("x", "k", "twice"), [(4.5, 0, False), (4.0, 1, False), (4.0, 0, True)])
+def test_a_report_of_what_its_sender_does_not_see_fails(lab: Lab, x: float, k: int, twice: bool) -> None:
+    world = lab.patrol(ticks=5, intruders=[{"place": [4.0, 4.0]}])
+    journal = lab.run(world)
+    first = journal.records[0]
+    false = encode(Position.of_contact(k, 0.5 * k, x, 4.0))
+    reports = [*([frame for source, frame in first.frames if source == 1][1:] if twice else []), false]
+    kept = [(source, frame) for source, frame in first.frames if source != 1 or decode(frame).robot == 1]
+    journal.records[0] = replace(first, frames=(*kept, *((1, frame) for frame in reports)))
+    problem = next(check for check in judge(journal, {}, world.prepared).failed if check.name == "frames")
+    assert "sees no such intruder" in problem.detail

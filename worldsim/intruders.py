@@ -1,0 +1,36 @@
+"""Who sees which intruder: the world's own sensors, and what the verdict recomputes."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from patrol.message import MAX_CONTACTS
+from worldsim.truth import as_sent
+
+if TYPE_CHECKING:
+    from patrol.footprint import Footprint
+    from patrol.pose import Pose
+    from patrol.scenario import Scenario
+
+Place = tuple[float, float]
+"""x and y in m."""
+
+
+class Intruders:
+    """A scenario's intruders, seen by its robots' sensor."""
+
+    def __init__(self, scenario: Scenario, footprint: Footprint) -> None:
+        self._intruders = scenario.intruders
+        self._step = scenario.step
+        self._footprint = footprint
+
+    def seen_by(self, number: int, tick: int, pose: Pose) -> tuple[Place, ...]:
+        """Where a robot sees intruders: on points of its footprint; at most `MAX_CONTACTS`, nearest first."""
+        here = [intruder.place for intruder in self._intruders if intruder.is_there(tick * self._step)]
+        if not here:
+            return ()
+        sent = as_sent(number, tick, self._step, pose)
+        view = self._footprint.visible(sent)
+        seen = [place for place in here if view.shows(*self._footprint.terrain.point_at(*place))]
+        return tuple(sorted(seen, key=lambda place: (math.dist(place, (sent.x, sent.y)), place))[:MAX_CONTACTS])
