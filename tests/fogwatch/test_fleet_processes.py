@@ -249,7 +249,8 @@ def test_a_run_can_be_interrupted_while_it_prepares(
     run.process.send_signal(number)
     assert run.end() == 130, run.errors
     assert run.errors.endswith("fogwatch: interrupted\n")
-    assert not run.folder.exists()
+    # On a busy machine the signal may come when the run has begun; only then is there anything to keep.
+    assert not run.folder.exists() or run.summary()["ended"] == "interrupted"
     until(lambda: not run.children(), limit_s=5.0)
 
 
