@@ -148,7 +148,13 @@ def version() -> None:
 
 def main() -> int:
     """The command's entry point; the exit code."""
-    return guarded(lambda: app(standalone_mode=False))
+    code = guarded(lambda: app(standalone_mode=False))
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except BrokenPipeError:  # or the interpreter finds it while it ends, and makes 120 of any exit code
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return code
 
 
 def guarded(command: Callable[[], Any]) -> int:
