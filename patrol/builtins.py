@@ -64,24 +64,15 @@ def _open() -> Layout:
 
 
 def _yards() -> Layout:
-    """A corridor from west to east with two yards above and two below: 5 convex regions, and no fewer will do.
+    """Five yards side by side between wedge-shaped buildings: 5 convex regions, and no fewer will do.
 
-    Each yard is narrower than its share of the corridor, so each of its two shoulders is a concave corner; 8 of these
-    need at least 5 convex regions.
+    Each wedge ends in a corner so sharp that only a cut that prolongs the wedge leaves both its sides convex; no cut
+    serves two of the four. How far the wedges reach is fitted to the paper's one robot (Table 4, wave and mode).
     """
-    obstacles: tuple[Polygon, ...] = (
-        # Above, y from 51: between the yards, and outside them.
-        ((0, 51), (6, 51), (9, 88), (0, 88)),
-        ((45, 51), (57, 51), (57, 88), (41, 88)),
-        ((96, 51), (100, 51), (100, 88), (96, 88)),
-        ((6, 84), (45, 86), (45, 88), (6, 88)),
-        # Below, y up to 37.
-        ((0, 0), (5, 0), (5, 37), (0, 37)),
-        ((38, 0), (52, 0), (49, 37), (38, 37)),
-        ((94, 0), (100, 0), (100, 37), (97, 37)),
-        ((5, 0), (38, 0), (38, 3), (5, 3)),
-    )
-    return Layout(100.0, 88.0, obstacles, "a corridor with two yards above and two below")
+    reach, half = 48.0, 4.5
+    from_below = tuple(((x - half, 0), (x + half, 0), (x, reach)) for x in (20.0, 60.0))
+    from_above = tuple(((x - half, 88), (x, 88 - reach), (x + half, 88)) for x in (40.0, 80.0))
+    return Layout(100.0, 88.0, (*from_below, *from_above), "five yards between wedge-shaped buildings")
 
 
 def _clutter() -> Layout:
