@@ -26,6 +26,11 @@ class Purpose(IntEnum):
     RANDOM_MOVE = 2
     ETHER = 3
     GIVE_WAY = 4
+    FAULT = 5
+    SPOOF = 6
+    SENSES = 7
+    NEMESIS = 8
+    CHAOS = 9
 
 
 def mix(*values: SupportsIndex) -> int:

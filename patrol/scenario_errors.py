@@ -9,8 +9,10 @@ from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from patrol.faults import KINDS, Fault, Forgery, Jump, Wait
 from patrol.scenario_model import (
     IntruderSpec,
     PatrolSpec,
@@ -18,10 +20,11 @@ from patrol.scenario_model import (
     RobotEntry,
     RobotGroup,
     Scenario,
-    Section,
     SensorSpec,
     TerrainSpec,
 )
+from patrol.section import Section
+from patrol.targets import Some
 
 _SECTIONS: dict[str, type[Section]] = {
     "terrain": TerrainSpec,
@@ -29,6 +32,13 @@ _SECTIONS: dict[str, type[Section]] = {
     "patrol": PatrolSpec,
     "radio": RadioSpec,
     "intruders": IntruderSpec,
+    "faults": Fault,
+}
+_OF_FAULTS: dict[str, type[Section]] = {
+    **dict.fromkeys(("who", "from", "to", "as"), Some),
+    "delay": Wait,
+    "payload": Forgery,
+    "jump": Jump,
 }
 _UNKNOWN = ("extra_forbidden", "invalid_key")
 _LONGEST = 60
@@ -114,18 +124,30 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
     """The innermost section on the way to a location, and the description of the field that leads to the location."""
     section: type[Section] = Scenario
     note = ""
-    in_robots = False
+    top = ""
     for part in location:
-        if in_robots and part in ("=mapping", "=list"):
-            section = RobotGroup if part == "=mapping" else RobotEntry
-            in_robots = False
-        elif isinstance(part, str) and not part.startswith("="):
-            known = section.model_fields.get(part)
-            note = (known.description or "") if known else ""
-            if section is Scenario:
-                in_robots = part == "robots"
-                section = _SECTIONS.get(part, Scenario)
+        if not isinstance(part, str):
+            continue
+        if part.startswith("="):
+            section = _alternative(top, part, section)
+            continue
+        known = _fields(section).get(part)
+        note = (known.description or "") if known else ""
+        if section is Scenario:
+            top = part
+            section = _SECTIONS.get(part, Scenario)
+        elif top == "faults":
+            section = _OF_FAULTS.get(part, section)
     return section, note
+
+
+def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
+    """The section behind one of a field's alternatives."""
+    if top == "robots" and tag in ("=mapping", "=list"):
+        return RobotGroup if tag == "=mapping" else RobotEntry
+    if top == "faults" and section is Fault:
+        return KINDS.get(tag.removeprefix("="), section)
+    return section
 
 
 def _nearest_key(key: str, section: type[Section]) -> str:
@@ -142,4 +164,9 @@ def _nearest_key(key: str, section: type[Section]) -> str:
 
 
 def _keys(section: type[Section]) -> list[str]:
-    return [field.alias or name for name, field in section.model_fields.items()]
+    return list(_fields(section))
+
+
+def _fields(section: type[Section]) -> dict[str, FieldInfo]:
+    """A section's fields by the names that a file uses."""
+    return {field.alias or name: field for name, field in section.model_fields.items()}

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
+from patrol.fault_roster import check_faults
+from patrol.faults import Faults
 from patrol.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.pose import Pose, wrap
 from patrol.records import MAX_TICKS
@@ -46,12 +47,7 @@ from patrol.scenario_values import (
     at_least,
     by_shape,
 )
-
-
-class Section(BaseModel):
-    """A mapping of the scenario file: frozen, and strict about its keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+from patrol.section import Section, wrong
 
 
 class TerrainSpec(Section):
@@ -69,7 +65,7 @@ class TerrainSpec(Section):
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
         if (self.builtin is None) == (self.map is None):
-            raise _wrong("", "exactly one is needed: {builtin: NAME} or {map: FILE.yaml}")
+            raise wrong("", "exactly one is needed: {builtin: NAME} or {map: FILE.yaml}")
         return self
 
 
@@ -91,7 +87,7 @@ class RobotGroup(Body):
     @model_validator(mode="after")
     def _no_more_starts_than_robots(self) -> Self:
         if self.starts != "random" and len(self.starts) > self.count:
-            raise _wrong("starts", f"{len(self.starts)} starts for {self.count} robots; raise count or drop some")
+            raise wrong("starts", f"{len(self.starts)} starts for {self.count} robots; raise count or drop some")
         return self
 
 
@@ -181,14 +177,14 @@ class PatrolSpec(Section):
     @model_validator(mode="after")
     def _fuzzy_weakens_sectors(self) -> Self:
         if self.avoidance == "fuzzy" and self.direction != "mode":
-            raise _wrong("avoidance", "fuzzy weakens sectors, and patrol.direction is vector; set it to mode")
+            raise wrong("avoidance", "fuzzy weakens sectors, and patrol.direction is vector; set it to mode")
         return self
 
     @model_validator(mode="after")
     def _goal_stays_ahead(self) -> Self:
         if self.refine_side > 2.0 * self.goal_distance:
             limit = f"patrol.goal_distance is {self.goal_distance:g} m, so at most {2.0 * self.goal_distance:g}"
-            raise _wrong("refine_side", f"the square must not reach behind the robot: {limit}", self.refine_side)
+            raise wrong("refine_side", f"the square must not reach behind the robot: {limit}", self.refine_side)
         return self
 
 
@@ -250,7 +246,7 @@ class Scenario(Section):
     intruders: tuple[IntruderSpec, ...] = Field(
         (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
     )
-    faults: tuple[Any, ...] = Field((), description="must be empty")
+    faults: Faults = Field((), description="what goes wrong, and when")
 
     @property
     def roster(self) -> tuple[RobotSpec, ...]:
@@ -276,21 +272,20 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        if self.faults:
-            raise _wrong("faults", "not available in this version; leave the list empty")
         if self.step > self.duration:
-            raise _wrong("duration", f"shorter than one step of {self.step:g} s; give at least that", self.duration)
+            raise wrong("duration", f"shorter than one step of {self.step:g} s; give at least that", self.duration)
         if self.duration / self.step > MAX_TICKS or self.duration * 1000.0 > MAX_TIME_MS:
             limit = f"too long: at most {MAX_TIME_MS // 1000} s and {MAX_TICKS} steps fit"
-            raise _wrong("duration", limit, self.duration)
+            raise wrong("duration", limit, self.duration)
         for field in ("watchdog", "radio.forget_after"):
             if (value := _at(self, field)) < self.step:
                 limit = f"shorter than one step of {self.step:g} s, so it would end between two messages; give more"
-                raise _wrong(field, limit, value)
+                raise wrong(field, limit, value)
         for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
             if (value := _at(self, field)) < self.point:
-                raise _wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
+                raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
         self._check_roster()
+        check_faults(self.faults, [spec.name for spec in self.roster], self.step, self.ticks)
         return self
 
     def _check_roster(self) -> None:
@@ -298,10 +293,10 @@ class Scenario(Section):
         for spec in self.roster:
             field = "robots" if isinstance(self.robots, RobotGroup) else f"robots.{spec.number - 1}"
             if names.setdefault(spec.name, spec.number) != spec.number:
-                raise _wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
+                raise wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
             if self.radio.trail and spec.speed * self.step * 100.0 >= MAX_STEP_CM:
                 limit = f"a trail holds steps below {MAX_STEP_CM / 100:g} m per tick; set radio.trail to 0"
-                raise _wrong(f"{field}.speed", limit, spec.speed)
+                raise wrong(f"{field}.speed", limit, spec.speed)
 
 
 def _roster(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
@@ -336,9 +331,3 @@ def _absolute(value: str | None, info: ValidationInfo) -> str | None:
     """A path resolved against the folder that the validation's context names; unchanged without one."""
     base = info.context.get("base") if isinstance(info.context, dict) else None
     return value if value is None or base is None else str((Path(base) / value).absolute())
-
-
-def _wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:
-    """A check over several fields failed; `field` is the one to change, dotted from the model that checks."""
-    shown = "" if value is None else f" = {value:g}"
-    return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})

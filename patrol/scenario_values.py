@@ -34,7 +34,7 @@ Builtin = Literal["open", "yards", "clutter", "site"]
 BUILTINS: tuple[str, ...] = get_args(Builtin)
 
 
-def _expecting(what: str, bare: bool = False) -> WrapValidator:
+def expecting(what: str, bare: bool = False) -> WrapValidator:
     """Replace whatever the inner checks say by one message: what was expected.
 
     bare: `what` says nothing about the field, so that the message should add the field's description.
@@ -50,7 +50,7 @@ def _expecting(what: str, bare: bool = False) -> WrapValidator:
 
 
 def _bare(what: str) -> WrapValidator:
-    return _expecting(what, bare=True)
+    return expecting(what, bare=True)
 
 
 def _unexpected(what: str, bare: bool = False) -> PydanticCustomError:
@@ -74,6 +74,8 @@ NotNegative = Annotated[float, Strict(), Field(ge=0, le=LARGEST), _bare("a numbe
 Exponent = Annotated[float, Strict(), Field(gt=0, le=600), _bare("a number above 0 and at most 600")]
 Probability = Annotated[float, Strict(), Field(ge=0, le=1), _bare("a number from 0 to 1")]
 Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare("a number above 0 and at most 1")]
+Burst = Annotated[float, Strict(), Field(ge=1, le=LARGEST), _bare("a number from 1 to 1e9")]
+Growth = Annotated[float, Strict(), Field(gt=-1, le=1), _bare("a number above -1 and at most 1")]
 Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _bare("a number above 0 and at most 360")]
 Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _bare("a number from 0 to below 1")]
 Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _bare("a whole number from 0 to 2^63 - 1")]
@@ -81,24 +83,24 @@ Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _bare(f"a whole num
 Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare("a whole number from 3 to 3600")]
 Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare(f"a whole number from 0 to {MAX_TRAIL}")]
 Flag = Annotated[bool, Strict(), _bare("true or false")]
-PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), _expecting("the path of a file")]
+PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
 Name = Annotated[
     str,
     Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"),
-    _expecting("text of at most 64 letters, digits, '.', '_' and '-' that begins with a letter or digit"),
+    expecting("text of at most 64 letters, digits, '.', '_' and '-' that begins with a letter or digit"),
 ]
 RobotName = Annotated[
     str,
     Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"),
-    _expecting("text of at most 32 letters, digits, '_' and '-' that begins with a letter or digit"),
+    expecting("text of at most 32 letters, digits, '_' and '-' that begins with a letter or digit"),
 ]
-Corner = Annotated[tuple[Number, Number], _expecting("[x, y] in m")]
+Corner = Annotated[tuple[Number, Number], expecting("[x, y] in m")]
 Polygon = Annotated[tuple[Corner, ...], Field(json_schema_extra={"minItems": 3}), at_least(3, "corners")]
 Place = Annotated[
-    tuple[Number, Number] | tuple[Number, Number, Number], _expecting("[x, y] in m or [x, y, heading] in m and rad")
+    tuple[Number, Number] | tuple[Number, Number, Number], expecting("[x, y] in m or [x, y, heading] in m and rad")
 ]
 Pace = Annotated[
-    Literal["lockstep", "realtime"] | Positive, _expecting("lockstep, realtime or a factor of real time above 0")
+    Literal["lockstep", "realtime"] | Positive, expecting("lockstep, realtime or a factor of real time above 0")
 ]
 
 
@@ -125,20 +127,20 @@ def _increasing(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
 
 _RANDOM_OR_PLACE = "random, [x, y] in m or [x, y, heading] in m and rad"
 Start = Annotated[
-    Annotated[Literal["random"], _expecting(_RANDOM_OR_PLACE), Tag("=single")]
-    | Annotated[Place, _expecting(_RANDOM_OR_PLACE), Tag("=list")],
+    Annotated[Literal["random"], expecting(_RANDOM_OR_PLACE), Tag("=single")]
+    | Annotated[Place, expecting(_RANDOM_OR_PLACE), Tag("=list")],
     by_shape(_RANDOM_OR_PLACE),
 ]
 _RANDOM_OR_PLACES = "random or a list of [x, y] or [x, y, heading]"
 Starts = Annotated[
-    Annotated[Literal["random"], _expecting(_RANDOM_OR_PLACES), Tag("=single")]
+    Annotated[Literal["random"], expecting(_RANDOM_OR_PLACES), Tag("=single")]
     | Annotated[tuple[Place, ...], Tag("=list")],
     by_shape(_RANDOM_OR_PLACES),
 ]
 _SHARE_OR_LIST = "a number above 0 and at most 1, or a list of [distance in m, quality]"
-QualityPoint = Annotated[tuple[NotNegative, Share], _expecting("[distance in m, quality above 0 and at most 1]")]
+QualityPoint = Annotated[tuple[NotNegative, Share], expecting("[distance in m, quality above 0 and at most 1]")]
 Quality = Annotated[
-    Annotated[Share, _expecting(_SHARE_OR_LIST), Tag("=single")]
+    Annotated[Share, expecting(_SHARE_OR_LIST), Tag("=single")]
     | Annotated[
         tuple[QualityPoint, ...],
         Field(json_schema_extra={"minItems": 1}),
@@ -151,7 +153,7 @@ Quality = Annotated[
 Mechanism = Literal["claims", "artificial-obstacles", "semaphores", "repulsion"]
 SEPARATIONS = "none | claims | artificial-obstacles | semaphores | repulsion, or a list"
 Separation = Annotated[
-    Annotated[Literal["none"] | Mechanism, _expecting(SEPARATIONS), Tag("=single")]
-    | Annotated[tuple[Annotated[Mechanism, _expecting(SEPARATIONS)], ...], Tag("=list")],
+    Annotated[Literal["none"] | Mechanism, expecting(SEPARATIONS), Tag("=single")]
+    | Annotated[tuple[Annotated[Mechanism, expecting(SEPARATIONS)], ...], Tag("=list")],
     by_shape(SEPARATIONS),
 ]

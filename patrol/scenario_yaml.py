@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from patrol.errors import BadInput
-from patrol.scenario_model import Section
+from patrol.section import Section
 
 _COMMENT_COLUMN = 32
 _CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r")

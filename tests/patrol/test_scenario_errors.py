@@ -125,7 +125,7 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"patrol": 3}, "scenario: patrol = 3: expected keys and values (policy, fow"),
         ({"radio": {"trail": 5}}, "scenario: radio.trail = 5: expected a whole number from 0 to 4"),
         ({"radio": {"trail": 1}, "robots": {"speed": 700}}, "scenario: robots.speed = 700: a trail holds steps below"),
-        ({"faults": [{"kind": "kill"}]}, "scenario: faults: not available in this version; leave the list empty"),
+        ({"faults": [{"kind": "kill"}]}, "scenario: faults.0.who: missing; give a robot's name, a list of names, one"),
         ({"duration": 0.4}, "scenario: duration = 0.4: shorter than one step of 0.5 s"),
         ({"duration": 5e6}, "scenario: duration = 5e+06: too long: at most 4294967 s"),
         ({"step": 1e-7}, "scenario: duration = 5000: too long"),
@@ -197,7 +197,7 @@ def test_no_mapping_raises_anything_but_bad_input(raw: dict[str, Any]) -> None:
         ("point.x", "2", "override point.x: 0.1 has no field x; leave .x out"),
         ("", "2", "override '': names no field"),
         ("patrol..alpha", "2", "override 'patrol..alpha': names no field"),
-        ("faults", "[1]", "override faults: not available"),
+        ("faults", "[1]", "override faults.0: expected a fault such as {kind: kill, at: 60, who: one}"),
         ("terrain.map", "a.yaml", "override terrain: exactly one is needed"),
     ],
 )

@@ -1,0 +1,44 @@
+"""A scenario's faults against its roster and its duration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from patrol.faults import STRANGER, AnyFault, Partition, Spoof
+from patrol.section import wrong
+from patrol.targets import check_name, check_who
+
+
+def tick_of(at: float, step: float) -> int:
+    """The first tick that is not before a time in s."""
+    return math.ceil(at / step - 1e-9)
+
+
+def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, ticks: int) -> None:
+    """Raise for the first fault that names no robot of the roster, wants too many, or comes after the last tick."""
+    for place, fault in enumerate(faults):
+        where = f"faults.{place}"
+        if tick_of(fault.at, step) >= ticks:
+            ends = f"the run ends at {ticks * step:g} s, so it would never happen; give less"
+            raise wrong(f"{where}.at", ends, fault.at)
+        for name, field in type(fault).model_fields.items():
+            if name in ("who", "sources", "targets", "victims"):
+                check_who(getattr(fault, name), names, f"{where}.{field.alias or name}")
+        if isinstance(fault, Partition) and not isinstance(fault.groups, str):
+            _check_groups(fault.groups, names, f"{where}.groups")
+        if isinstance(fault, Spoof) and fault.by != STRANGER:
+            check_name(fault.by, names, f"{where}.by")
+
+
+def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], where: str) -> None:
+    homes: dict[str, int] = {}
+    for index, group in enumerate(groups):
+        for place, name in enumerate(group):
+            check_name(name, names, f"{where}.{index}.{place}")
+            if name in homes:
+                twice = "twice" if homes[name] == index else f"in group {homes[name]} too"
+                raise wrong(f"{where}.{index}.{place}", f"{name} is {twice}; a robot is in one group")
+            homes[name] = index
+    if len(groups) == 1 and len(homes) == len(names):
+        raise wrong(where, "one group holds every robot, so nothing is cut; leave some out")

@@ -1,0 +1,18 @@
+"""What every mapping of the scenario file is."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+from pydantic_core import PydanticCustomError
+
+
+class Section(BaseModel):
+    """A mapping of the scenario file: frozen, and strict about its keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:
+    """A check over several fields failed; `field` is the one to change, dotted from the model that checks."""
+    shown = "" if value is None else f" = {value:g}"
+    return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})

@@ -1,0 +1,61 @@
+"""Whom a fault befalls: robots by name, or so many of them, drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import Annotated, Self
+
+from pydantic import Field, Tag, model_validator
+
+from patrol.scenario_values import Count, RobotName, Share, at_least, by_shape, expecting
+from patrol.section import Section, wrong
+
+WORDS = ("one", "minority", "half", "all")
+"""Targets by size; in a target these words never mean a robot of that name, in a list of names they do."""
+
+
+class Some(Section):
+    """So many robots, or such a share of all, drawn from the seed."""
+
+    count: Count | None = Field(None, description="how many robots")
+    fraction: Share | None = Field(None, description="share of all robots, rounded half up, at least one")
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.count is None) == (self.fraction is None):
+            raise wrong("", "exactly one is needed: {count: N} or {fraction: SHARE}")
+        return self
+
+
+WHO = "a robot's name, a list of names, one, minority, half, all, {count: N} or {fraction: SHARE}"
+Names = Annotated[tuple[RobotName, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "names")]
+Who = Annotated[
+    Annotated[RobotName, expecting(WHO), Tag("=single")]
+    | Annotated[Names, Tag("=list")]
+    | Annotated[Some, Tag("=mapping")],
+    by_shape(WHO),
+]
+
+
+def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], where: str) -> None:
+    """Raise when a target, found at the field `where`, cannot be among the robots of these names."""
+    if isinstance(who, Some):
+        if who.count is not None and who.count > len(names):
+            raise wrong(f"{where}.count", f"there are {len(names)} robots; give at most that", who.count)
+    elif isinstance(who, str):
+        if who not in WORDS:
+            check_name(who, names, where)
+    else:
+        for index, name in enumerate(who):
+            check_name(name, names, f"{where}.{index}")
+            if name in who[:index]:
+                raise wrong(f"{where}.{index}", f"{name} stands in the list twice; leave one out")
+
+
+def check_name(name: str, names: Sequence[str], where: str) -> None:
+    """Raise when no robot has a name, found at the field `where`."""
+    if name not in names:
+        near = get_close_matches(name, names, n=1, cutoff=0.6)
+        some = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+        raise wrong(where, f"there is no robot {name}; {f'did you mean {near[0]}?' if near else f'robots are {some}'}")

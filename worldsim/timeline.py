@@ -1,0 +1,259 @@
+"""When and to whom a scenario's faults happen: entries resolved to ticks and robot numbers.
+
+Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
+the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in the run.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal
+
+from patrol.fault_roster import tick_of
+from patrol.faults import (
+    PROCESS_KINDS,
+    STRANGER,
+    AnyFault,
+    Join,
+    Kill,
+    Lasting,
+    OnLinks,
+    Partition,
+    Pause,
+    Spoof,
+)
+from patrol.random import Purpose, draw
+from patrol.records import Event
+from patrol.scenario import Scenario
+from patrol.targets import WORDS, Some
+
+ActKind = Literal["kill", "restart", "pause", "resume", "join", "leave"]
+
+
+class Field(IntEnum):
+    """Which of a fault's targets a draw is for."""
+
+    WHO = 0
+    FROM = 1
+    TO = 2
+    GROUPS = 3
+    AS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One fault, resolved.
+
+    index: its place among all faults, from 0. begin, end: ticks; active in begin <= k < end, end None: to the end of
+    the run. What happens at once has end == begin. who: robot numbers, ascending; of a spoof the victims. sources,
+    targets: senders and receivers of the directed links of a link fault; of a spoof, sources holds who forges (0 for a
+    stranger). groups: of a partition, each ascending, all robots in one of them.
+    """
+
+    index: int
+    fault: AnyFault
+    begin: int
+    end: int | None
+    who: tuple[int, ...] = ()
+    sources: tuple[int, ...] = ()
+    targets: tuple[int, ...] = ()
+    groups: tuple[tuple[int, ...], ...] = ()
+
+    @property
+    def id(self) -> str:
+        """The fault's name."""
+        return self.fault.id or f"f{self.index + 1}"
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """One thing to do to one robot between two ticks. fault: the id of who asked for it. wreck: of a kill."""
+
+    kind: ActKind
+    number: int
+    fault: str
+    wreck: Literal["stays", "removed"] = "stays"
+
+
+class Timeline:
+    """A scenario's faults in ticks and robot numbers; it has no state and looks at nothing but the scenario."""
+
+    def __init__(self, scenario: Scenario, extra: Sequence[tuple[int, AnyFault]] = ()) -> None:
+        """Resolve the scenario's faults.
+
+        extra: faults asked for later, each with the tick from which its `at` counts; their indices follow on.
+        """
+        self._step = scenario.step
+        self._seed = scenario.seed
+        self._names = {spec.name: spec.number for spec in scenario.roster}
+        self._of_number = {number: name for name, number in self._names.items()}
+        asked = [*((0, fault) for fault in scenario.faults), *extra]
+        self.entries = tuple(self._entry(index, k, fault) for index, (k, fault) in enumerate(asked))
+        given = self.entries[: len(scenario.faults)]
+        self.starts_absent = frozenset(n for entry in given if isinstance(entry.fault, Join) for n in entry.who)
+        self.needs_hands = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
+        self._acts = self._all_acts()
+        self._changes, self._active = self._all_active()
+
+    def at(self, k: int) -> tuple[Entry, ...]:
+        """The lasting faults of radio, position and clock that are active in tick k, by index."""
+        place = bisect_right(self._changes, k) - 1
+        return self._active[place] if place >= 0 else ()
+
+    def acts(self, k: int) -> tuple[Act, ...]:
+        """What is to be done to robots before tick k, by fault and then by robot."""
+        return self._acts.get(k, ())
+
+    def beginnings(self, k: int) -> tuple[Event, ...]:
+        """The faults that happen or begin before tick k."""
+        return tuple(
+            Event(k, "fault", None, f"{entry.id} {entry.fault.kind} {_verb(entry)}: {self.describe(entry)}")
+            for entry in self.entries
+            if entry.begin == k
+        )
+
+    def endings(self, k: int) -> tuple[Event, ...]:
+        """The lasting faults that have ended before tick k."""
+        return tuple(
+            Event(k, "fault", None, f"{entry.id} {entry.fault.kind} ends")
+            for entry in self.entries
+            if entry.end == k and entry.end > entry.begin
+        )
+
+    @property
+    def healed(self) -> int | None:
+        """The first tick from which nothing is active and nothing is done any more; None when something never ends.
+
+        Robots may still be dead, paused or gone: only what happens in the run tells.
+        """
+        if any(_lasts(entry) and entry.end is None for entry in self.entries):
+            return None
+        ends = [entry.begin if entry.end is None else entry.end for entry in self.entries]
+        return max(ends, default=0)
+
+    def describe(self, entry: Entry) -> str:
+        """Whom a fault befalls and how, in a few words."""
+        fault = entry.fault
+        parts = []
+        if isinstance(fault, OnLinks):
+            parts.append(f"{self._listed(entry.sources)} to {self._listed(entry.targets)}")
+        elif isinstance(fault, Partition):
+            parts.append(" | ".join(self._listed(group) for group in entry.groups))
+        elif isinstance(fault, Spoof):
+            parts.append(f"{fault.by} as {self._listed(entry.who)}")
+        else:
+            parts.append(self._listed(entry.who))
+        told = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups"}
+        values = fault.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+        parts += [f"{name} {_shown(value)}" for name, value in values.items() if name not in told]
+        return ", ".join(parts)
+
+    def _listed(self, numbers: Sequence[int]) -> str:
+        if len(numbers) == len(self._names) > 1:
+            return "all"
+        return " ".join(self._of_number[number] for number in numbers) or "nobody"
+
+    def _entry(self, index: int, k: int, fault: AnyFault) -> Entry:
+        begin = k + tick_of(fault.at, self._step)
+        end: int | None = begin
+        if isinstance(fault, Lasting):
+            end = None if fault.lasts is None else begin + max(1, round(fault.lasts / self._step))
+        if isinstance(fault, OnLinks):
+            sources = self._resolve(fault.sources, index, Field.FROM)
+            return Entry(index, fault, begin, end, (), sources, self._resolve(fault.targets, index, Field.TO))
+        if isinstance(fault, Partition):
+            return Entry(index, fault, begin, end, groups=self._grouped(fault, index))
+        if isinstance(fault, Spoof):
+            forger = 0 if fault.by == STRANGER else self._names[fault.by]
+            return Entry(index, fault, begin, end, self._resolve(fault.victims, index, Field.AS), (forger,))
+        return Entry(index, fault, begin, end, self._resolve(fault.who, index, Field.WHO))
+
+    def _resolve(self, who: str | tuple[str, ...] | Some, index: int, field: Field) -> tuple[int, ...]:
+        """The robots that a target means, ascending."""
+        if isinstance(who, tuple):
+            return tuple(sorted(self._names[name] for name in who))
+        if isinstance(who, str) and who not in WORDS:
+            return (self._names[who],)
+        drawn = self._drawn(index, field)
+        return tuple(sorted(drawn[: size_of(who, len(drawn))]))
+
+    def _drawn(self, index: int, field: Field) -> list[int]:
+        """All robots in an order drawn for one field of one fault."""
+        return sorted(
+            self._names.values(), key=lambda number: (draw(self._seed, Purpose.FAULT, index, field, number), number)
+        )
+
+    def _grouped(self, fault: Partition, index: int) -> tuple[tuple[int, ...], ...]:
+        if isinstance(fault.groups, str):
+            drawn = self._drawn(index, Field.GROUPS)
+            first = 1 if fault.groups == "one" else len(drawn) // 2
+            groups = [drawn[:first], drawn[first:]]
+        else:
+            groups = [[self._names[name] for name in group] for group in fault.groups]
+            named = {number for group in groups for number in group}
+            groups.append([number for number in self._names.values() if number not in named])
+        return tuple(tuple(sorted(group)) for group in groups if group)
+
+    def _all_acts(self) -> dict[int, tuple[Act, ...]]:
+        acts: dict[int, list[tuple[int, Act]]] = defaultdict(list)
+        for entry in self.entries:
+            fault = entry.fault
+            kind = _act_kind(entry)
+            if kind is None:
+                continue
+            wreck = fault.wreck if isinstance(fault, Kill) else "stays"
+            acts[entry.begin] += [(entry.index, Act(kind, number, entry.id, wreck)) for number in entry.who]
+            if isinstance(fault, Pause) and entry.end is not None:
+                acts[entry.end] += [(entry.index, Act("resume", number, entry.id)) for number in entry.who]
+        # Stable: a fault's acts are by robot already.
+        return {k: tuple(act for _, act in sorted(due, key=lambda pair: pair[0])) for k, due in acts.items()}
+
+    def _all_active(self) -> tuple[list[int], list[tuple[Entry, ...]]]:
+        """The ticks at which what is active changes, ascending, and what is active from each of them on."""
+        lasting = [entry for entry in self.entries if _lasts(entry)]
+        changes = sorted({k for entry in lasting for k in (entry.begin, entry.end) if k is not None})
+        active = [
+            tuple(entry for entry in lasting if entry.begin <= k and (entry.end is None or k < entry.end))
+            for k in changes
+        ]
+        return changes, active
+
+
+def size_of(who: str | Some, robots: int) -> int:
+    """How many of so many robots a target by size means."""
+    if isinstance(who, Some):
+        if who.count is not None:
+            return who.count
+        return max(1, math.floor((who.fraction or 0.0) * robots + 0.5))
+    sizes = {"one": 1, "minority": max((robots - 1) // 2, min(robots - 1, 1)), "half": max(robots // 2, 1)}
+    return sizes.get(who, robots)
+
+
+def _lasts(entry: Entry) -> bool:
+    """Whether a fault is active over ticks, and no act between two of them."""
+    return entry.fault.kind not in PROCESS_KINDS
+
+
+def _act_kind(entry: Entry) -> ActKind | None:
+    match entry.fault.kind:
+        case "kill" | "restart" | "pause" | "resume" | "join" | "leave" as kind:
+            return kind
+        case _:
+            return None
+
+
+def _verb(entry: Entry) -> str:
+    return "happens" if entry.end == entry.begin else "begins"
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{name}: {_shown(inner)}" for name, inner in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_shown(inner) for inner in value) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
