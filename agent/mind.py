@@ -9,7 +9,7 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -121,9 +121,10 @@ class Mind:
         self._parking = max(self._car.stride, 2.0 * self.spec.turning_radius)
         self._surround = Surround(scenario, setup.number, terrain, setup.fields, setup.scratch)
 
-    def frame(self, k: int, pose: Pose) -> bytes:
-        """The position message of tick k."""
-        position = Position.of(self.spec.number, k, k * self._step, pose)
+    def frame(self, k: int, pose: Pose, clock_s: float | None = None) -> bytes:
+        """The position message of tick k. clock_s: what the robot's own clock shows, s; k steps unless given."""
+        time_s = k * self._step if clock_s is None else clock_s
+        position = Position.of(self.spec.number, k, time_s, pose)
         if k != self._framed + 1:
             # Receivers date a trail's places by counting back one tick each.
             self._trail.clear()
@@ -131,12 +132,15 @@ class Mind:
         self._trail.appendleft((position.x_cm, position.y_cm))
         places = list(self._trail)
         trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in itertools.pairwise(places))
-        return encode(Position.of(self.spec.number, k, k * self._step, pose, trail), self._setup.key)
+        return encode(replace(position, trail=trail), self._setup.key)
 
-    def frames(self, k: int, pose: Pose, contacts: Sequence[Place] = ()) -> tuple[bytes, ...]:
+    def frames(
+        self, k: int, pose: Pose, contacts: Sequence[Place] = (), clock_s: float | None = None
+    ) -> tuple[bytes, ...]:
         """All that the robot sends in tick k: its position, and the intruders (x, y in m) that it sees itself."""
-        found = [Position.of_contact(k, k * self._step, x, y) for x, y in contacts[:MAX_CONTACTS]]
-        return self.frame(k, pose), *(encode(contact, self._setup.key) for contact in found)
+        time_s = k * self._step if clock_s is None else clock_s
+        found = [Position.of_contact(k, time_s, x, y) for x, y in contacts[:MAX_CONTACTS]]
+        return self.frame(k, pose, time_s), *(encode(contact, self._setup.key) for contact in found)
 
     def step(
         self, k: int, pose: Pose, heard: Sequence[bytes], bumped: bool, contacts: Sequence[Place] = ()

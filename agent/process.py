@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run_mind(mind: Mind, robot: Robot, radio: Radio, show: Show) -> None:
     """Sense, tell, hear, decide, act, for as long as there is something to sense."""
     while (sensed := robot.sense()) is not None:
-        radio.send(mind.frames(sensed.k, sensed.pose, sensed.contacts))
+        radio.send(mind.frames(sensed.k, sensed.pose, sensed.contacts, sensed.clock_s))
         heard = radio.hear()
         if heard is None:
             continue

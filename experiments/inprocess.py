@@ -53,7 +53,8 @@ class InProcessFleet:
         """What every mind sends."""
         self._reports = reports
         return {
-            number: self._minds[number].frames(k, report.pose, report.contacts) for number, report in reports.items()
+            number: self._minds[number].frames(k, report.pose, report.contacts, report.clock_s)
+            for number, report in reports.items()
         }
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:

@@ -206,6 +206,8 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
         "frames": record.frames,
         "delivered": _grouped((*delivery, "") for delivery in record.deliveries),
         "dropped": _grouped(record.dropped),
+        "copies": _grouped(record.copies),
+        "delayed": _grouped(record.delayed),
         "mfow": record.mfow,
         "fog_mean": record.fog_mean,
         "seen": record.seen,
@@ -257,11 +259,18 @@ def _typed_tick(value: dict[str, Any]) -> TickRecord:
         robots=tuple(map(_typed_robot, value["robots"])),
         frames=tuple((source, frame) for source, frame in value["frames"]),
         deliveries=tuple((source, to, seq) for source, seq, _, tos in value["delivered"] for to in tos),
-        dropped=tuple((source, to, seq, cause) for source, seq, cause, tos in value["dropped"] for to in tos),
+        dropped=_links(value["dropped"]),
         mfow=value["mfow"],
         fog_mean=value["fog_mean"],
         seen=value["seen"],
+        copies=_links(value.get("copies", ())),
+        delayed=_links(value.get("delayed", ())),
     )
+
+
+def _links(groups: Iterable[tuple[int, int, str, list[int]]]) -> tuple[tuple[int, int, int, str], ...]:
+    """What `_grouped` drew together."""
+    return tuple((source, to, seq, why) for source, seq, why, tos in groups for to in tos)
 
 
 def _typed_robot(row: Sequence[Any]) -> RobotTick:

@@ -22,7 +22,7 @@ import msgpack
 from patrol.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 from patrol.pose import Command, Drive, Pose, Velocity
 
-PROTOCOL = 2
+PROTOCOL = 3
 FIRST_INCARNATION = 1
 ANYONE = 0
 """The instance in a message that is meant for whoever listens."""
@@ -65,11 +65,16 @@ class Hello(Head):
 
 @dataclass(frozen=True, slots=True)
 class PhaseA(Head):
-    """Where the robot is at tick k, whether its last move was cancelled, and which intruders (x, y in m) it sees."""
+    """What the robot senses at tick k.
+
+    pose: where it takes itself to be. bumped: its last move was cancelled. contacts: the intruders (x, y in m) that it
+    sees. clock_s: what its own clock shows, s.
+    """
 
     pose: Pose
     bumped: bool
     contacts: tuple[tuple[float, float], ...] = ()
+    clock_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +164,8 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
         case PhaseA():
             pose = message.pose
             seen = [float(value) for contact in message.contacts for value in contact]
-            kind, body = _PHASE_A, [float(pose.x), float(pose.y), float(pose.heading), bool(message.bumped), seen]
+            where = [float(pose.x), float(pose.y), float(pose.heading)]
+            kind, body = _PHASE_A, [*where, bool(message.bumped), seen, float(message.clock_s)]
         case ReplyA():
             kind, body = _PHASE_A, [list(message.frames)]
         case PhaseB():
@@ -219,7 +225,8 @@ def _phase_a(values: list[Any]) -> PhaseA:
     if type(flat) is not list or len(flat) % 2 or len(flat) > 2 * MAX_CONTACTS:
         raise Malformed(f"contacts are an array of at most {MAX_CONTACTS} pairs")
     seen = [_finite(value) for value in flat]
-    return PhaseA(*_head(values), pose, _flag(values[6]), tuple(zip(seen[::2], seen[1::2], strict=True)))
+    contacts = tuple(zip(seen[::2], seen[1::2], strict=True))
+    return PhaseA(*_head(values), pose, _flag(values[6]), contacts, _finite(values[8]))
 
 
 def _reply_a(values: list[Any]) -> ReplyA:
@@ -295,7 +302,7 @@ def _text(value: object, most: int) -> str:
 
 _TO_ROBOT: Mapping[int, tuple[int, Callable[[Any], ToRobot]]] = {
     _HELLO: (1, _hello),
-    _PHASE_A: (5, _phase_a),
+    _PHASE_A: (6, _phase_a),
     _PHASE_B: (1, _phase_b),
     _STOP: (2, _stop),
 }

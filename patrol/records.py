@@ -11,12 +11,22 @@ MAX_TICKS = 2**29 - 1
 """Ticks of the longest run: a frame's sequence keeps the three bits above for its place among its sender's frames."""
 
 
+FORGED = 0
+"""The source of forged frames in a journal, whoever they claim to be from."""
+
+
 def frame_sequence(k: int, place: int) -> int:
-    """The number that tells a frame of tick k from all others of its sender; 32 bits.
+    """The number that tells a frame of tick k from all others of its sender; 32 bits for those that robots send.
 
     place: 0 for the position, 1 and up for the contacts. So a robot that reports no contacts has its ticks as sequence.
+    Forged frames are counted through a tick, however many there are.
     """
     return k + (MAX_TICKS + 1) * place
+
+
+def sent_at(sequence: int) -> int:
+    """The tick in which a frame was sent, from its sequence."""
+    return sequence % (MAX_TICKS + 1)
 
 
 class Status(IntEnum):
@@ -59,9 +69,11 @@ class RobotTick:
 class TickRecord:
     """One tick of the world.
 
-    robots: in roster order. frames: (source, bytes) of what was sent, each source's position before its contacts.
-    deliveries: (source, destination, sequence) of the frames that arrived, with the sequence of `frame_sequence`.
-    dropped: the same and the cause. mfow, fog_mean: of the true fog after this tick's
+    robots: in roster order. frames: (source, bytes) of what was sent, each source's position before its contacts; the
+    source of forged ones is `FORGED`. deliveries: (source, destination, sequence) of the frames that arrived, with the
+    sequence of `frame_sequence`, once for each copy. dropped: the same and the cause, which for a fault is
+    ``kind:id``. copies: those that a fault added in this tick, and its id. delayed: frames of this tick that arrive in
+    a later one, once for each fault that holds them up, and its id. mfow, fog_mean: of the true fog after this tick's
     observations, in ticks. seen: patrolled points seen so far.
     """
 
@@ -73,6 +85,8 @@ class TickRecord:
     mfow: int
     fog_mean: float
     seen: int
+    copies: tuple[tuple[int, int, int, str], ...] = ()
+    delayed: tuple[tuple[int, int, int, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from patrol.records import TickRecord
 _COUNTED = struct.Struct("<qI")
 _ROBOT = struct.Struct("<HB5d")
 _LAST = struct.Struct("<Iq")
+_SHORT = 2**32 - 1
 
 
 class TraceHash:
@@ -19,8 +20,8 @@ class TraceHash:
 
     Each tick, little-endian: k (i64), number of robots (u32); per robot in roster order its number (u16), status (u8),
     x, y, heading and the command's two numbers (f64 each); the deliveries sorted, as source (u16), destination (u16)
-    and sequence (u32); how many there were (u32) and the true MFoW in ticks (i64). Diagnostics and wall times have no
-    part in it.
+    and sequence (u32, or u64 where 32 bits do not hold it); how many there were (u32) and the true MFoW in ticks (i64).
+    Diagnostics and wall times have no part in it.
     """
 
     def __init__(self) -> None:
@@ -33,8 +34,9 @@ class TraceHash:
             _ROBOT.pack(robot.number, robot.status, robot.x, robot.y, robot.heading, robot.c0, robot.c1)
             for robot in record.robots
         ]
-        deliveries = struct.Struct("<" + "HHI" * len(record.deliveries))
-        parts.append(deliveries.pack(*chain.from_iterable(sorted(record.deliveries))))
+        deliveries = sorted(record.deliveries)
+        shape = "".join("HHI" if sequence <= _SHORT else "HHQ" for _, _, sequence in deliveries)
+        parts.append(struct.Struct("<" + shape).pack(*chain.from_iterable(deliveries)))
         parts.append(_LAST.pack(len(record.deliveries), record.mfow))
         self._hash.update(b"".join(parts))
 

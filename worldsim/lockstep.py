@@ -98,7 +98,8 @@ class LockstepFleet:
 
 def tell(k: int, report: Report) -> Make:
     """Phase A for one robot."""
-    return lambda incarnation, instance: PhaseA(incarnation, instance, k, report.pose, report.bumped, report.contacts)
+    sensed = (report.pose, report.bumped, report.contacts, report.clock_s)
+    return lambda incarnation, instance: PhaseA(incarnation, instance, k, *sensed)
 
 
 def pass_on(k: int, frames: list[bytes]) -> Make:

@@ -23,11 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Phase A, to a robot: its own pose, whether its last move was cancelled, and the intruders (x, y in m) it sees."""
+    """Phase A, to a robot: what it senses.
+
+    pose: where it takes itself to be. bumped: its last move was cancelled. contacts: the intruders (x, y in m) that it
+    sees. clock_s: what its own clock shows, s.
+    """
 
     pose: Pose
     bumped: bool
     contacts: tuple[tuple[float, float], ...] = ()
+    clock_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +96,8 @@ class World:
         living = {number: self.bodies[number] for number in self.living}
         self.truth.observe(self.tick, ((number, body.pose) for number, body in living.items()))
         seen = {number: self._intruders.seen_by(number, self.tick, body.pose) for number, body in living.items()}
-        return {number: Report(body.pose, body.bumped, seen[number]) for number, body in living.items()}
+        clock_s = self.tick * self.step
+        return {number: Report(body.pose, body.bumped, seen[number], clock_s) for number, body in living.items()}
 
     def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> dict[int, list[bytes]]:
         """The ether carries the frames of the living; returns what each of them hears, by sender and sequence.

@@ -16,13 +16,15 @@ from patrol.pose import Pose
 class Sensed:
     """What a robot senses at the beginning of tick k.
 
-    pose: its own. bumped: its last move was cancelled. contacts: intruders in its view, x and y in m.
+    pose: its own. bumped: its last move was cancelled. contacts: intruders in its view, x and y in m. clock_s: what its
+    own clock shows, s.
     """
 
     k: int
     pose: Pose
     bumped: bool
     contacts: tuple[tuple[float, float], ...] = ()
+    clock_s: float = 0.0
 
 
 class Robot(Protocol):

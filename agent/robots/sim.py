@@ -109,7 +109,7 @@ class SimRobot:
             self._take(arrived[1])
         phase, self._next = self._next, None
         self._k = phase.k
-        return Sensed(phase.k, phase.pose, phase.bumped, phase.contacts)
+        return Sensed(phase.k, phase.pose, phase.bumped, phase.contacts, phase.clock_s)
 
     def send(self, frames: tuple[bytes, ...]) -> None:
         """Answer phase A with this robot's position frame and its contacts."""

@@ -38,7 +38,7 @@ pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
 
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads, ids),
-    st.builds(PhaseA, *heads, st.builds(Pose, finite, finite, finite), st.booleans(), pairs),
+    st.builds(PhaseA, *heads, st.builds(Pose, finite, finite, finite), st.booleans(), pairs, finite),
     st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple)),
     st.builds(Stop, *heads, st.booleans(), words),
 )
@@ -131,9 +131,11 @@ def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.D
         msgpack.packb([2, 1, 1, 0, ["text"]]),
         msgpack.packb([1, 1, 1, 0, [b"x"] * (MAX_FRAMES + 1)]),
         msgpack.packb([1, 1, 1, 0, b"frame"]),
-        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0]]),
-        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0, math.nan]]),
-        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1)]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0], 0.0]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0, math.nan], 0.0]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [], math.inf]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, []]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1), 0.0]),
         msgpack.packb([3, 1, 1, 0, True, "\x1b[2J"]),
     ],
 )

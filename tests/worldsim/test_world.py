@@ -34,7 +34,7 @@ def test_a_tick_goes_from_poses_to_poses(lab: Lab) -> None:
     record = world.end_tick({1: reply(2.0, 0.0), 2: reply(0.0, 0.0)})
     assert (record.k, record.robots[0].x, record.robots[0].c0) == (0, 2.0, 2.0)
     assert (record.frames, record.deliveries, record.dropped) == (((1, b"one"),), ((1, 2, 0),), ())
-    assert world.begin_tick()[1] == Report(Pose(3.0, 2.0, 0.0), False)
+    assert world.begin_tick()[1] == Report(Pose(3.0, 2.0, 0.0), False, clock_s=0.5)
 
 
 def test_robots_are_told_that_they_bumped(lab: Lab) -> None:
@@ -42,9 +42,10 @@ def test_robots_are_told_that_they_bumped(lab: Lab) -> None:
     world.begin_tick()
     record = world.end_tick({1: reply(2.0, 0.0), 2: reply(0.0, 0.0)})
     assert [row.bumped for row in record.robots] == [True, False]
-    assert world.begin_tick() == {1: Report(Pose(2.0, 2.0, 0.0), True), 2: Report(Pose(3.0, 2.0, 0.0), False)}
+    told = Report(Pose(2.0, 2.0, 0.0), True, clock_s=0.5), Report(Pose(3.0, 2.0, 0.0), False, clock_s=0.5)
+    assert world.begin_tick() == dict(enumerate(told, start=1))
     world.end_tick({1: reply(-2.0, 0.0), 2: reply(0.0, 0.0)})
-    assert world.begin_tick()[1] == Report(Pose(1.0, 2.0, math.pi), False)
+    assert world.begin_tick()[1] == Report(Pose(1.0, 2.0, math.pi), False, clock_s=1.0)
 
 
 def test_the_fog_is_seen_from_the_pose_as_sent(lab: Lab) -> None:
