@@ -72,6 +72,7 @@ def write(path: Path, *records: Record) -> Path:
 
 numbers = st.floats(allow_nan=False)
 links = st.tuples(st.integers(1, 3), st.integers(1, 3), st.integers(0, 2))
+fates = st.lists(st.tuples(*[st.integers(1, 3)] * 3, st.sampled_from(["dead", "range:f1"])), max_size=8).map(tuple)
 robot_ticks = st.builds(
     RobotTick,
     number=st.integers(1, 65535),
@@ -93,10 +94,12 @@ tick_records = st.builds(
     robots=st.lists(robot_ticks, max_size=3).map(tuple),
     frames=st.lists(st.tuples(st.integers(1, 65535), st.binary(max_size=64)), max_size=3).map(tuple),
     deliveries=st.lists(links, max_size=8).map(tuple),
-    dropped=st.lists(st.tuples(*[st.integers(1, 3)] * 3, st.sampled_from(["dead", "range"])), max_size=8).map(tuple),
+    dropped=fates,
     mfow=st.integers(0, 2**31),
     fog_mean=numbers,
     seen=st.integers(0, 2**40),
+    copies=fates,
+    delayed=fates,
 )
 
 

@@ -53,6 +53,8 @@ def test_diagnostics_and_the_order_of_delivery_do_not_matter(other: TickRecord) 
         replace(TICK, robots=(CAR,)),
         replace(TICK, deliveries=TICK.deliveries[:1]),
         replace(TICK, deliveries=((1, 2, 3), (2, 1, 4))),
+        replace(TICK, deliveries=((1, 2, 3), (2, 1, 3 + 2**32))),
+        replace(TICK, deliveries=((1, 2, 3), (1, 2, 3), (2, 1, 3))),
         replace(TICK, robots=(replace(CAR, x=0.125), GONE)),
         replace(TICK, robots=(replace(CAR, heading=0.125), GONE)),
         replace(TICK, robots=(replace(CAR, c0=0.125), GONE)),
