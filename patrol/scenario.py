@@ -12,6 +12,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from patrol.scenario_model import (
     TerrainSpec,
 )
 from patrol.scenario_values import BUILTINS, MAX_ROBOTS
-from patrol.scenario_yaml import dump_section, parse_yaml, read_text
+from patrol.scenario_yaml import dump_section, line_of, parse_yaml, read_text
 
 __all__ = [
     "BUILTINS",
@@ -76,10 +77,10 @@ def load_scenario(
     field, the value and the remedy.
     """
     if isinstance(source, Mapping):
-        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None)
+        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None, None)
     path = Path(source)
-    raw = _read_mapping(path)
-    return _resolve(raw, overrides or {}, str(path), path.parent, path.stem)
+    raw, text = _read_mapping(path)
+    return _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
 
 
 def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
@@ -91,7 +92,7 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
         raise BadInput(f"{what}: is an image; give the map's YAML file, which names the image and its resolution")
     if not path.exists():
         raise BadInput(f"{what}: no such scenario or map file, and no built-in terrain; {did_you_mean(what, BUILTINS)}")
-    raw = _read_mapping(path)
+    raw, _ = _read_mapping(path)
     if "image" in raw and "terrain" not in raw:
         return load_scenario({"terrain": {"map": str(path)}}, overrides)
     return load_scenario(path, overrides)
@@ -160,23 +161,29 @@ def map_digest(path: Path) -> str:
     )
 
 
-def _resolve(raw: dict[str, Any], overrides: Overrides, source: str, base: Path, name: str | None) -> Scenario:
+def _resolve(
+    raw: dict[str, Any], overrides: Overrides, source: str, base: Path, name: str | None, text: str | None
+) -> Scenario:
+    """text: of the file that the mapping was read from, or None."""
     for field, value in overrides.items():
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))
     try:
         return Scenario.model_validate(raw, context={"base": base})
     except ValidationError as error:
-        raise BadInput(one_line(error, source, tuple(overrides))) from None
+        places = (lambda _: None) if text is None else partial(line_of, text)
+        raise BadInput(one_line(error, source, tuple(overrides), places)) from None
 
 
-def _read_mapping(path: Path) -> dict[str, Any]:
-    raw = parse_yaml(read_text(path), str(path))
+def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
+    """What a file says, and its text."""
+    text = read_text(path)
+    raw = parse_yaml(text, str(path))
     if raw is None:
         raise BadInput(f"{path}: is empty; give at least 'terrain: {{builtin: yards}}'")
     if not isinstance(raw, dict):
         raise BadInput(f"{path}: holds {show(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
-    return raw
+    return raw, text
 
 
 def _default_name(raw: Mapping[str, Any], stem: str | None) -> str:

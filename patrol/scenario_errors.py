@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -44,13 +44,17 @@ _UNKNOWN = ("extra_forbidden", "invalid_key")
 _LONGEST = 60
 
 
-def one_line(error: ValidationError, source: str, overridden: Collection[str]) -> str:
-    """The first problem as ``source: field = value: problem``, unknown keys first, and how many more there are.
+LineOf = Callable[[Sequence[int | str]], int | None]
+"""Path of keys and indices -> the line of the source where it stands, None when it does not."""
+
+
+def one_line(error: ValidationError, source: str, overridden: Collection[str], line_of: LineOf) -> str:
+    """The first problem as ``source: line 3: field = value: problem``, unknown keys first, and how many more there are.
 
     overridden: dotted fields that were given as overrides and not by the source.
     """
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] not in _UNKNOWN)
-    line = _describe(problems[0], source, overridden)
+    line = _describe(problems[0], source, overridden, line_of)
     more = len(problems) - 1
     return f"{line} (and {more} more {'problem' if more == 1 else 'problems'})" if more else line
 
@@ -70,13 +74,17 @@ def show(value: Any) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def _describe(problem: ErrorDetails, source: str, overridden: Collection[str]) -> str:
+def _describe(problem: ErrorDetails, source: str, overridden: Collection[str], line_of: LineOf) -> str:
     context = problem.get("ctx", {})
     location = [part for part in problem["loc"] if not str(part).startswith("=")]
     if problem["type"] == "crossed" and context["field"]:
-        location += context["field"].split(".")
+        location += [int(part) if part.isdecimal() else part for part in context["field"].split(".")]
     field = ".".join(str(part) for part in location)
-    where = f"override {field}" if _is_overridden(field, overridden) else f"{source}: {field}"
+    if _is_overridden(field, overridden):
+        where = f"override {field}"
+    else:
+        line = line_of(location)
+        where = f"{source}: {field}" if line is None else f"{source}: line {line}: {field}"
     section, note = _known_at(problem["loc"])
     match problem["type"]:
         case "extra_forbidden" | "invalid_key":

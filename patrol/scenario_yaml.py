@@ -7,7 +7,7 @@ boolean. A key that occurs twice in one mapping is an error.
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +106,27 @@ def parse_yaml(text: str, source: str) -> Any:
         raise BadInput(f"{source}: {error}; mend the YAML") from None
     except RecursionError:
         raise BadInput(f"{source}: nested too deeply; a scenario needs few levels") from None
+
+
+def line_of(text: str, location: Sequence[int | str]) -> int | None:
+    """The line (from 1) where a YAML text, that can be parsed, has the entry at a path of keys and indices.
+
+    Of what is not there, the line of the innermost thing around it that is; None when not even the first key is there.
+    """
+    node = yaml.compose(text, Loader=_Loader)
+    line = None
+    for part in location:
+        if isinstance(node, yaml.MappingNode):
+            found = next(((key, value) for key, value in node.value if key.value == str(part)), None)
+        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
+            found = (node.value[part], node.value[part])
+        else:
+            found = None
+        if found is None:
+            break
+        line = found[0].start_mark.line + 1
+        node = found[1]
+    return line
 
 
 def dump_section(section: Section, indent: int = 0) -> str:

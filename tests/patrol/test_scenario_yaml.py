@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from patrol.errors import BadInput
 from patrol.scenario import load_scenario
-from patrol.scenario_yaml import parse_yaml
+from patrol.scenario_yaml import line_of, parse_yaml
 
 
 def problem(text: str) -> str:
@@ -109,3 +109,23 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(BadInput, match=expected):
             load_scenario(path)
+
+
+@pytest.mark.parametrize(
+    ("location", "line"),
+    [
+        (("a",), 1),
+        (("b",), 2),
+        (("b", 0), 3),
+        (("b", 1, "c"), 4),
+        (("b", 1, "d", "e"), 6),
+        (("b", 1, "x"), 4),
+        (("b", 2), 2),
+        (("b", "x"), 2),
+        (("7",), 7),
+        (("x",), None),
+        ((), None),
+    ],
+)
+def test_the_line_of_an_entry_is_found(location: tuple[str | int, ...], line: int | None) -> None:
+    assert line_of("a: 1\nb:\n- 1\n- c: 1\n\n  d: {e: 1}\n7: 1\n", location) == line
