@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from agent.refine import psi_field
 from patrol.footprint import sensor_footprint
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
 from patrol.keyfile import fleet_key
+from patrol.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
 from worldsim.loop import run_ticks
 from worldsim.record import INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
@@ -38,14 +39,17 @@ class Outcome:
 
 
 class InProcessFleet:
-    """The minds of a fleet, called directly; a `worldsim.loop.Fleet`.
+    """The minds of a fleet, called directly; a `worldsim.loop.Fleet`, and the `worldsim.hands.Hands` over them.
 
-    threads: how many step at once. Their answers are put in roster order, so the trace does not depend on it; minds
-    that share scratch memory allow one only.
+    make: a new mind by robot number and incarnation. threads: how many step at once. Their answers are put in roster
+    order, so the trace does not depend on it; minds that share scratch memory allow one only.
     """
 
-    def __init__(self, minds: Mapping[int, Mind], threads: int = 1) -> None:
-        self._minds = minds
+    def __init__(
+        self, minds: Mapping[int, Mind], make: Callable[[int, int], Mind] | None = None, threads: int = 1
+    ) -> None:
+        self._minds = dict(minds)
+        self._make = make
         self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
         self._reports: Mapping[int, Report] = {}
 
@@ -69,6 +73,33 @@ class InProcessFleet:
         """Nobody: a mind that fails in this process fails the run."""
         return ()
 
+    def kill(self, number: int) -> None:
+        """Drop a mind, with all that it knew."""
+        self._minds.pop(number, None)
+
+    def leave(self, number: int) -> None:
+        """Drop a mind; it has nothing to put in order."""
+        self._minds.pop(number, None)
+
+    def pause(self, number: int) -> None:
+        """Nothing: a mind that is not called stands still."""
+
+    def resume(self, number: int) -> None:
+        """Nothing: it is called again."""
+
+    def start(self, number: int, incarnation: int) -> None:
+        """Make a new mind."""
+        if self._make is None:
+            raise ValueError("this fleet cannot make minds")
+        self._minds[number] = self._make(number, incarnation)
+
+    def arrived(self, number: int) -> bool:
+        """At once."""
+        return number in self._minds
+
+    def release(self, paused: Iterable[int]) -> None:
+        """Nothing: nobody is held."""
+
     def finish(self, k: int) -> None:
         """Let the threads go."""
         del k
@@ -83,29 +114,40 @@ class InProcessFleet:
         return Reply(decision.command, decision.state, decision.refined, spent_ms, decision.rejected)
 
 
-def make_minds(prepared: Prepared, footprint: Footprint | None = None, threads: int = 1) -> dict[int, Mind]:
-    """The minds of a scenario's roster, sharing what they only read, and their scratch memory if they take turns."""
+def mind_maker(prepared: Prepared, footprint: Footprint | None = None, threads: int = 1) -> Callable[[int, int], Mind]:
+    """Makes minds of a scenario by robot number and incarnation.
+
+    They share what they only read, and their scratch memory if they take turns.
+    """
     scenario = prepared.scenario
     refined = scenario.patrol.avoidance == "goal-refinement"
     psi = psi_field(prepared.terrain, scenario.patrol.refine_reach) if refined else None
     key = fleet_key(scenario)
     shared: dict[str, Window] = {}
-    return {
-        spec.number: Mind(
+
+    def make(number: int, incarnation: int) -> Mind:
+        return Mind(
             MindSetup(
                 scenario,
-                spec.number,
+                number,
                 prepared.terrain,
-                prepared.fields[spec.number],
+                prepared.fields[number],
                 psi,
+                incarnation=incarnation,
                 key=key,
                 footprint=footprint,
                 scratch=shared if threads == 1 else {},
-                regions=prepared.regions_of(spec.number),
+                regions=prepared.regions_of(number),
             )
         )
-        for spec in scenario.roster
-    }
+
+    return make
+
+
+def make_minds(prepared: Prepared, footprint: Footprint | None = None, threads: int = 1) -> dict[int, Mind]:
+    """The first minds of a scenario's whole roster; see `mind_maker`."""
+    make = mind_maker(prepared, footprint, threads)
+    return {spec.number: make(spec.number, FIRST_INCARNATION) for spec in prepared.scenario.roster}
 
 
 def run_in_process(
@@ -132,7 +174,9 @@ def run_in_process(
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     footprint = sensor_footprint(prepared.scenario, prepared.terrain)
     world = World(prepared, footprint=footprint)
-    fleet = InProcessFleet(make_minds(prepared, footprint, threads), threads)
+    make = mind_maker(prepared, footprint, threads)
+    minds = {number: make(number, FIRST_INCARNATION) for number in world.living}
+    fleet = InProcessFleet(minds, make, threads)
     header = header_of(world, started)
     watchers = () if progress is None else (progress,)
     begun = time.perf_counter()
@@ -177,7 +221,7 @@ def _run(
             events(event)
 
     try:
-        reason = run_ticks(world, fleet, on_tick, on_event, stop)
+        reason = run_ticks(world, fleet, on_tick, on_event, stop, fleet)
     except BaseException as error:
         asked = isinstance(error, KeyboardInterrupt)
         with suppress(OSError):  # it may be the journal's disk that is full

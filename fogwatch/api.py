@@ -169,12 +169,14 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
 def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
     from fogwatch.launcher import WORLD, Failed, Launch
     from patrol.prepare import prepare
+    from worldsim.timeline import Timeline
 
     names = [spec.name for spec in scenario.roster]
     _check_memory(len(names))
     prepared = prepare(scenario) if len(names) > EAGER else None
     fleet = f"{scenario.name}-{os.urandom(4).hex()}"
-    launch = Launch(folder, fleet, names, wishes.show, wishes.stop, wishes.port, wishes.urgent)
+    absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
+    launch = Launch(folder, fleet, names, wishes.show, wishes.stop, wishes.port, wishes.urgent, absent)
     try:
         launch.start()
         prepared = prepared or prepare(scenario)

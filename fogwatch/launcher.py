@@ -13,10 +13,12 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from fogwatch.hands import HandsServer
 from fogwatch.live import Show
 from fogwatch.router import READY
 from fogwatch.runfolder import RunFolder
@@ -24,6 +26,8 @@ from patrol.errors import BadInput
 from patrol.eyes import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
 from patrol.keys import fleet_keys
 from patrol.link import Link, LinkDown, Mailbox, open_link
+from patrol.phases import FIRST_INCARNATION
+from worldsim.hands import process_name
 
 ROUTER, WORLD = "the router", "the world"
 """Names that no robot can have."""
@@ -45,12 +49,17 @@ class Failed(Exception):
 
 @dataclass(slots=True)
 class Child:
-    """A process of ours. code: its exit code, negative for the signal that killed it, None while it lives."""
+    """A process of ours. code: its exit code, negative for the signal that killed it, None while it lives.
+
+    incarnation: how often its robot was started. planned: whether the run's faults have killed it.
+    """
 
     name: str
     process: subprocess.Popen[bytes]
     log: Path
     code: int | None = None
+    incarnation: int = FIRST_INCARNATION
+    planned: bool = False
 
     def poll(self) -> int | None:
         """Its exit code, when it has ended."""
@@ -71,7 +80,7 @@ class Launch:
     """One run as processes.
 
     fleet: a name that no other run has, so that two on one router never meet. stop: asked all the time; urgent: whether
-    to end by force at once.
+    to end by force at once. absent: robots that are not started with the others.
     """
 
     folder: RunFolder
@@ -81,8 +90,11 @@ class Launch:
     stop: Callable[[], bool]
     port: int | None = None
     urgent: Callable[[], bool] = lambda: False
+    absent: Collection[str] = ()
     children: dict[str, Child] = field(default_factory=dict)
     interrupted: bool = False
+    _former: list[Child] = field(default_factory=list)
+    _hands: HandsServer | None = None
     _pipe: tuple[int, int] = (-1, -1)
     _endpoint: str = ""
     _routers: int = 0
@@ -93,11 +105,14 @@ class Launch:
         self._pipe = os.pipe()
         self.folder.logs.mkdir(exist_ok=True)
         self._start_router()
-        common = ["--router", self._endpoint, "--fleet", self.fleet, "--scenario", str(self.folder.scenario)]
-        common += ["--static", str(self.folder.static)]
-        self._spawn(WORLD, "worldsim", [*common, "--out", str(self.folder.path)])
+        ours, theirs = socket.socketpair()
+        with theirs:
+            hands = ["--hands", str(theirs.fileno())]
+            self._spawn(WORLD, "worldsim", [*self._common(), "--out", str(self.folder.path), *hands], theirs.fileno())
+        self._hands = HandsServer(ours, self)
         for name in self.robots:
-            self._spawn(name, "agent", [*common, "--robot", name])
+            if name not in self.absent:
+                self._spawn_agent(name, FIRST_INCARNATION)
 
     def watch(self) -> None:
         """Show how the run goes until the world has ended, or somebody wants it to."""
@@ -111,9 +126,12 @@ class Launch:
             link.close()
 
     def finish(self) -> Mapping[str, int | None]:
-        """End whatever is left, in order; the exit codes by name."""
+        """End whatever is left, in order; the exit codes by name (`worldsim.hands.process_name`)."""
         if self.interrupted:
             self._signal([WORLD], signal.SIGTERM)
+        if self._hands is not None:
+            self._hands.close()
+        self._signal(self.robots, signal.SIGCONT)  # one that is paused could not leave
         world = self.children.get(WORLD)
         if world is not None and self.folder.journal.exists() and (self.interrupted or world.poll() == 0):
             self._wait([WORLD, *self.robots], GOODBYE_S)
@@ -124,13 +142,52 @@ class Launch:
             if end >= 0:
                 os.close(end)
         self._pipe = (-1, -1)
-        return {name: child.code for name, child in self.children.items()}
+        all_there_were = [*self.children.values(), *self._former]
+        return {process_name(child.name, child.incarnation): child.code for child in all_there_were}
 
     def obituary(self, name: str) -> str:
         """How a process ended and the end of its log."""
         child = self.children[name]
         words = child.last_words()
         return f"{name} {_how(child.code)}" + (f"; the end of its log ({child.log}):\n{words}" if words else "")
+
+    # --- hands: what the world asks for, called on their own thread --------------------------------------------------
+
+    def kill(self, robot: int) -> None:
+        """SIGKILL to a robot's process, and waited for; one that is gone already stays as it is."""
+        child = self._child(robot)
+        child.planned = True
+        child.process.kill()
+        child.process.wait()
+        child.poll()
+
+    def pause(self, robot: int) -> None:
+        """SIGSTOP to a robot's process; it stands still when this returns."""
+        process = self._child(robot).process
+        process.send_signal(signal.SIGSTOP)
+        with suppress(ChildProcessError):  # it has ended by itself
+            os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+
+    def resume(self, robot: int) -> None:
+        """SIGCONT to a robot's process."""
+        self._child(robot).process.send_signal(signal.SIGCONT)
+
+    def see_off(self, robot: int) -> None:
+        """Wait for a robot's process, which has been told to go; one that does not go in time is ended."""
+        name = self.robots[robot - 1]
+        self._wait([name], GOODBYE_S)
+        self._end([name])
+
+    def start_anew(self, robot: int, incarnation: int) -> None:
+        """A new process for a robot whose last one is gone, or that had none."""
+        name = self.robots[robot - 1]
+        if (last := self.children.get(name)) is not None:
+            self._former.append(last)
+        self._reported.discard(name)
+        self._spawn_agent(name, incarnation)
+
+    def _child(self, robot: int) -> Child:
+        return self.children[self.robots[robot - 1]]
 
     # --- starting ----------------------------------------------------------------------------------------------------
 
@@ -156,7 +213,16 @@ class Launch:
             time.sleep(0.01)
         return False
 
-    def _spawn(self, name: str, module: str, arguments: Sequence[str]) -> Child:
+    def _common(self) -> list[str]:
+        """What world and agents are all given."""
+        common = ["--router", self._endpoint, "--fleet", self.fleet, "--scenario", str(self.folder.scenario)]
+        return [*common, "--static", str(self.folder.static)]
+
+    def _spawn_agent(self, name: str, incarnation: int) -> None:
+        agent = [*self._common(), "--robot", name, "--incarnation", str(incarnation)]
+        self._spawn(name, "agent", agent).incarnation = incarnation
+
+    def _spawn(self, name: str, module: str, arguments: Sequence[str], *descriptors: int) -> Child:
         log = self.folder.log(f"robot-{name}" if name in self.robots else name.removeprefix("the "))
         command = [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._pipe[0])]
         with log.open("ab") as output:
@@ -165,7 +231,7 @@ class Launch:
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                pass_fds=[self._pipe[0]],
+                pass_fds=[self._pipe[0], *descriptors],
                 start_new_session=True,
             )
         child = Child(name, process, log)
@@ -201,8 +267,8 @@ class Launch:
             self.show.say(f"{ROUTER} {_how(router.code)}; starting it again")
             self._spawn(ROUTER, "fogwatch.router", ["--listen", self._endpoint])
         for name in self.robots:
-            child = self.children[name]
-            if name in self._reported or not child.poll():
+            child = self.children.get(name)
+            if child is None or child.planned or name in self._reported or not child.poll():
                 continue
             self._reported.add(name)
             if not self.folder.journal.exists():

@@ -77,12 +77,12 @@ class LockstepFleet:
             before = now
             waiting = [number for number in sent if number not in answers]
             for number in seats.gone(waiting):
-                self._lose(number, k, f"its process was gone in phase {phase} of tick {k}")
+                self._lose(number, f"its process was gone in phase {phase} of tick {k}")
                 del sent[number]
             if waited_s >= deadline_s:
                 for number in waiting:
                     if number in sent:
-                        self._lose(number, k, f"no answer in phase {phase} of tick {k} for {deadline_s:g} s")
+                        self._lose(number, f"no answer in phase {phase} of tick {k} for {deadline_s:g} s")
                         del sent[number]
             elif now >= resend:
                 resend = now + RESEND_S
@@ -91,9 +91,9 @@ class LockstepFleet:
                         seats.repeat(number, sent[number])
         return {number: answers[number] for number in messages if number in answers}
 
-    def _lose(self, number: int, k: int, reason: str) -> None:
+    def _lose(self, number: int, reason: str) -> None:
         self._lost.append((number, Status.LOST, reason))
-        self._seats.dismiss(number, k, f"left out: {reason}", orderly=False)
+        self._seats.dismiss(number, f"left out: {reason}", orderly=False)
 
 
 def tell(k: int, report: Report) -> Make:

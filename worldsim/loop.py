@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from patrol.journal import Event, Status, TickRecord
+from worldsim.acts import Acts
 from worldsim.record import COMPLETED, DESERTED, INTERRUPTED
 
 if TYPE_CHECKING:
+    from worldsim.hands import Hands
     from worldsim.world import Reply, Report, World
 
 
@@ -44,20 +46,27 @@ def run_ticks(
     sink: Callable[[TickRecord], None],
     events: Callable[[Event], None],
     stop: Callable[[], bool] = lambda: False,
+    hands: Hands | None = None,
 ) -> str:
     """Run the ticks that are left, waiting for every living robot in each phase; why they ended (`worldsim.record`).
 
-    sink: takes each tick's record. events: takes what happens between ticks. stop: asked between ticks.
+    sink: takes each tick's record. events: takes what happens between ticks. stop: asked between ticks. hands: those
+    that do to robots' minds what the scenario's faults ask for, where any do.
     """
+    acts = Acts(world, hands)
     try:
         while world.tick < world.ticks:
             if stop():
                 return INTERRUPTED
-            if not world.living:
+            for event in acts.due():
+                events(event)
+            if acts.deserted:
                 return DESERTED
             _run_tick(world, fleet, sink, events)
         return COMPLETED
     finally:
+        if hands is not None:
+            hands.release([number for number, body in world.bodies.items() if body.status is Status.PAUSED])
         fleet.finish(world.tick)
 
 
@@ -73,4 +82,4 @@ def _run_tick(world: World, fleet: Fleet, sink: Callable[[TickRecord], None], ev
             phase = "A" if number not in frames else "B"
             gone.setdefault(number, (Status.LOST, f"no answer in phase {phase} of tick {k}"))
     for number, (status, reason) in sorted(gone.items()):
-        events(world.lose(number, status, reason))
+        events(world.stand_down(number, status, reason))

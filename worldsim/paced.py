@@ -71,7 +71,7 @@ class PacedFleet:
         """Whose process is gone. One that is only slow or paused is not lost: its watchdog has stopped it."""
         gone = self._seats.gone(self._living)
         for number in gone:
-            self._seats.dismiss(number, self._k, "left out: its process was gone", orderly=False)
+            self._seats.dismiss(number, "left out: its process was gone", orderly=False)
         return [(number, Status.LOST, "its process was gone") for number in gone]
 
     def finish(self, k: int) -> None:

@@ -7,10 +7,11 @@ import json
 import math
 import os
 import shutil
+import socket
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,6 +45,8 @@ summary.json. Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown, 13
 """
 
 UNKNOWN = 3
+HANDS_GONE_S = 2.0
+"""How long after the launcher has stopped answering the reason for it may take to come."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -69,6 +72,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     router = check_locator(options.router, "--router")
     keys = fleet_keys(options.fleet)
     scenario = load_scenario(options.scenario)
+    _check_hands(scenario, options.hands)
     _check_folder(options.out)
     warm(("patrol", "worldsim"), _say)
 
@@ -116,6 +120,7 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
     from patrol.phases import MAX_REPLY, ToWorld, decode_to_world
     from patrol.scenario import scenario_hash
     from worldsim.seats import Seats, Wire
+    from worldsim.timeline import Timeline
 
     names = {spec.number: spec.name for spec in scenario.roster}
     accepted = [keys.alive(WORLD), *(key for name in names.values() for key in (keys.reply(name), keys.alive(name)))]
@@ -127,7 +132,8 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
     lockstep = scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
     posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
     wire = Wire(keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(ending))
-    seats = Seats(wire, int.from_bytes(os.urandom(8), "big") >> 1 | 1, scenario_hash(scenario))
+    run = int.from_bytes(os.urandom(8), "big") >> 1 | 1
+    seats = Seats(wire, run, scenario_hash(scenario), Timeline(scenario).starts_absent)
     link.subscribe(keys.reply("*"), mailbox)
     link.watch(keys.alive("*"), mailbox)
     link.live(keys.alive(WORLD))
@@ -140,6 +146,7 @@ def _record(
 ) -> float:
     """Run the ticks and write down what happens; the wall time that they took (s)."""
     from patrol.journal import JournalWriter
+    from worldsim.hands import SeatedHands
     from worldsim.lockstep import LockstepFleet
     from worldsim.loop import run_ticks
     from worldsim.paced import PacedFleet
@@ -155,6 +162,9 @@ def _record(
         fleet = LockstepFleet(seats, options.deadline)
     else:
         fleet = PacedFleet(seats, scenario.step / scenario.factor)
+    hands = None
+    if options.hands is not None:
+        hands = SeatedHands(_asking(options.hands, ending), seats, waits=scenario.factor is None)
     header = header_of(world, datetime.now(UTC).isoformat(timespec="seconds"))
     with (
         JournalWriter(options.out / "journal", header) as journal,
@@ -165,7 +175,7 @@ def _record(
         reason = INTERRUPTED
         began = time.monotonic()
         try:
-            reason = run_ticks(world, fleet, on_tick, on_event, lambda: bool(ending))
+            reason = run_ticks(world, fleet, on_tick, on_event, lambda: bool(ending), hands)
         except Interrupted:
             pass
         except BaseException as error:
@@ -175,6 +185,37 @@ def _record(
             wall_s = time.monotonic() - began
             recorder.end(reason, {"wall_s": wall_s, "refused": dict(seats.refused), **fleet.notes()})
     return wall_s
+
+
+def _asking(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
+    """Asks the launcher, one line for each request and answer, over the socket that it has handed down."""
+    from worldsim.hands import Handless
+    from worldsim.seats import Interrupted
+
+    end = socket.socket(fileno=descriptor)
+    lines = end.makefile("rb")
+
+    def ask(line: bytes) -> bytes:
+        answer = b""
+        with suppress(OSError):
+            end.sendall(line)
+            answer = lines.readline()
+        if not answer.endswith(b"\n"):
+            if ending.wait(HANDS_GONE_S):  # the launcher is leaving, or has died
+                raise Interrupted
+            raise Handless("the launcher does not answer")
+        return answer
+
+    return ask
+
+
+def _check_hands(scenario: Scenario, descriptor: int | None) -> None:
+    """Whoever started the robots is there to kill, pause and start them where the scenario wants that."""
+    from worldsim.acts import HANDS_NEEDED
+    from worldsim.timeline import Timeline
+
+    if descriptor is None and Timeline(scenario).needs_hands:
+        raise BadInput(HANDS_NEEDED)
 
 
 def _sinks(
@@ -199,7 +240,7 @@ def _sinks(
         recorder.event(event)
         notice = watcher.notice(event)
         to_events(show(notice))
-        _say(f"tick {event.k}: {notice.robot} {event.kind}: {event.detail}")
+        _say(" ".join(part for part in (f"tick {event.k}:", notice.robot, f"{event.kind}:", event.detail) if part))
 
     return on_tick, on_event
 
@@ -255,4 +296,5 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--wait", type=float, default=60.0, metavar="S", help="how long to wait for router and robots (%(default)g s)")
     add("--deadline", type=float, default=10.0, metavar="S", help="lockstep: wall time for an answer (%(default)g s)")
     add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
+    add("--hands", type=int, metavar="FD", help="socket to ask for kills, pauses and starts (set by the launcher)")
     return parser.parse_args(arguments)

@@ -11,7 +11,7 @@ Pure but for the mailbox: time is what `now` says.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -70,15 +70,19 @@ class _Seat:
 
 
 class Seats:
-    """Who speaks for which robot. run: a random number of this world. scenario: its hash."""
+    """Who speaks for which robot.
 
-    def __init__(self, wire: Wire, run: int, scenario: str) -> None:
+    run: a random number of this world. scenario: its hash. absent: robots that nobody is awaited for yet.
+    """
+
+    def __init__(self, wire: Wire, run: int, scenario: str, absent: Collection[int] = ()) -> None:
         self._wire = wire
         self._run = run
         self._scenario = scenario
         self._number_of = {wire.keys.reply(name): number for number, name in wire.names.items()}
         self._number_of |= {wire.keys.alive(name): number for number, name in wire.names.items()}
         self._seats: dict[int, _Seat] = {}
+        self._awaited: dict[int, int | None] = {number: None for number in wire.names if number not in absent}
         self._present: set[int] = set()
         self._absent_since: dict[int, float] = {}
         self._dismissed: dict[int, str] = {}
@@ -103,7 +107,7 @@ class Seats:
         """
         began = told = self.now
         greeted = -HELLO_S
-        while missing := [number for number in self._wire.names if number not in self._seats]:
+        while missing := [number for number in self._awaited if number not in self._seats]:
             now = self.now
             if now >= greeted + HELLO_S:
                 greeted = now
@@ -120,7 +124,9 @@ class Seats:
     def send(self, number: int, make: Callable[[int, int], ToRobot]) -> bytes:
         """Send a robot what `make` builds from its incarnation and instance; returns the bytes, for `repeat`."""
         seat = self._seats[number]
-        payload = encode(make(seat.incarnation, seat.instance))
+        message = make(seat.incarnation, seat.instance)
+        self._k = max(self._k, message.k)
+        payload = encode(message)
         self._wire.posts[number](payload)
         return payload
 
@@ -164,15 +170,43 @@ class Seats:
             return []
         return [number for number in absent if now >= self._absent_since[number] + GRACE_S]
 
-    def dismiss(self, number: int, k: int, reason: str, *, orderly: bool) -> None:
+    def dismiss(self, number: int, reason: str, *, orderly: bool) -> None:
         """Tell a robot to leave; one that asks later is told again."""
         self._dismissed[number] = reason
-        self._k = k
         if number in self._seats:
-            self.send(number, lambda incarnation, instance: Stop(incarnation, instance, k, orderly, reason))
+            self.send(number, lambda incarnation, instance: Stop(incarnation, instance, self._k, orderly, reason))
+
+    def vacate(self, number: int) -> None:
+        """A robot's process is gone for good, and nobody is awaited in its place."""
+        self._seats.pop(number, None)
+        self._awaited.pop(number, None)
+        self._dismissed.pop(number, None)
+
+    def expect(self, number: int, incarnation: int) -> None:
+        """Await a robot's new process, of that incarnation and no other."""
+        self.vacate(number)
+        self._awaited[number] = incarnation
+        self._absent_since.pop(number, None)
+
+    def seated(self, number: int) -> bool:
+        """Whether somebody speaks for the robot."""
+        return number in self._seats
+
+    def welcome(self, number: int) -> None:
+        """Wait up to `HELLO_S` for somebody to come for the robot, having greeted whoever is there."""
+        self._greet(number)
+        until = self.now + HELLO_S
+        while not self.seated(number) and self.now < until:
+            self.take(POLL_S)
+
+    def bear_with(self, number: int) -> None:
+        """A robot's process was stopped, by intent, and may need time until its token shows again."""
+        if number in self._absent_since:
+            self._absent_since[number] = self.now + RECOVERY_S
 
     def close(self, k: int, reason: str) -> None:
         """Send everybody home and wait, not for long, until they are gone."""
+        self._k = k
         staying = [number for number in self._seats if number not in self._dismissed]
         until = self.now + (DISMISSAL_S / 4 if self._wire.ending() else DISMISSAL_S)
         told = -HELLO_S
@@ -180,7 +214,7 @@ class Seats:
             if self.now >= told + HELLO_S / 2:
                 told = self.now
                 for number in left:
-                    self.dismiss(number, k, reason, orderly=True)
+                    self.dismiss(number, reason, orderly=True)
             arrived = self._wire.mailbox.get(POLL_S)
             if arrived is not None and arrived[0] in self._number_of and hasattr(arrived[1], "present"):
                 self._note_presence(self._number_of[arrived[0]], present=arrived[1].present)
@@ -188,7 +222,7 @@ class Seats:
     # --- what arrives ------------------------------------------------------------------------------------------------
 
     def _greet(self, number: int) -> None:
-        if number in self._present:
+        if number in self._present and number in self._awaited:
             self._wire.posts[number](encode(Hello(0, ANYONE, self._k, self._run)))
 
     def _note_presence(self, number: int, *, present: bool) -> None:
@@ -213,6 +247,8 @@ class Seats:
             self._wire.mailbox.refused["stranger"] += 1
         elif seat is None and message.run == NO_RUN:
             self._note_presence(number, present=True)
+        elif seat is None and not self._is_awaited(number, message.incarnation):
+            self._turn_away(number, message, f"nobody is awaited for {name} now")
         elif seat is None:
             self._check(name, message)
             self._seats[number] = _Seat(message.incarnation, message.instance)
@@ -220,6 +256,9 @@ class Seats:
             self._turn_away(number, message, f"another process is {name} already")
         elif number in self._dismissed:
             self._turn_away(number, message, self._dismissed[number])
+
+    def _is_awaited(self, number: int, incarnation: int) -> bool:
+        return number in self._awaited and self._awaited[number] in (None, incarnation)
 
     def _check(self, name: str, message: HelloReply) -> None:
         if message.protocol != PROTOCOL:

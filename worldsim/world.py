@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 from patrol.footprint import sensor_footprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.message import MAX_FRAMES
+from patrol.phases import FIRST_INCARNATION
 from patrol.pose import Command, Drive, Pose
-from worldsim.bodies import Body, standstill
+from worldsim.bodies import Body, overlap, standstill
 from worldsim.ether import Delivery, Ether, Rule
 from worldsim.intruders import Intruders
 from worldsim.motion import move, within_limits
+from worldsim.timeline import Timeline
 from worldsim.truth import Truth
 
 if TYPE_CHECKING:
@@ -55,7 +57,8 @@ class World:
 
     Tick k goes begin_tick (all living bodies observe; poses for phase A), exchange (the ether carries phase A's frames;
     what each robot hears for phase B), end_tick (phase B's commands move the bodies; the tick's record). Who is living
-    changes between ticks only, by `lose`. Nothing here knows whether robots are processes, or looks at a clock.
+    changes between ticks only, by `stand_down` and `wake`; `worldsim.acts` knows when. Nothing here knows whether
+    robots are processes, or looks at a clock.
 
     In lockstep a robot without a command stops at once. At any other pace the world waits for nobody: the last command
     holds, until none has come for `watchdog` seconds.
@@ -74,10 +77,12 @@ class World:
         self.step = scenario.step
         self.ticks = scenario.ticks
         self.tick = 0
-        self.bodies = {
-            spec.number: Body(spec, pose, standstill(spec))
-            for spec, pose in zip(scenario.roster, prepared.starts, strict=True)
-        }
+        self.timeline = Timeline(scenario)
+        self._starts = {spec.number: pose for spec, pose in zip(scenario.roster, prepared.starts, strict=True)}
+        self.bodies = {spec.number: Body(spec, self._starts[spec.number], standstill(spec)) for spec in scenario.roster}
+        for number in self.timeline.starts_absent:
+            body = self.bodies[number]
+            body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled, self.step)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.ether = Ether(rules)
@@ -133,16 +138,34 @@ class World:
         self.tick += 1
         return record
 
-    def lose(self, number: int, status: Status, reason: str) -> Event:
-        """Between ticks: nobody drives this robot any more (DEAD: killed on purpose; LOST: it died unasked).
+    def stand_down(self, number: int, status: Status, reason: str, *, away: bool = False) -> Event:
+        """Between ticks: nobody drives this robot any more, or for now. Returns the event for the journal.
 
-        Its body stays where it is, in everyone's way. Returns the event for the journal.
+        status: DEAD (killed on purpose), LOST (it died unasked), PAUSED, or LEFT. Its body stays where it is, in
+        everyone's way, unless it is `away`.
         """
         body = self.bodies[number]
-        body.status = status
-        body.command = standstill(body.spec)
-        body.bumped = body.refused = False
+        body.halt(status)
+        body.away = body.away or away
         return Event(self.tick, status.name.lower(), number, reason)
+
+    def wake(self, number: int, reason: str) -> Event:
+        """Between ticks: somebody drives this robot from now on. Where it was away it appears at its start."""
+        body = self.bodies[number]
+        body.halt(Status.ALIVE)
+        if body.away:
+            body.pose = self._starts[number]
+            body.away = False
+        return Event(self.tick, Status.ALIVE.name.lower(), number, reason)
+
+    def in_the_way(self, number: int) -> list[str]:
+        """Names of the robots whose bodies overlap a robot's start, so that it cannot appear there."""
+        start, radius = self._starts[number], self.bodies[number].spec.radius
+        return [
+            body.spec.name
+            for other, body in self.bodies.items()
+            if other != number and body.present and overlap(start, radius, body.pose, body.spec.radius)
+        ]
 
     def _obey(self, body: Body, reply: Reply | None) -> None:
         """Take over a reply's command, or deal with its absence."""

@@ -71,7 +71,7 @@ def test_the_dead_neither_see_nor_hear_but_are_in_the_way(lab: Lab) -> None:
     world = lab.world([DISC, DISC], [(2.0, 2.0, 0.0), (12.0, 2.0, 0.0)])
     world.begin_tick()
     before = world.end_tick({1: reply(0.0, 0.0), 2: reply(1.0, 0.0)})
-    event = world.lose(2, Status.DEAD, "killed")
+    event = world.stand_down(2, Status.DEAD, "killed")
     assert (event.k, event.kind, event.robot, event.detail) == (1, "dead", 2, "killed")
     assert list(world.begin_tick()) == [1]
     assert world.exchange({1: [b"one"], 2: [b"ghost"]}) == {1: []}
