@@ -1,8 +1,9 @@
 """The scenario: one file that says everything a run depends on.
 
 `load_scenario` reads a file or a mapping, applies overrides and checks every value; `open_scenario` also takes a map
-or the name of a built-in terrain. A loaded scenario is resolved: defaults are filled in and paths are absolute, so it
-dumps to YAML that means the same anywhere on this machine. `scenario_hash` tells whether two scenarios mean the same.
+or the name of a built-in terrain. A loaded scenario is resolved: defaults are filled in, paths are absolute and a
+nemesis is written out as the faults that it drew, so it dumps to YAML that means the same anywhere on this machine.
+`scenario_hash` tells whether two scenarios mean the same.
 """
 
 from __future__ import annotations
@@ -131,7 +132,7 @@ def scenario_hash(scenario: Scenario) -> str:
     Left out are the name and where files lie: a map enters by its content, a tag key only by being there, robots one
     by one. BadInput when the map cannot be read.
     """
-    meaning = scenario.model_dump(mode="json", exclude={"name", "robots"})
+    meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
     if scenario.terrain.map is not None:
         meaning["terrain"]["map"] = map_digest(scenario.base / scenario.terrain.map)
     meaning["radio"]["key"] = scenario.radio.key is not None
@@ -169,7 +170,7 @@ def _resolve(
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))
     try:
-        return Scenario.model_validate(raw, context={"base": base})
+        return Scenario.model_validate(raw, context={"base": base}).written_out()
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
         raise BadInput(one_line(error, source, tuple(overrides), places)) from None

@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from patrol.faults import KINDS, Fault, Forgery, Jump, Wait
+from patrol.nemesis import NemesisSpec
 from patrol.scenario_model import (
     IntruderSpec,
     PatrolSpec,
@@ -33,6 +34,7 @@ _SECTIONS: dict[str, type[Section]] = {
     "radio": RadioSpec,
     "intruders": IntruderSpec,
     "faults": Fault,
+    "nemesis": NemesisSpec,
 }
 _OF_FAULTS: dict[str, type[Section]] = {
     **dict.fromkeys(("who", "from", "to", "as"), Some),
@@ -160,7 +162,7 @@ def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
 
 def _nearest_key(key: str, section: type[Section]) -> str:
     """The known key that is nearest, of this section or with the section that it belongs under; or this section's."""
-    everywhere: dict[str, type[Section]] = {"": Scenario, "robots": RobotGroup, **_SECTIONS}
+    everywhere: dict[str, type[Section]] = {"robots": RobotGroup, **_SECTIONS, "": Scenario}
     spelled = {
         name: f"{home}.{name}" if home else f"{name} at the top level"
         for home, other in everywhere.items()

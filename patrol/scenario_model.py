@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_va
 from patrol.fault_roster import check_faults
 from patrol.faults import Faults
 from patrol.message import MAX_STEP_CM, MAX_TIME_MS
+from patrol.nemesis import NemesisSpec, room_for, unleash
 from patrol.pose import Pose, wrap
 from patrol.records import MAX_TICKS
 from patrol.scenario_values import (
@@ -247,6 +248,7 @@ class Scenario(Section):
         (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
     )
     faults: Faults = Field((), description="what goes wrong, and when")
+    nemesis: NemesisSpec | None = Field(None, description="random faults besides, written out when this file is loaded")
 
     @property
     def roster(self) -> tuple[RobotSpec, ...]:
@@ -286,7 +288,16 @@ class Scenario(Section):
                 raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
         self._check_roster()
         check_faults(self.faults, [spec.name for spec in self.roster], self.step, self.ticks)
+        if self.nemesis is not None:
+            room_for(self.nemesis, self.step, self.ticks)
         return self
+
+    def written_out(self) -> Self:
+        """The same scenario with concrete faults in the place of its nemesis, after those that it has."""
+        if self.nemesis is None:
+            return self
+        mapping = self.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
+        return type(self).model_validate(mapping | {"faults": mapping["faults"] + unleash(self)})
 
     def _check_roster(self) -> None:
         names: dict[str, int] = {}

@@ -213,3 +213,32 @@ def test_beginnings_and_endings_are_events() -> None:
 )
 def test_a_run_is_healed_when_nothing_happens_any_more(faults: list[dict[str, Any]], healed: int | None) -> None:
     assert timeline(*faults).healed == healed
+
+
+# --- the nemesis in time ---------------------------------------------------------------------------------------------
+
+AFTER = {"kill": "dead", "restart": "alive", "pause": "paused", "resume": "alive", "join": "alive", "leave": "left"}
+BEFORE = {
+    "kill": {"alive"},
+    "restart": {"alive", "dead"},
+    "pause": {"alive"},
+    "resume": {"paused"},
+    "join": {"absent"},
+    "leave": {"alive"},
+}
+
+
+@given(st.integers(0, 2**63 - 1), st.integers(1, 8), st.sampled_from([0.1, 0.5, 1.0 / 3.0]), st.integers(2, 60))
+def test_a_nemesis_makes_sense_leaves_somebody_and_heals(seed: int, robots: int, step: float, interval: int) -> None:
+    nemesis = {"interval": interval, "seed": seed, "quiet": 40}
+    found = load_scenario({**OPEN, "robots": {"count": robots}, "step": step, "nemesis": nemesis})
+    line = Timeline(found)
+    status = {number: "absent" if number in line.starts_absent else "alive" for number in range(1, robots + 1)}
+    for k in range(found.ticks):
+        for act in line.acts(k):
+            assert status[act.number] in BEFORE[act.kind], act
+            status[act.number] = AFTER[act.kind]
+        assert "alive" in status.values()
+    assert set(status.values()) <= {"alive", "left"}
+    assert line.healed is not None
+    assert line.healed * step <= 60.0 + 1e-6
