@@ -11,6 +11,7 @@ so that ``mix(s)`` is the first output of the reference generator seeded with ``
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from operator import index
 from typing import SupportsIndex
@@ -49,6 +50,12 @@ def draw(*values: SupportsIndex) -> float:
     By convention the first value is the scenario's seed and the second a `Purpose`.
     """
     return (mix(*values) >> 11) * 2.0**-53
+
+
+def gauss(*values: SupportsIndex) -> float:
+    """A draw from the standard normal distribution (Box and Muller), from one or more integers."""
+    radius = math.sqrt(-2.0 * math.log(1.0 - draw(*values, 0)))
+    return radius * math.cos(2.0 * math.pi * draw(*values, 1))
 
 
 def _finalise(z: int) -> int:

@@ -1,71 +1,199 @@
-"""The ether: whether a frame reaches each of the other robots, decided for each directed pair by itself."""
+"""The ether: whether and when a frame reaches each of the other robots, decided for each directed pair by itself."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from patrol.faults import Spoof
+from patrol.keyfile import fleet_key
 from patrol.message import MAX_FRAME
-from patrol.records import frame_sequence
+from patrol.records import FORGED, Status, frame_sequence
+from worldsim.forging import Forger
+from worldsim.radio_rules import NOBODY, RadioRules, arrival
+
+if TYPE_CHECKING:
+    from patrol.pose import Pose
+    from patrol.scenario import Scenario
+    from patrol.terrain import Terrain
+    from worldsim.senses import Senses
+    from worldsim.timeline import Timeline
 
 OVERSIZED = "oversized"
 RECEIVER_DEAD = "receiver dead"
+RECEIVER_PAUSED = "receiver paused"
+RECEIVER_ABSENT = "receiver absent"
 
-Rule = Callable[[int, int, int], str | None]
-"""(source, destination, sequence) -> why that frame is lost on that link, or None when it is not.
+_DEAF = {
+    Status.PAUSED: RECEIVER_PAUSED,
+    Status.ABSENT: RECEIVER_ABSENT,
+    Status.LEFT: RECEIVER_ABSENT,
+    Status.DEAD: RECEIVER_DEAD,
+    Status.LOST: RECEIVER_DEAD,
+}
+"""Why a frame is lost that arrives at a robot that is not alive."""
 
-A rule keeps no state. Where it draws, it draws from (seed, Purpose.ETHER, fault, source, destination, sequence), so
-that what befalls one frame does not depend on any other.
-"""
+Link = tuple[int, int, int]
+"""(source, destination, sequence) of a frame on its way."""
 
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
     """What the ether did in one tick, ordered by sender, sequence and receiver.
 
-    heard: for each receiver its frames, by sender and sequence. arrived: (source, destination, sequence).
-    dropped: (source, destination, sequence, cause).
+    heard: for each receiver its frames, by sender, sequence and copy, forged ones first. arrived: (source, destination,
+    sequence), once for each copy. dropped: the same and the cause. forged: frames that somebody made up; their source
+    is `patrol.records.FORGED`. copies, delayed: as in `patrol.records.TickRecord`.
     """
 
     heard: dict[int, list[bytes]]
-    arrived: tuple[tuple[int, int, int], ...]
+    arrived: tuple[Link, ...]
     dropped: tuple[tuple[int, int, int, str], ...]
+    forged: tuple[bytes, ...] = ()
+    copies: tuple[tuple[int, int, int, str], ...] = ()
+    delayed: tuple[tuple[int, int, int, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class _Flying:
+    """A frame in flight. copy: 0 for the frame itself."""
+
+    source: int
+    sequence: int
+    destination: int
+    copy: int
+    frame: bytes
 
 
 class Ether:
-    """The radio between robots: every frame to every other robot within the tick, less what the rules take.
+    """The radio between robots: every frame to every other robot within the tick, less what the faults do to it.
 
-    It never looks inside a frame; a frame's sequence says in which tick the world took it and which of its sender's
-    frames it was (`patrol.records.frame_sequence`). It keeps no counts: the journal has every frame's fate.
+    A frame's sequence says in which tick the world took it and which of its sender's frames it was
+    (`patrol.records.frame_sequence`). Its fate on a link is fixed when it is sent, except that it is lost where it
+    arrives at a robot that is not alive then. The ether keeps no counts: the journal has every frame's fate, and what
+    of it does not is still in flight.
     """
 
-    def __init__(self, rules: Sequence[Rule] = ()) -> None:
-        self._rules = tuple(rules)
+    def __init__(self, step: float = 0.5, rules: RadioRules | None = None, forger: Forger | None = None) -> None:
+        """rules: what befalls frames. forger: who sends forged ones. None for a radio that does no wrong."""
+        self._step = step
+        self._rules = rules
+        self._forger = forger
+        self._flying: dict[int, list[_Flying]] = defaultdict(list)
+
+    @property
+    def in_flight(self) -> int:
+        """How many frames, copies included, have not arrived yet."""
+        return sum(map(len, self._flying.values()))
 
     def carry(
-        self, tick: int, frames: Mapping[int, Sequence[bytes]], present: Collection[int], listening: Collection[int]
+        self,
+        tick: int,
+        frames: Mapping[int, Sequence[bytes]],
+        statuses: Mapping[int, Status],
+        poses: Mapping[int, Pose],
     ) -> Delivery:
-        """Send each robot's frames, in their order, to all others present; only those listening hear."""
-        receivers = sorted(present)
-        heard: dict[int, list[bytes]] = {number: [] for number in sorted(listening)}
+        """Send each robot's frames, in their order, to all others that are there; returns what happens in this tick.
+
+        To be called for each tick in turn. frames: those of robots that are alive. statuses: of all robots; only those
+        alive hear. poses: the true ones.
+        """
+        forged = self._forger.forge(tick, frames, statuses, poses) if self._forger is not None else []
+        troubled = self._rules is not None and self._rules.begin(tick, poses)
+        if troubled or forged or self._flying:
+            return self._carry_through(tick, frames, statuses, forged, self._rules if troubled else None)
+        receivers = [(number, _DEAF.get(statuses[number])) for number in sorted(statuses) if there(statuses[number])]
+        heard: dict[int, list[bytes]] = {number: [] for number, deaf in receivers if deaf is None}
         arrived, dropped = [], []
-        sent = [(source, place, frame) for source in sorted(frames) for place, frame in enumerate(frames[source])]
-        for source, place, frame in sent:
-            sequence = frame_sequence(tick, place)
-            for destination in receivers:
-                if destination == source:
-                    continue
-                cause = self._loss(source, destination, sequence, frame, destination in heard)
-                if cause is None:
-                    heard[destination].append(frame)
-                    arrived.append((source, destination, sequence))
-                else:
-                    dropped.append((source, destination, sequence, cause))
+        for source in sorted(frames):
+            for place, frame in enumerate(frames[source]):
+                sequence = frame_sequence(tick, place)
+                oversized = OVERSIZED if len(frame) > MAX_FRAME else None
+                for destination, deaf in receivers:
+                    if destination == source:
+                        continue
+                    cause = oversized or deaf
+                    if cause is None:
+                        heard[destination].append(frame)
+                        arrived.append((source, destination, sequence))
+                    else:
+                        dropped.append((source, destination, sequence, cause))
         return Delivery(heard, tuple(arrived), tuple(dropped))
 
-    def _loss(self, source: int, destination: int, sequence: int, frame: bytes, listens: bool) -> str | None:
-        if len(frame) > MAX_FRAME:
-            return OVERSIZED
-        if not listens:
-            return RECEIVER_DEAD
-        return next((cause for rule in self._rules if (cause := rule(source, destination, sequence)) is not None), None)
+    def _carry_through(
+        self,
+        tick: int,
+        frames: Mapping[int, Sequence[bytes]],
+        statuses: Mapping[int, Status],
+        forged: Sequence[tuple[int, bytes]],
+        rules: RadioRules | None,
+    ) -> Delivery:
+        """The same where there is something to ask about a frame, or some are in flight."""
+        sent = [(FORGED, origin, place, frame) for place, (origin, frame) in enumerate(forged)]
+        sent += [
+            (source, source, place, frame) for source in sorted(frames) for place, frame in enumerate(frames[source])
+        ]
+        receivers = [number for number in sorted(statuses) if there(statuses[number])]
+        dropped: list[tuple[int, int, int, str]] = []
+        copies: list[tuple[int, int, int, str]] = []
+        delayed: list[tuple[int, int, int, str]] = []
+        for source, origin, place, frame in sent:
+            sequence = frame_sequence(tick, place)
+            oversized = len(frame) > MAX_FRAME
+            jam = None if rules is None or oversized else rules.jammed(origin, len(frame))
+            for destination in receivers:
+                if destination in (source, origin):
+                    continue
+                link = (source, destination, sequence)
+                cause = OVERSIZED if oversized else None if rules is None else rules.lost(origin, *link, jam)
+                if cause is not None:
+                    dropped.append((*link, cause))
+                    continue
+                held = [] if rules is None else rules.delays(origin, *link)
+                delay_s = sum(seconds for _, seconds in held)
+                due = arrival(tick, delay_s, self._step)
+                self._flying[due].append(_Flying(source, sequence, destination, 0, frame))
+                if due > tick:
+                    delayed += ((*link, fault) for fault, seconds in held if seconds > 0.0)
+                for copy, (fault, more_s) in enumerate([] if rules is None else rules.copies(origin, *link), start=1):
+                    copies.append((*link, fault))
+                    due = arrival(tick, delay_s + more_s, self._step)
+                    self._flying[due].append(_Flying(source, sequence, destination, copy, frame))
+        heard, arrived = self._land(tick, statuses, dropped)
+        told = tuple(frame for _, frame in forged)
+        return Delivery(heard, arrived, tuple(sorted(dropped)), told, tuple(copies), tuple(delayed))
+
+    def _land(
+        self, tick: int, statuses: Mapping[int, Status], dropped: list[tuple[int, int, int, str]]
+    ) -> tuple[dict[int, list[bytes]], tuple[Link, ...]]:
+        """What arrives now, where somebody hears it; what arrives elsewhere is added to `dropped`."""
+        heard: dict[int, list[bytes]] = {n: [] for n in sorted(statuses) if statuses[n] is Status.ALIVE}
+        arrived = []
+        for flying in sorted(self._flying.pop(tick, ())):
+            link = (flying.source, flying.destination, flying.sequence)
+            deaf = _DEAF.get(statuses[flying.destination])
+            if deaf is None:
+                heard[flying.destination].append(flying.frame)
+                arrived.append(link)
+            else:
+                dropped.append((*link, deaf))
+        return heard, tuple(arrived)
+
+
+def ether_of(scenario: Scenario, timeline: Timeline, terrain: Terrain, senses: Senses) -> Ether:
+    """The ether of a scenario. BadInput when a robot forges and the fleet's key cannot be read."""
+    if not timeline.entries:
+        return Ether(scenario.step)
+    spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
+    forger = None
+    if spoofs:
+        insiders = any(entry.sources[0] != NOBODY for entry in spoofs)
+        forger = Forger(scenario, timeline, terrain, senses, fleet_key(scenario) if insiders else None)
+    return Ether(scenario.step, RadioRules(scenario, timeline, terrain), forger)
+
+
+def there(status: Status) -> bool:
+    """Whether frames are sent to a robot at all."""
+    return status is not Status.ABSENT and status is not Status.LEFT

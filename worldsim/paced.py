@@ -14,11 +14,9 @@ from typing import Any
 from patrol.journal import Status
 from patrol.phases import ReplyA, ReplyB
 from worldsim.lockstep import pass_on, reply_of, tell
+from worldsim.radio_rules import PHASE_B_SHARE
 from worldsim.seats import POLL_S, Seats
 from worldsim.world import Reply, Report
-
-PHASE_B_SHARE = 0.2
-"""When phase B begins, as a share of the step."""
 
 
 class PacedFleet:

@@ -11,10 +11,12 @@ from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.message import MAX_FRAMES
 from patrol.phases import FIRST_INCARNATION
 from patrol.pose import Command, Drive, Pose
+from patrol.records import FORGED
 from worldsim.bodies import Body, overlap, standstill
-from worldsim.ether import Delivery, Ether, Rule
+from worldsim.ether import Delivery, ether_of, there
 from worldsim.intruders import Intruders
 from worldsim.motion import move, within_limits
+from worldsim.senses import Senses
 from worldsim.timeline import Timeline
 from worldsim.truth import Truth
 
@@ -64,11 +66,11 @@ class World:
     holds, until none has come for `watchdog` seconds.
     """
 
-    def __init__(self, prepared: Prepared, *, footprint: Footprint | None = None, rules: Sequence[Rule] = ()) -> None:
+    def __init__(self, prepared: Prepared, *, footprint: Footprint | None = None) -> None:
         """Put the roster's bodies on their starts.
 
-        footprint: the scenario's sensor on its terrain, when somebody else holds one that remembers. rules: the
-        ether's.
+        footprint: the scenario's sensor on its terrain, when somebody else holds one that remembers. Raises BadInput
+        when a fault needs the fleet's key and it cannot be read.
         """
         scenario = prepared.scenario
         self.prepared = prepared
@@ -85,7 +87,8 @@ class World:
             body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled, self.step)
         self._intruders = Intruders(scenario, self.truth.footprint)
-        self.ether = Ether(rules)
+        self.senses = Senses(scenario, self.timeline, self.terrain)
+        self.ether = ether_of(scenario, self.timeline, self.terrain, self.senses)
         self._waits = scenario.factor is None
         self._frames: tuple[tuple[int, bytes], ...] = ()
         self._delivery = Delivery({}, (), ())
@@ -101,8 +104,11 @@ class World:
         living = {number: self.bodies[number] for number in self.living}
         self.truth.observe(self.tick, ((number, body.pose) for number, body in living.items()))
         seen = {number: self._intruders.seen_by(number, self.tick, body.pose) for number, body in living.items()}
-        clock_s = self.tick * self.step
-        return {number: Report(body.pose, body.bumped, seen[number], clock_s) for number, body in living.items()}
+        k, senses = self.tick, self.senses
+        return {
+            number: Report(senses.pose(number, k, body.pose), body.bumped, seen[number], senses.clock(number, k))
+            for number, body in living.items()
+        }
 
     def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> dict[int, list[bytes]]:
         """The ether carries the frames of the living; returns what each of them hears, by sender and sequence.
@@ -110,11 +116,13 @@ class World:
         frames: those of each living robot, its position first; none from one that stays silent. A robot that is missing
         has died in phase A and hears nothing any more.
         """
-        listening = [number for number in self.living if number in frames]
-        sent = {number: frames[number][:MAX_FRAMES] for number in listening}
-        present = [number for number, body in self.bodies.items() if body.present]
-        self._frames = tuple((number, frame) for number, all_of_it in sent.items() for frame in all_of_it)
-        self._delivery = self.ether.carry(self.tick, sent, present, listening)
+        sent = {number: frames[number][:MAX_FRAMES] for number in self.living if number in frames}
+        statuses = {number: body.status for number, body in self.bodies.items()}
+        statuses |= {number: Status.LOST for number in self.living if number not in frames}
+        poses = {number: body.pose for number, body in self.bodies.items() if there(body.status)}
+        self._delivery = self.ether.carry(self.tick, sent, statuses, poses)
+        genuine = ((number, frame) for number, all_of_it in sent.items() for frame in all_of_it)
+        self._frames = (*((FORGED, frame) for frame in self._delivery.forged), *genuine)
         return self._delivery.heard
 
     def end_tick(self, replies: Mapping[int, Reply | None]) -> TickRecord:
@@ -134,6 +142,8 @@ class World:
             mfow=fog.mfow(self.tick),
             fog_mean=fog.mean(self.tick),
             seen=fog.seen,
+            copies=self._delivery.copies,
+            delayed=self._delivery.delayed,
         )
         self.tick += 1
         return record

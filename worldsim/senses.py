@@ -1,0 +1,83 @@
+"""What robots take for true of themselves: where they are and what time it is, as the drift and clock faults have it.
+
+A body never feels either: the world moves bodies, and keeps the true fog, by their true poses.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from patrol.faults import Clock, Drift
+from patrol.message import MAX_TIME_MS
+from patrol.pose import TAU, Pose
+from patrol.random import Purpose, draw, gauss
+
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
+    from patrol.terrain import Terrain
+    from worldsim.timeline import Entry, Timeline
+
+_NOISE, _JUMP = 0, 1
+
+
+class Senses:
+    """The poses and clocks that phase A tells robots: functions of the timeline, the tick and the true pose alone.
+
+    Several drifts of one robot add up, and so do several wrong clocks. A localiser knows its map, so a pose that is
+    told never lies off the terrain; and no clock shows less than zero or more than a message can say.
+    """
+
+    def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
+        self.timeline = timeline
+        self._seed = scenario.seed
+        self._step = scenario.step
+        x_min, y_min, x_max, y_max = terrain.bounds
+        half = 0.5 * terrain.point
+        self._x_limits = x_min + half, x_max - half
+        self._y_limits = y_min + half, y_max - half
+        self._jumps: dict[tuple[int, int], list[tuple[float, float]]] = {}
+
+    def pose(self, number: int, k: int, true: Pose) -> Pose:
+        """Where a robot takes itself to be in tick k, its true pose being `true`."""
+        x, y, wrong = true.x, true.y, False
+        for entry in self.timeline.at(k):
+            if isinstance(entry.fault, Drift) and number in entry.who:
+                dx, dy = self._error(entry, entry.fault, number, k)
+                x, y, wrong = x + dx, y + dy, True
+        if not wrong:
+            return true
+        return Pose(_within(x, self._x_limits), _within(y, self._y_limits), true.heading)
+
+    def clock(self, number: int, k: int) -> float:
+        """What a robot's clock shows in tick k, s."""
+        time_s = k * self._step
+        ahead = 0.0
+        for entry in self.timeline.at(k):
+            if isinstance(entry.fault, Clock) and number in entry.who:
+                ahead += entry.fault.offset + entry.fault.rate * (k - entry.begin) * self._step
+        return _within(time_s + ahead, (0.0, MAX_TIME_MS / 1000.0)) if ahead else time_s
+
+    def _error(self, entry: Entry, fault: Drift, number: int, k: int) -> tuple[float, float]:
+        elapsed = (k - entry.begin) * self._step
+        dx, dy = (bias + growth * elapsed for bias, growth in zip(fault.bias, fault.growth, strict=True))
+        if fault.noise > 0.0:
+            dx += fault.noise * gauss(self._seed, Purpose.SENSES, entry.index, number, k, _NOISE, 0)
+            dy += fault.noise * gauss(self._seed, Purpose.SENSES, entry.index, number, k, _NOISE, 1)
+        if fault.jump is not None:
+            jumped = self._jumped(entry, number, math.floor(elapsed / fault.jump.every + 1e-9), fault.jump.size)
+            dx, dy = dx + jumped[0], dy + jumped[1]
+        return dx, dy
+
+    def _jumped(self, entry: Entry, number: int, times: int, size: float) -> tuple[float, float]:
+        """What so many jumps come to, added up in their order."""
+        sums = self._jumps.setdefault((entry.index, number), [(0.0, 0.0)])
+        while len(sums) <= times:
+            bearing = TAU * draw(self._seed, Purpose.SENSES, entry.index, number, len(sums), _JUMP)
+            x, y = sums[-1]
+            sums.append((x + size * math.cos(bearing), y + size * math.sin(bearing)))
+        return sums[times]
+
+
+def _within(value: float, limits: tuple[float, float]) -> float:
+    return min(max(value, limits[0]), limits[1])
