@@ -11,12 +11,12 @@ from agent.contacts import Contacts
 from agent.ground import Disc
 from agent.kernels.dilate import carry, dilate
 from agent.posts import Posts
-from patrol.fields import StaticFields
 from patrol.fog import Box, Fog
 from patrol.footprint import Footprint
 from patrol.inbox import Inbox
 from patrol.message import CONTACT, Position
 from patrol.pose import Pose
+from patrol.terrain import BoolGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +40,20 @@ class Belief:
     contacts: the intruders that others report, and those that the robot itself does.
     """
 
-    def __init__(self, fields: StaticFields, posts: Posts, footprint: Footprint, inbox: Inbox, dilatation: int) -> None:
-        """dilatation: half-width of the window, points; 0 for none."""
-        self.fog = Fog(fields.patrolled)
+    def __init__(
+        self, patrolled: BoolGrid, ground: BoolGrid, posts: Posts, footprint: Footprint, inbox: Inbox, dilatation: int
+    ) -> None:
+        """patrolled: bool (h, w), what this robot could see. ground: bool (h, w), what staleness spreads over.
+
+        dilatation: half-width of the window, points; 0 for none.
+        """
+        self.fog = Fog(patrolled)
         self.inbox = inbox
         self.peers: dict[int, Peer] = {}
         self.contacts = Contacts()
         self._footprint = footprint
         self._posts = posts
-        self._reach = np.ascontiguousarray(fields.reach).view(np.uint8)
+        self._ground = np.ascontiguousarray(ground).view(np.uint8)
         self._dilatation = dilatation
         self._carried = self.fog.last_seen.copy()
         self.dilated = self.fog.last_seen
@@ -108,4 +113,4 @@ class Belief:
         top, bottom, left, right = (int(edge) for edge in wide)
         margin = self._dilatation
         around = (top - margin, bottom + margin, left - margin, right + margin)
-        dilate(self._carried, self._reach, self._reach, self.dilated, *around, margin, tick)
+        dilate(self._carried, self._ground, self._ground, self.dilated, *around, margin, tick)

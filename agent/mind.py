@@ -98,8 +98,12 @@ class Mind:
         footprint = setup.footprint or sensor_footprint(scenario, terrain)
         # A window of half the terrain's points in every direction already holds all of it.
         dilatation = min(round(patrol.dilatation / scenario.point), terrain.height + terrain.width)
-        posts = Posts(setup.fields.proxy)
-        self.belief = Belief(setup.fields, posts, footprint, inbox, dilatation)
+        # Straight paths know no walls: each point pulls from where it is, and not from a post.
+        straight = patrol.paths == "straight"
+        posts = Posts(np.full_like(setup.fields.proxy, -1) if straight else setup.fields.proxy)
+        patrolled = setup.fields.patrolled
+        spread = patrolled if straight else setup.fields.reach
+        self.belief = Belief(patrolled, spread, posts, footprint, inbox, dilatation)
         self._separations = frozenset(patrol.separations)
         areas: list[NDArray[np.bool_]] = []
         if "semaphores" in self._separations:

@@ -118,6 +118,21 @@ class Ordering:
 
 
 @dataclass(frozen=True, slots=True)
+class Remark:
+    """Why some cells differ from the printed ones. rows, columns: all of the table's where none are named."""
+
+    table: int
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    says: str
+
+    def is_on(self, table: int, row: str, column: str) -> bool:
+        """Whether it speaks of a cell."""
+        named = (not self.rows or row in self.rows) and (not self.columns or column in self.columns)
+        return table == self.table and named
+
+
+@dataclass(frozen=True, slots=True)
 class Paper:
     """All that is kept of the paper.
 
@@ -132,6 +147,7 @@ class Paper:
     fit_below: float
     tables: Mapping[int, Table]
     orderings: tuple[Ordering, ...]
+    remarks: tuple[Remark, ...]
 
     def table(self, number: int) -> Table:
         """A table by its number. BadInput for one that is not there."""
@@ -158,6 +174,10 @@ def paper() -> Paper:
         tables={table["number"]: _table(table) for table in raw["tables"]},
         orderings=tuple(
             Ordering(says["says"], _side(says["lower"]), _side(says["higher"])) for says in raw["orderings"]
+        ),
+        remarks=tuple(
+            Remark(one["table"], tuple(one.get("rows", ())), tuple(one.get("columns", ())), one["says"])
+            for one in raw["remarks"]
         ),
     )
 

@@ -17,16 +17,21 @@ from experiments.casetable import csv_text, json_text, write_text
 from experiments.orderings import HELD, NOT_HELD, Judged, judge_orderings
 from experiments.orderings import as_json as ordering_as_json
 from experiments.paper import Cell, Comparison, Setup, Table, as_json, as_lines, compare, fit_of, paper, plan_of
+from experiments.paper_report import page
 from experiments.plan import count_of_seeds
 from experiments.stats import Fit
 from fogwatch.cli_sweep import FAILED, ClusterAddress, Workers, crew_of, make_runs, with_interval
-from fogwatch.paper_picture import table_picture
+from fogwatch.paper_picture import table_picture, terrain_picture
 from fogwatch.progress import duration as time_text
 from fogwatch.progress import print_failures
+from patrol.builtins import builtin_terrain
 from patrol.errors import BadInput
 from patrol.scenario import parse_overrides
 
 app = typer.Typer(help="The paper's tables, ours beside the printed ones.", no_args_is_help=True)
+
+TERRAIN_POINT = 0.25
+"""Points of the drawn terrains, m."""
 
 Point = Annotated[float, typer.Option(metavar="M", help="Side of one point of the grid, m.")]
 Seeds = Annotated[int, typer.Option(metavar="K", help="Runs of each cell, with seeds 1 to K.")]
@@ -135,12 +140,33 @@ def _reproduce(
         write_text(folder / f"{name}.json", json_text(as_json(comparison)))
         write_text(folder / f"{name}.csv", csv_text(as_lines(comparison)))
         table_picture(comparison, [folder / f"{name}.png", folder / f"{name}.svg"])
+    judged = judge_orderings(paper().orderings, comparisons)
     _show_fit(console, comparisons, folder)
-    _show_orderings(console, judge_orderings(paper().orderings, comparisons), folder)
+    _show_orderings(console, judged, folder)
+    write_text(folder / "paper.md", _page(comparisons, judged, setup, _terrain_pictures(comparisons, folder)))
     print_failures(console, outcome)
     files = ", ".join(f"table_{table.number}" for table in tables)
-    _say(console, f"{outcome.made} runs made in {time_text(outcome.wall_s)}; {folder}: {files} as json, csv, png, svg")
+    made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"
+    _say(console, f"{made}; {folder}: {files} as json, csv, png, svg, and paper.md with everything")
     return FAILED if outcome.failed else 0
+
+
+def _terrain_pictures(comparisons: Sequence[Comparison], folder: Path) -> dict[str, str]:
+    """Draw the tables' terrains; files by title."""
+    names = dict.fromkeys(str(comparison.table.settings["terrain.builtin"]) for comparison in comparisons)
+    for name in names:
+        terrain_picture(builtin_terrain(name, TERRAIN_POINT), folder / f"terrain_{name}.png")
+    return {f"terrain {name}": f"terrain_{name}.png" for name in names}
+
+
+def _page(comparisons: Sequence[Comparison], judged: Sequence[Judged], setup: Setup, pictures: dict[str, str]) -> str:
+    """paper.md."""
+    numbers = [comparison.table.number for comparison in comparisons]
+    which = "all" if numbers == list(paper().tables) else f"table {' '.join(map(str, numbers))}"
+    command = f"fogwatch paper {which} --seeds {len(setup.seeds)} --point {setup.point:g}"
+    pictures |= {f"table {number}": f"table_{number}.png" for number in numbers}
+    wall_s = sum(comparison.wall_s for comparison in comparisons)
+    return page(comparisons, judged, setup, command=command, wall_s=wall_s, pictures=pictures)
 
 
 def _setup(

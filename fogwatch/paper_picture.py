@@ -9,12 +9,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from experiments.paper import FAR_OFF, Cell, Comparison, Measure
+from fogwatch.drawing import Key, Layer, canvas, legend, paint, painted, save
 from patrol.errors import BadInput
+from patrol.terrain import Terrain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+WALL = "#2b2f33"
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
 """Of Okabe and Ito, told apart by colour-blind eyes."""
 
@@ -55,6 +60,19 @@ def table_picture(comparison: Comparison, files: Sequence[Path]) -> None:
                 figure.savefig(file, metadata=dated)
             except OSError as error:
                 raise BadInput(f"{file}: cannot be written ({error.strerror}); choose another --out") from None
+
+
+def terrain_picture(terrain: Terrain, file: Path) -> None:
+    """Draw a reconstructed terrain, in a small size. BadInput where that cannot be done."""
+    layer = Layer(WALL, "obstacle", ~terrain.passable)
+    xmin, ymin, xmax, ymax = terrain.bounds
+    title = f"{terrain.name} (a reconstruction): {xmax - xmin:g} x {ymax - ymin:g} m"
+    figure, axes = canvas(terrain, title)
+    paint(axes, terrain, painted(terrain.shape, [layer]))
+    free = np.count_nonzero(terrain.passable) * terrain.point_area
+    keys = [Key(WALL, f"obstacles: {(xmax - xmin) * (ymax - ymin) - free:.0f} m²")] * bool(layer.mask.any())
+    legend(axes, [*keys, Key("#ffffff", f"free: {free:.0f} m²")])
+    save(figure, file)
 
 
 def _draw(axes: Axes, comparison: Comparison, measure: Measure) -> None:

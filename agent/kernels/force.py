@@ -48,8 +48,8 @@ def gather(
     rival, in hundredths of a point plus m; of size 0 where nobody claims anything. rival: int32, the rivals' grid of
     lengths. sector: uint16 (2 m + 1, same), the sector of a bearing by its offset in rows and columns plus m. sums:
     float64, the sum of moduli in each sector; with ``as_vector`` the vector sum's x and y and the sum of moduli.
-    strongest: float64 (1,), the largest single force met so far. source: int64 (1,), the window's flat index of the
-    point to stand on for it.
+    strongest: float64 (1,), the largest single force met so far of a point that is not in view just now. source: int64
+    (1,), the window's flat index of the point to stand on for it.
     """
     rows, cols = state.shape
     middle = sector.shape[0] // 2
@@ -79,7 +79,7 @@ def gather(
                 sums[2] += force
             else:
                 sums[sector[middle + up, middle + across]] += force
-            if force > strongest[0]:
+            if force > strongest[0] and when < tick:
                 strongest[0] = force
                 source[0] = row * cols + col
 
@@ -129,7 +129,7 @@ def gather_from_posts(
             sums[2] += force
         else:
             sums[sector[middle + up, middle + across]] += force
-        if force > strongest[0]:
+        if force > strongest[0] and when < tick:
             strongest[0] = force
             source[0] = row * cols + col
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from agent.kernels.straight import rays
+from agent.kernels.wave import OPEN
 from agent.paths.window import Window
 
 
 class Straight(Window):
-    """The path to every point is the line to it, whatever lies between."""
+    """The path to every point is the line to it, whatever lies between, and whether or not a body fits there."""
 
     def _begin(self) -> None:
-        """Nothing is kept between calls: a longer limit simply overwrites."""
+        """Open every point. Nothing is kept between calls: a longer limit simply overwrites."""
+        self.state[1:-1, 1:-1] |= OPEN
 
     def extend(self, limit: int) -> None:
         """Settle every path of at most ``limit`` hundredths of a point."""

@@ -26,7 +26,7 @@ def belief_on(passable: NDArray[np.bool_], dilatation: int, sensor: float = 4.0)
     fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
     footprint = Footprint(terrain, sensor)
     inbox = Inbox(1, (1, 2, 3), terrain.bounds, 10.0, None, STEP)
-    return Belief(fields, Posts(fields.proxy), footprint, inbox, dilatation), footprint
+    return Belief(fields.patrolled, fields.reach, Posts(fields.proxy), footprint, inbox, dilatation), footprint
 
 
 def frame(robot: int, k: int, x: float, y: float, trail: tuple[tuple[int, int], ...] = ()) -> bytes:
