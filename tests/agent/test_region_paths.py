@@ -218,12 +218,11 @@ def test_patrols_on_regions_see_everything(terrain: str, model: str, direction: 
     assert outcome.summary["seen_share"] == 1.0
 
 
-def test_open_ground_is_one_region_and_patrolled_as_on_straight_paths() -> None:
-    regions = run_in_process(scenario("open", "holonomic", 120))
-    straight = run_in_process(scenario("open", "holonomic", 120, paths="straight"))
-    assert regions.journal.end is not None
-    assert straight.journal.end is not None
-    assert regions.journal.end.trace_hash == straight.journal.end.trace_hash
+def test_open_ground_is_one_region_and_patrolled_much_as_on_straight_paths() -> None:
+    """The same but for the rim, where no body fits: its points pull from their posts or from where they are."""
+    regions = run_in_process(scenario("open", "holonomic", 600)).summary
+    straight = run_in_process(scenario("open", "holonomic", 600, paths="straight")).summary
+    assert regions["fog_mean_s"] == pytest.approx(straight["fog_mean_s"], rel=0.15)
 
 
 def test_claims_work_over_regions() -> None:
