@@ -24,11 +24,12 @@ def print_report(console: Console, summary: Mapping[str, Any], folder: Path) -> 
     verdict = summary["verdict"]
     text = Text("verdict     ").append(verdict["outcome"], _VERDICTS[verdict["outcome"]])
     if verdict["valid"]:
-        text.append(f": {len(verdict['checks'])} checks passed")
+        text.append(f": {sum(check['judged'] for check in verdict['checks'])} checks passed")
     console.print(text, highlight=False)
     for check in verdict["checks"]:
-        if not check["ok"]:
-            console.print(f"  {check['name']}: {check['detail']}", style="red", highlight=False, soft_wrap=True)
+        if not check["ok"] or not check["judged"]:
+            style = "yellow" if check["ok"] else "red"
+            console.print(f"  {check['name']}: {check['detail']}", style=style, highlight=False, soft_wrap=True)
     files = ", ".join(sorted(path.name for path in folder.iterdir()))
     console.print(f"files       {folder}: {files}", markup=False, highlight=False, soft_wrap=True)
 

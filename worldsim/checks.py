@@ -37,11 +37,12 @@ ROUNDED = 1.0 + 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One check's result; the detail says what was found, first of all where it went wrong."""
+    """One check's result; the detail says what was found, first of all where it went wrong or why it was not judged."""
 
     name: str
     ok: bool
     detail: str
+    judged: bool = True
 
 
 class Tally(Protocol):

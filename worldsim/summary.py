@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -127,7 +127,7 @@ class Totals:
             "verdict": {
                 "valid": verdict.valid,
                 "outcome": verdict.outcome,
-                "checks": [{"name": check.name, "ok": check.ok, "detail": check.detail} for check in verdict.checks],
+                "checks": [asdict(check) for check in verdict.checks],
             },
         }
 

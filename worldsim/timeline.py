@@ -32,6 +32,9 @@ from patrol.records import Event
 from patrol.scenario import Scenario
 from patrol.targets import WORDS, Some
 
+FAULT_EVENT = "fault"
+"""The kind of the journal's events that tell of faults."""
+
 ActKind = Literal["kill", "restart", "pause", "resume", "join", "leave"]
 
 
@@ -112,7 +115,7 @@ class Timeline:
     def beginnings(self, k: int) -> tuple[Event, ...]:
         """The faults that happen or begin before tick k."""
         return tuple(
-            Event(k, "fault", None, f"{entry.id} {entry.fault.kind} {_verb(entry)}: {self.describe(entry)}")
+            Event(k, FAULT_EVENT, None, f"{entry.id} {entry.fault.kind} {_verb(entry)}: {self.describe(entry)}")
             for entry in self.entries
             if entry.begin == k
         )
@@ -120,7 +123,7 @@ class Timeline:
     def endings(self, k: int) -> tuple[Event, ...]:
         """The lasting faults that have ended before tick k."""
         return tuple(
-            Event(k, "fault", None, f"{entry.id} {entry.fault.kind} ends")
+            Event(k, FAULT_EVENT, None, f"{entry.id} {entry.fault.kind} ends")
             for entry in self.entries
             if entry.end == k and entry.end > entry.begin
         )

@@ -20,6 +20,7 @@ from worldsim.checks import (
     Tally,
     TraceAgrees,
 )
+from worldsim.recovery import Recovers
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
@@ -65,6 +66,7 @@ class Judge:
         prepared: Prepared,
         *,
         verify_fog: bool = True,
+        baseline_s: float | None = None,
     ) -> None:
         """As for `judge`; the journal may still be being written.
 
@@ -89,6 +91,8 @@ class Judge:
         ]
         if verify_fog:
             self._of_poses.append(FogIsTrue(prepared))
+        if prepared.scenario.faults:
+            self._of_poses.append(Recovers(journal, prepared, baseline_s))
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
@@ -103,16 +107,23 @@ class Judge:
         return Verdict(_outcome(self._journal, checks), checks)
 
 
-def judge(journal: RunRecord | None, exit_codes: Mapping[str, int | None], prepared: Prepared) -> Verdict:
+def judge(
+    journal: RunRecord | None,
+    exit_codes: Mapping[str, int | None],
+    prepared: Prepared,
+    *,
+    baseline_s: float | None = None,
+) -> Verdict:
     """Judge a run.
 
     journal: its records, or None when there is no journal. exit_codes: of the processes by name, robots by theirs;
     None for one that was never seen to end; empty for a run in one process. prepared: the run's scenario, starts and
-    terrain, against which its poses and its fog are computed anew.
+    terrain, against which its poses and its fog are computed anew. baseline_s: mean MFoW (s) of the same scenario
+    without its faults, for the check of recovery; None when nobody has run that.
     """
     if journal is None:
         return Verdict("unknown", (Check("journal", False, "there is no journal"),))
-    judging = Judge(journal, exit_codes, prepared)
+    judging = Judge(journal, exit_codes, prepared, baseline_s=baseline_s)
     for record in journal.ticks:
         judging.tick(record)
     return judging.verdict()

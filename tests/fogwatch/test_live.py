@@ -55,7 +55,7 @@ SUMMARY = {
     "verdict": {
         "outcome": "invalid",
         "valid": False,
-        "checks": [{"name": "nobody lost", "ok": False, "detail": "bert"}],
+        "checks": [{"name": "nobody lost", "ok": False, "detail": "bert", "judged": True}],
     },
 }
 

@@ -40,7 +40,7 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
     assert summary["seen_share"] == journal.records[-1].seen / np.count_nonzero(lab.room.free)
     assert (summary["point_m"], summary["sensor_range_m"]) == (0.5, 3.0)
     assert summary["verdict"]["valid"] is True
-    assert {"name", "ok", "detail"} == set(summary["verdict"]["checks"][0])
+    assert {"name", "ok", "detail", "judged"} == set(summary["verdict"]["checks"][0])
 
 
 def test_robots_are_summed_up(lab: Lab) -> None:
