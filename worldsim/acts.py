@@ -34,6 +34,8 @@ APPLIES: Mapping[str, frozenset[Status]] = {
 """The robots that each kind of act makes sense for, by their status; none that is just being started."""
 
 
+_AS_IT_IS = {status: status.name.lower() for status in Status} | {Status.LEFT: "gone", Status.ABSENT: "not there yet"}
+
 HANDS_NEEDED = (
     "faults: robots' processes are to be killed, paused or started, and nobody here started them; run the scenario "
     "with: fogwatch run"
@@ -79,7 +81,7 @@ class Acts:
         body = world.bodies[number]
         reason = f"{act.fault} {act.kind}"
         if number in self._coming or body.status not in APPLIES[act.kind]:
-            state = "being started" if number in self._coming else body.status.name.lower()
+            state = "being started" if number in self._coming else _AS_IT_IS[body.status]
             yield Event(world.tick, SKIPPED, number, f"{reason}: {body.spec.name} is {state}")
             return
         match act.kind:

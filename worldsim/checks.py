@@ -4,35 +4,22 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-
 from patrol.footprint import sensor_footprint
-from patrol.journal import RobotTick, Status, TickRecord, TraceHash
+from patrol.journal import Status, TickRecord, TraceHash
 from patrol.message import MAX_TRAIL, Position, Rejected, decode
-from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.pose import Pose
 from patrol.records import frame_sequence
-from patrol.sweep import advance, free_fraction
 from worldsim.intruders import Intruders
-from worldsim.motion import length
 from worldsim.record import COMPLETED, INTERRUPTED
 from worldsim.truth import Truth
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from patrol.scenario import RobotSpec
-    from patrol.terrain import Terrain
     from worldsim.record import RunRecord
-
-SLACK = 1e-6
-"""How deep (m) a body may be in a wall or another body before a check calls it an overlap."""
-
-ROUNDED = 1.0 + 1e-12
-"""A velocity that was cut to a robot's speed may exceed it by this factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +101,7 @@ class NobodyLost:
 
     def __init__(self, journal: RunRecord) -> None:
         self._journal = journal
-        self._names = _names(journal)
+        self._names = names_of(journal)
         self._lost: dict[int, str] = {}
 
     def tick(self, record: TickRecord) -> None:
@@ -132,34 +119,6 @@ class NobodyLost:
         }
         details = "; ".join({**self._lost, **told}.values())
         return Check("nobody lost", not details, f"lost: {details}" if details else "nobody")
-
-
-class ExitCodes:
-    """Every process ended with 0, but for robots that were killed or lost."""
-
-    def __init__(self, journal: RunRecord, exit_codes: Mapping[str, int | None]) -> None:
-        self._journal = journal
-        self._codes = exit_codes
-
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        names = _names(self._journal)
-        excused = {
-            names[event.robot]
-            for event in self._journal.events
-            if event.robot in names and event.kind in (Status.LOST.name.lower(), Status.DEAD.name.lower())
-        }
-        wrong = [
-            f"{name} ended with {code}" if code is not None else f"{name} did not end"
-            for name, code in self._codes.items()
-            if code != 0 and name not in excused
-        ]
-        judged = [name for name in self._codes if name not in excused]
-        good = f"{len(judged)} processes ended with 0" if self._codes else "there were no processes"
-        return Check("exit codes", not wrong, "; ".join(wrong) or good)
 
 
 class RobotsThere:
@@ -195,87 +154,6 @@ class RobotsThere:
         return Check("robots there", self.ok, self._problem or f"{len(self._roster)} in every tick")
 
 
-class BodiesApart:
-    """No body is over a wall or overlaps another in any tick, recomputed from the poses."""
-
-    def __init__(self, journal: RunRecord, terrain: Terrain) -> None:
-        self._names = _names(journal)
-        self._terrain = terrain
-        self._radii = {robot.number: robot.radius for robot in journal.header.robots}
-        self._problem = ""
-        self._looked = 0
-
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        if self._problem:
-            return
-        here = [robot for robot in record.robots if robot.status not in (Status.ABSENT, Status.LEFT)]
-        self._looked += len(here)
-        places = np.array([(robot.x, robot.y) for robot in here], dtype=np.float64).reshape(-1, 2)
-        radii = np.array([self._radii[robot.number] for robot in here], dtype=np.float64)
-        apart = np.hypot(*(places[:, None] - places[None, :]).transpose(2, 0, 1))
-        deep = np.triu(apart < radii[:, None] + radii[None, :] - SLACK, k=1)
-        for i, j in np.argwhere(deep)[:1]:
-            pair = f"{self._names[here[i].number]} and {self._names[here[j].number]}"
-            self._problem = f"{pair} overlap at tick {record.k}, centres {apart[i, j]:.3f} m apart"
-        for robot, radius in zip(here, radii, strict=True):
-            pose = Pose(robot.x, robot.y, robot.heading)
-            if free_fraction(self._terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
-                where = f"({robot.x:.3f}, {robot.y:.3f})"
-                self._problem = f"{self._names[robot.number]} is over a wall at tick {record.k}, at {where}"
-
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        good = f"{self._looked} poses clear of each other and of walls"
-        return Check("bodies apart", not self._problem, self._problem or good)
-
-
-class MovesAreTrue:
-    """From its start on each body goes where its commands take it, to the bit, and they are within its limits.
-
-    A body that nobody drives, or whose move was cancelled, stays exactly where it is.
-    """
-
-    def __init__(self, prepared: Prepared) -> None:
-        roster = prepared.scenario.roster
-        self._step = prepared.scenario.step
-        self._specs = {spec.number: spec for spec in roster}
-        self._due = {spec.number: start for spec, start in zip(roster, prepared.starts, strict=True)}
-        self._problem = ""
-        self._looked = 0
-
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        for row in () if self._problem else record.robots:
-            spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
-            command = Drive(row.c0, row.c1) if spec.model == "car" else Velocity(row.c0, row.c1)
-            problem = self._problem_of(row, spec, pose, command)
-            if problem:
-                self._problem = f"{spec.name} {problem} at tick {record.k}"
-                return
-            moves = not row.bumped and length(command, self._step) > 0.0
-            self._due[row.number] = advance(pose, command, self._step) if moves else pose
-            self._looked += 1
-
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        return Check("moves", not self._problem, self._problem or f"{self._looked} poses are where commands lead")
-
-    def _problem_of(self, row: RobotTick, spec: RobotSpec, pose: Pose, command: Command) -> str:
-        due = self._due[row.number]
-        if pose != due:
-            return f"is at {_place(pose)} and not at {_place(due)}, where its last move ended,"
-        if row.status is not Status.ALIVE and (length(command, self._step) > 0.0 or row.bumped):
-            return f"is {row.status.name.lower()} and drives"
-        if row.refused and (row.c0 != 0.0 or row.c1 != 0.0):
-            return "drives though its command was refused"
-        if isinstance(command, Drive):
-            within = abs(command.speed) <= spec.speed and abs(command.curvature) <= 1.0 / spec.turning_radius
-        else:
-            within = math.hypot(command.vx, command.vy) <= spec.speed * ROUNDED
-        return "" if within else f"obeys {command}, which is beyond its limits,"
-
-
 class FramesAreTrue:
     """A sender's first frame says where it is in that tick, as the wire has it, and its trail where it was before.
 
@@ -284,7 +162,7 @@ class FramesAreTrue:
     """
 
     def __init__(self, journal: RunRecord, prepared: Prepared) -> None:
-        self._names = _names(journal)
+        self._names = names_of(journal)
         self._step = prepared.scenario.step
         self._intruders = Intruders(prepared.scenario, sensor_footprint(prepared.scenario, prepared.terrain))
         self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
@@ -338,7 +216,7 @@ class LinksAddUp:
     """On every directed link each frame sent was delivered or dropped once, and nothing else was."""
 
     def __init__(self, journal: RunRecord) -> None:
-        self._names = _names(journal)
+        self._names = names_of(journal)
         self._sent = self._settled = 0
         self._open: Counter[tuple[int, int, int]] = Counter()
 
@@ -411,9 +289,6 @@ def _problem_of_contact(frame: bytes, due: list[Position]) -> str:
     return ""
 
 
-def _place(pose: Pose) -> str:
-    return f"({pose.x!r}, {pose.y!r}; {pose.heading!r} rad)"
-
-
-def _names(journal: RunRecord) -> dict[int, str]:
+def names_of(journal: RunRecord) -> dict[int, str]:
+    """The robots' names by number."""
     return {robot.number: robot.name for robot in journal.header.robots}

@@ -6,20 +6,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from worldsim.body_checks import BodiesApart, MovesAreTrue
 from worldsim.checks import (
-    BodiesApart,
     Check,
     Complete,
-    ExitCodes,
     FogIsTrue,
     FramesAreTrue,
     LinksAddUp,
-    MovesAreTrue,
     NobodyLost,
     RobotsThere,
     Tally,
     TraceAgrees,
 )
+from worldsim.fault_checks import DownAreSilent, ExitCodes, StatusesFollow
 from worldsim.recovery import Recovers
 
 if TYPE_CHECKING:
@@ -80,12 +79,14 @@ class Judge:
             Complete(journal),
             TraceAgrees(journal),
             NobodyLost(journal),
-            ExitCodes(journal, exit_codes),
+            ExitCodes(journal, exit_codes, prepared),
+            DownAreSilent(journal),
             LinksAddUp(journal),
             self._there,
         ]
         self._of_poses: list[Tally] = [
-            BodiesApart(journal, prepared.terrain),
+            StatusesFollow(prepared),
+            BodiesApart(journal, prepared),
             MovesAreTrue(prepared),
             FramesAreTrue(journal, prepared),
         ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,9 +17,13 @@ from patrol.prepare import Prepared
 from patrol.random import draw
 from patrol.scenario import load_scenario
 from patrol.terrain import Terrain
+from worldsim.hands import NoShow
 from worldsim.loop import run_ticks
 from worldsim.record import COMPLETED, MemoryJournal, Recorder, header_of
 from worldsim.world import Reply, Report, World
+
+
+NEVER = -1
 
 
 def command_of(model: str, seed: int, number: int, k: int) -> Command:
@@ -33,7 +37,8 @@ class RandomFleet:
     """Minds that send their positions and drive at random.
 
     silent: (number, k, phase) at which a robot does not answer any more. killed: (number, status) by the tick after
-    which it is gone. heard: what arrived, by tick.
+    which it is gone. heard: what arrived, by tick. done: what its hands were asked for. late: the tick before which a
+    robot that is started arrives, where that is not at once; NEVER for one that never does.
     """
 
     world: World
@@ -41,6 +46,8 @@ class RandomFleet:
     silent: set[tuple[int, int, str]] = field(default_factory=set)
     killed: dict[int, tuple[int, Status]] = field(default_factory=dict)
     heard: list[Mapping[int, list[bytes]]] = field(default_factory=list)
+    done: list[tuple[str, int]] = field(default_factory=list)
+    late: dict[int, int] = field(default_factory=dict)
     finished: int | None = None
 
     def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
@@ -73,6 +80,29 @@ class RandomFleet:
 
     def finish(self, k: int) -> None:
         self.finished = k
+
+    def kill(self, number: int) -> None:
+        self.done.append(("kill", number))
+
+    def pause(self, number: int) -> None:
+        self.done.append(("pause", number))
+
+    def resume(self, number: int) -> None:
+        self.done.append(("resume", number))
+
+    def leave(self, number: int) -> None:
+        self.done.append(("leave", number))
+
+    def start(self, number: int, incarnation: int) -> None:
+        self.done.append((f"start {incarnation}", number))
+
+    def arrived(self, number: int) -> bool:
+        if self.late.get(number) == NEVER:
+            raise NoShow("it did not come")
+        return self.world.tick >= self.late.get(number, 0)
+
+    def release(self, paused: Iterable[int]) -> None:
+        self.done += [("release", number) for number in paused]
 
 
 @dataclass(frozen=True)
@@ -110,7 +140,8 @@ class Lab:
         """The journal of a run to its end."""
         journal = MemoryJournal(header_of(world))
         recorder = Recorder(journal)
-        run_ticks(world, fleet or RandomFleet(world, world.scenario.seed), recorder.tick, recorder.event, stop)
+        driven = fleet or RandomFleet(world, world.scenario.seed)
+        run_ticks(world, driven, recorder.tick, recorder.event, stop, driven)
         recorder.end(COMPLETED)
         return journal
 

@@ -27,8 +27,10 @@ NAMES = [
     "trace",
     "nobody lost",
     "exit codes",
+    "the down are silent",
     "links add up",
     "robots there",
+    "statuses",
     "bodies apart",
     "moves",
     "frames",
@@ -171,9 +173,19 @@ def test_a_robot_lost_in_the_last_tick_fails_too(lab: Lab, world: World, verdict
     assert "r3 at tick 12" in only_failure(verdict(journal))
 
 
-def test_a_robot_killed_on_purpose_is_no_failure(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
-    journal = lab.run(world, lab.fleet(world, killed={2: (3, Status.DEAD)}))
-    assert verdict(journal, {**GOOD_EXITS, "r3": -9}).valid
+def killing(lab: Lab, **more: Any) -> tuple[MemoryJournal, World]:
+    """A run in which r3 is killed before tick 3."""
+    world = lab.patrol(ticks=TICKS, faults=[{"kind": "kill", "who": "r3", "at": 1.5, **more}])
+    return lab.run(world), world
+
+
+def test_a_robot_killed_on_purpose_is_no_failure(lab: Lab) -> None:
+    journal, world = killing(lab)
+    verdict = judge(journal, {**GOOD_EXITS, "r3": -9}, world.prepared)
+    assert verdict.valid, verdict.failed
+    assert [check.detail for check in verdict.checks if check.name == "exit codes"] == [
+        "4 processes ended with 0, 1 were killed as planned"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -281,10 +293,10 @@ def test_a_cancelled_move_that_the_record_lets_happen_fails(
     assert only_failure(verdict(journal)).startswith("moves: ")
 
 
-def test_a_dead_body_that_drives_fails(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
-    journal = lab.run(world, lab.fleet(world, killed={2: (3, Status.DEAD)}))
+def test_a_dead_body_that_drives_fails(lab: Lab) -> None:
+    journal, world = killing(lab)
     change(journal, TICKS - 1, robots=moved(journal.records[-1], 2, c0=1.0))
-    assert only_failure(verdict(journal)) == f"moves: r3 is dead and drives at tick {TICKS - 1}"
+    assert only_failure(judge(journal, {}, world.prepared)) == f"moves: r3 is dead and drives at tick {TICKS - 1}"
 
 
 @pytest.mark.parametrize(
@@ -364,8 +376,10 @@ def test_a_frame_that_cannot_be_read_fails(
     assert only_failure(verdict(journal)).startswith("frames: frame 7 of r1 cannot be read (malformed")
 
 
-def test_a_frame_of_a_dead_robot_fails(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
-    journal = lab.run(world, lab.fleet(world, killed={2: (3, Status.DEAD)}))
+def test_a_frame_of_a_dead_robot_fails(lab: Lab) -> None:
+    journal, world = killing(lab)
     record = journal.records[7]
     change(journal, 7, frames=(*record.frames, (3, frame_of(record, 2))))
-    assert failures(verdict(journal))["frames"] == "frame 7 of r3 has no living sender"
+    found = failures(judge(journal, {}, world.prepared))
+    assert found["frames"] == "frame 7 of r3 has no living sender"
+    assert found["the down are silent"] == "r3 is dead at tick 7 and sends"

@@ -1,0 +1,128 @@
+"""The verdict's checks of what faults do to robots: who is dead when, that the dead are silent, how processes end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from patrol.journal import Status, TickRecord
+from patrol.phases import FIRST_INCARNATION
+from patrol.records import FORGED
+from worldsim.checks import Check, names_of
+from worldsim.hands import process_name
+from worldsim.roll import Roll
+from worldsim.timeline import Timeline
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+    from worldsim.record import RunRecord
+
+KILLED = -9
+"""The exit code of a process that SIGKILL has ended."""
+
+
+class StatusesFollow:
+    """Each robot is alive, paused, dead, absent or gone when the faults make it so, and at no other time."""
+
+    def __init__(self, prepared: Prepared) -> None:
+        self._roll = Roll(prepared)
+        self._problem = ""
+        self._changes = 0
+        self._before: tuple[Status, ...] = ()
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        self._roll.tick(record)
+        self._problem = self._problem or self._roll.problem
+        statuses = tuple(row.status for row in record.robots)
+        self._changes += sum(new is not old for new, old in zip(statuses, self._before or statuses, strict=True))
+        self._before = statuses
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        return Check("statuses", not self._problem, self._problem or f"{self._changes} changes as planned")
+
+
+class DownAreSilent:
+    """A robot that is dead, paused, or not there neither sends, hears nor decides, from that tick on."""
+
+    def __init__(self, journal: RunRecord) -> None:
+        self._names = names_of(journal)
+        self._problem = ""
+        self._looked = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        down = {row.number: row for row in record.robots if row.status is not Status.ALIVE}
+        self._looked += len(down)
+        if self._problem or not down:
+            return
+        does = [(source, "sends") for source, _ in record.frames if source != FORGED]
+        does += [(destination, "hears") for _, destination, _ in record.deliveries]
+        does += [(number, "decides") for number, row in down.items() if row.state or row.decision_ms is not None]
+        for number, what in does:
+            if number in down:
+                status = down[number].status.name.lower()
+                self._problem = f"{self._names.get(number, number)} is {status} at tick {record.k} and {what}"
+                return
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        return Check("the down are silent", not self._problem, self._problem or f"over {self._looked} ticks of robots")
+
+
+class ExitCodes:
+    """Every process ended as planned: by SIGKILL where a fault killed its robot, by itself with 0 everywhere else.
+
+    How the process of a robot that was lost ended says nothing more; nor does one that was started so late that the run
+    was over before it took part.
+    """
+
+    def __init__(self, journal: RunRecord, exit_codes: Mapping[str, int | None], prepared: Prepared) -> None:
+        self._journal = journal
+        self._codes = exit_codes
+        self._absent = Timeline(prepared.scenario).starts_absent
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        planned = self._planned()
+        wrong, judged, killed = [], 0, 0
+        for name, code in self._codes.items():
+            due = planned.get(name, 0)
+            if due is None:
+                continue
+            judged += 1
+            killed += due == KILLED
+            if code != due:
+                ended = "did not end" if code is None else f"ended with {code}"
+                wrong.append(f"{name} {ended}" + (f", not with {due} as planned" if due else ""))
+        good = f"{judged - killed} processes ended with 0" + (f", {killed} were killed as planned" if killed else "")
+        return Check("exit codes", not wrong, "; ".join(wrong) or (good if self._codes else "there were no processes"))
+
+    def _planned(self) -> dict[str, int | None]:
+        """The exit codes due by process, None where any will do."""
+        codes: dict[str, int | None] = {}
+        for number, name in names_of(self._journal).items():
+            there = number not in self._absent
+            incarnation = FIRST_INCARNATION if there else FIRST_INCARNATION - 1
+            for event in self._journal.events:
+                if event.robot != number:
+                    continue
+                match event.kind:
+                    case "alive" | "lost" if not there:
+                        incarnation += 1
+                        there = event.kind == "alive"
+                        codes[process_name(name, incarnation)] = 0 if there else None
+                    case "lost":
+                        there = False
+                        codes[process_name(name, incarnation)] = None
+                    case "dead" if there:
+                        there = False
+                        codes[process_name(name, incarnation)] = KILLED
+                    case "left":
+                        there = False
+            codes[process_name(name, incarnation + 1)] = None
+        return codes
