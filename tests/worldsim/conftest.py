@@ -22,7 +22,6 @@ from worldsim.loop import run_ticks
 from worldsim.record import COMPLETED, MemoryJournal, Recorder, header_of
 from worldsim.world import Reply, Report, World
 
-
 NEVER = -1
 
 

@@ -151,7 +151,9 @@ def test_what_makes_no_sense_is_skipped_and_told(
 
 
 def test_at_a_pace_a_robot_takes_part_when_its_process_is_there(lab: Lab) -> None:
-    world = lab.world([DISC] * 3, STARTS, duration=6.0, pace=10, faults=[fault("join", "r3", 3), fault("kill", "r3", 5)])
+    world = lab.world(
+        [DISC] * 3, STARTS, duration=6.0, pace=10, faults=[fault("join", "r3", 3), fault("kill", "r3", 5)]
+    )
     journal = lab.run(world, lab.fleet(world, late={3: 7}))
     assert statuses(journal, 3) == [X] * 7 + [A] * 5
     assert (5, "skipped", 3, "f2 kill: r3 is being started") in news(journal)

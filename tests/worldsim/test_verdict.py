@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from patrol.journal import JournalWriter, RobotTick, Status, TickRecord, read_journal, trace_hash
+from patrol.journal import JournalWriter, RobotTick, TickRecord, read_journal, trace_hash
 from patrol.message import Position, encode
 from patrol.pose import Pose
 from worldsim.record import INTERRUPTED, MemoryJournal
