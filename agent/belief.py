@@ -18,6 +18,9 @@ from patrol.message import CONTACT, Position
 from patrol.pose import Pose
 from patrol.terrain import BoolGrid
 
+AGELESS = 2**31 - 1
+"""Dilated last-seen tick of what is no ground: nothing there has an age."""
+
 
 @dataclass(frozen=True, slots=True)
 class Peer:
@@ -57,8 +60,10 @@ class Belief:
         self._dilatation = dilatation
         self._carried = self.fog.last_seen.copy()
         self.dilated = self.fog.last_seen
-        if dilatation > 0:
-            self.dilated = np.empty_like(self.fog.last_seen)
+        # Without posts, what is no ground must not pull: such paths lead over everything.
+        self._spreads = dilatation > 0 or not len(posts.rows)
+        if self._spreads:
+            self.dilated = np.full_like(self.fog.last_seen, AGELESS)
             height, width = self.dilated.shape
             self._refresh((0, height - 1, 0, width - 1), 0)
 
@@ -75,7 +80,7 @@ class Belief:
             elif position is not None:
                 boxes += self._hear(position, tick)
         for box in boxes:
-            if box is not None and self._dilatation > 0:
+            if box is not None and self._spreads:
                 self._refresh(box, tick)
 
     def silent(self, tick: int, patience: int, radii: dict[int, float], margin: float) -> list[Disc]:

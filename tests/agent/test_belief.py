@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.belief import Belief
+from agent.belief import AGELESS, Belief
 from agent.kernels.dilate import dilate
 from agent.posts import Posts
 from patrol.fields import StaticFields
@@ -111,3 +112,15 @@ def test_a_peer_long_unheard_is_an_obstacle_where_it_was_last() -> None:
     radii = {1: 1.0, 2: 0.7, 3: 1.0}
     assert belief.silent(10, 10, radii, 1.25) == []
     assert belief.silent(11, 10, radii, 1.25) == [(15.0, 15.0, 1.95)]
+
+
+@pytest.mark.parametrize("dilatation", [0, 2])
+def test_what_is_no_ground_has_no_age_where_there_are_no_posts(dilatation: int) -> None:
+    """Straight paths lead through walls, which nobody ever sees."""
+    passable = np.ones((20, 30), dtype=np.bool_)
+    passable[5:9, 10:20] = False
+    belief, _ = belief_on(passable, dilatation)
+    for k in range(4):
+        belief.update(k, Pose(3.0 + k, 5.0, 0.0), [], STEP)
+    assert (belief.dilated[~passable] == AGELESS).all()
+    assert (belief.dilated[passable] <= 3).all()
