@@ -8,10 +8,12 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.eyes import Telemetry, Traffic, show
 from patrol.lifeline import INTERRUPTED, Ending, heed
 from patrol.phases import FIRST_INCARNATION
 
@@ -30,7 +32,10 @@ name for the fleet:
   python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r1
   python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r2
 
-They may be started in any order. Exit codes: 0 the run is over, 1 left out of it, 2 bad input, 130 interrupted.
+They may be started in any order. Where the scenario's radio.via is direct, --radio says what the robots hear each other
+by: a multicast group, which needs no router, or a router; unless given, the fleet's.
+
+Exit codes: 0 the run is over, 1 left out of it, 2 bad input, 130 interrupted.
 """
 
 TELEMETRY_S = 0.2
@@ -67,41 +72,51 @@ def run_mind(mind: Mind, robot: Robot, radio: Radio, show: Show) -> None:
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
-    from patrol.keys import check_locator, fleet_keys
+    from patrol.keys import check_locator, check_radio, fleet_keys
     from patrol.scenario import load_scenario, scenario_hash
 
     router = check_locator(options.router, "--router")
     keys = fleet_keys(options.fleet)
     scenario = load_scenario(options.scenario)
+    on_air = check_radio(options.radio, "--radio", scenario.radio.via)
     spec = _spec(scenario, options.robot)
     mind = _mind(scenario, spec, options, ending)
     if mind is None:
         return INTERRUPTED
 
+    from agent.robots.direct import tune_in
     from agent.robots.sim import Identity, join
-    from patrol.link import LinkDown, open_link
+    from patrol.link import open_links
 
-    def waiting_for(what: str) -> Callable[[float], None]:
-        return lambda waited: print(f"{spec.name}: waiting for {what} ({waited:.0f} s)", file=sys.stderr, flush=True)
+    def say(line: str) -> None:
+        print(f"{spec.name}: {line}", file=sys.stderr, flush=True)
 
-    try:
-        link = open_link(router, options.wait, waiting_for(f"a router at {router}"), lambda: bool(ending))
-    except LinkDown as down:
-        if ending:
-            return INTERRUPTED
-        raise BadInput(f"{down}; start one with: python -m fogwatch.router --listen {router}") from None
+    links = open_links(router, on_air, options.wait, say, lambda: bool(ending))
+    if links is None:
+        return INTERRUPTED
+    link, air = links
     instance = int.from_bytes(os.urandom(8), "big") >> 1 | 1
     identity = Identity(spec.name, options.incarnation, instance, scenario_hash(scenario))
-    world = f"the world of fleet {keys.fleet}"
-    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting_for(world))
-    show = _telemetry(link.show(keys.telemetry(spec.name)))
+
+    def waiting(waited_s: float) -> None:
+        say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s)")
+
+    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting)
+    eyes = Eyes(link.show(keys.telemetry(spec.name)))
+    radio: Radio = robot
+    if scenario.radio.via == "direct":
+        numbers = {one.name: one.number for one in scenario.roster}
+        radio = direct = tune_in(air, keys, spec.name, numbers, lambda: robot.hear() is not None)
+        eyes.traffic = lambda final: direct.traffic(options.incarnation, final=final)
     try:
-        run_mind(mind, robot, robot, show)
+        run_mind(mind, robot, radio, eyes.show)
     finally:
+        eyes.close()
+        air.close()
         link.close()
     if robot.orderly:
         return 0
-    print(f"{spec.name}: left: {robot.farewell}", file=sys.stderr, flush=True)
+    say(f"left: {robot.farewell}")
     return INTERRUPTED if ending else 1
 
 
@@ -150,19 +165,19 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
     )
 
 
-def _telemetry(post: Callable[[bytes], None]) -> Show:
-    """Shows decisions, at most one each `TELEMETRY_S`."""
-    from patrol.eyes import Telemetry, show
+class Eyes:
+    """Shows decisions, at most one each `TELEMETRY_S`. traffic: what the radio has carried, when somebody counts it."""
 
-    due = 0.0
+    def __init__(self, post: Callable[[bytes], None]) -> None:
+        self.traffic: Callable[[bool], Traffic | None] = lambda _final: None
+        self._post = post
+        self._due = 0.0
+        self._last: Telemetry | None = None
 
-    def tell(sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        nonlocal due
+    def show(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """Show a decision, when it is time to."""
         now = time.monotonic()
-        if now < due:
-            return
-        due = now + TELEMETRY_S
-        view = Telemetry(
+        self._last = view = Telemetry(
             k=sensed.k,
             state=decision.state.value,
             goal=decision.goal,
@@ -172,9 +187,14 @@ def _telemetry(post: Callable[[bytes], None]) -> Show:
             decision_ms=decision_ms,
             rejected=decision.rejected,
         )
-        post(show(view))
+        if now >= self._due:
+            self._due = now + TELEMETRY_S
+            self._post(show(replace(view, traffic=self.traffic(False))))
 
-    return tell
+    def close(self) -> None:
+        """Show the last decision once more, with all that the radio has carried."""
+        if self._last is not None and (traffic := self.traffic(True)) is not None:
+            self._post(show(replace(self._last, traffic=traffic)))
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -189,6 +209,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--fleet", required=True, metavar="NAME", help="the fleet's name, the same for all its processes")
     add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add("--robot", required=True, metavar="NAME", help="which robot of the scenario this is")
+    add("--radio", metavar="LOCATOR", help="direct radio: a multicast group or a router (default: the fleet's router)")
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="how often this robot was started")
     add("--wait", type=float, default=60.0, metavar="S", help="how long to wait for router and world (%(default)g s)")

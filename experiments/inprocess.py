@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from agent.mind import Mind, MindSetup
 from agent.refine import psi_field
+from patrol.errors import BadInput
 from patrol.footprint import sensor_footprint
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
 from patrol.keyfile import fleet_key
@@ -172,6 +173,8 @@ def run_in_process(
     ends the run and is passed on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
+    if prepared.scenario.radio.via != "ether":
+        raise BadInput("radio.via = direct: in one process there is no network to hear each other by; run as processes")
     footprint = sensor_footprint(prepared.scenario, prepared.terrain)
     world = World(prepared, footprint=footprint)
     make = mind_maker(prepared, footprint, threads)

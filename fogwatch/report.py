@@ -50,6 +50,10 @@ def measures(summary: Mapping[str, Any]) -> list[str]:
     lines.append(f"coverage    {100.0 * summary['seen_share']:.2f} % of {area}")
     messages = summary["messages"]
     counts = ", ".join(f"{messages[name]} {name}" for name in ("sent", "delivered", "dropped", "rejected"))
+    if direct := summary.get("direct"):
+        share = "" if direct["heard_share"] is None else f" ({100.0 * direct['heard_share']:.1f} %)"
+        counts = f"{messages['delivered']} of {messages['sent']} heard{share} by direct radio"
+        counts += f", {messages['rejected']} rejected"
     lines.append(f"messages    {counts}; {messages['bytes_per_robot_s']:.0f} bytes per robot and second")
     if deadlines := summary.get("deadlines"):
         frames, commands = (sum(deadlines[what].values()) for what in ("late_frames", "late_commands"))

@@ -76,8 +76,25 @@ class Notice:
 
 
 @dataclass(frozen=True, slots=True)
+class Traffic:
+    """What one process of a robot, its incarnation, has sent and heard by direct radio so far, in frames.
+
+    heard: by the sender's name. refused: dropped unread. final: this process is about to leave.
+    """
+
+    incarnation: int
+    sent: int
+    heard: Mapping[str, int]
+    refused: int
+    final: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What a robot decided at tick k: goals before and after refinement (m), believed MFoW (ticks), times (ms)."""
+    """What a robot decided at tick k: goals before and after refinement (m), believed MFoW (ticks), times (ms).
+
+    traffic: of a direct radio, or None.
+    """
 
     k: int
     state: str
@@ -87,6 +104,7 @@ class Telemetry:
     mfow: int
     decision_ms: float
     rejected: int
+    traffic: Traffic | None = None
 
 
 class Watcher:
@@ -175,6 +193,23 @@ def read_notice(payload: bytes) -> Notice:
     """The notice in a payload; Unreadable for anything else."""
     says = _map(payload)
     return Notice(_whole(says, "k"), _text(says, "kind"), _text(says, "robot"), _text(says, "detail"))
+
+
+def read_traffic(payload: bytes) -> Traffic:
+    """The traffic in a robot's telemetry; Unreadable for anything else."""
+    says = _map(payload).get("traffic")
+    if type(says) is not dict:
+        raise Unreadable("no traffic")
+    heard = says.get("heard")
+    if type(heard) is not dict or type(says.get("final")) is not bool:
+        raise Unreadable("no counts")
+    return Traffic(
+        incarnation=_whole(says, "incarnation"),
+        sent=_whole(says, "sent"),
+        heard={sender: _whole(heard, sender) for sender in heard},
+        refused=_whole(says, "refused"),
+        final=says["final"],
+    )
 
 
 def _robot(says: object) -> RobotView:

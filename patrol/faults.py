@@ -313,6 +313,9 @@ KINDS: Mapping[str, type[Fault]] = {
 PROCESS_KINDS = ("kill", "restart", "pause", "resume", "join", "leave")
 """The kinds that need somebody who can start and stop robots."""
 
+SENSE_KINDS = ("drift", "clock")
+"""The kinds that bend what a robot senses. All that remain befall frames, and so need an ether."""
+
 
 def _kind_of(fault: Any) -> str:
     kind = fault.get("kind") if isinstance(fault, Mapping) else getattr(fault, "kind", None)

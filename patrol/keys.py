@@ -12,6 +12,7 @@ A robot's name has no dot (`patrol.scenario`), so that `WORLD` can never be one.
 
 from __future__ import annotations
 
+import ipaddress
 import re
 from dataclasses import dataclass
 
@@ -20,7 +21,8 @@ from patrol.errors import BadInput
 ROOT = "fogwatch"
 WORLD = ".world"
 _FLEET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
-_LOCATOR = re.compile(r"(?:tcp|udp|tls|quic|ws)/[^\s/]+:\d{1,5}")
+_LOCATOR = re.compile(r"(?:tcp|udp|tls|quic|ws)/[^\s/#]+:\d{1,5}")
+_GROUP = re.compile(r"udp/(\S+):\d{1,5}(?:#iface=[^\s/#;]{1,15})?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,4 +83,32 @@ def check_locator(locator: str, option: str) -> str:
     port = locator.rpartition(":")[2]
     if not _LOCATOR.fullmatch(locator) or not 0 < int(port) < 65536:
         raise BadInput(f"{option} {locator!r}: no address of a router; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
+    return locator
+
+
+def is_group(locator: str) -> bool:
+    """Whether a locator is a multicast group, ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``."""
+    found = _GROUP.fullmatch(locator)
+    try:
+        return found is not None and ipaddress.ip_address(found[1].strip("[]")).is_multicast
+    except ValueError:
+        return False
+
+
+def check_radio(locator: str | None, option: str, via: str) -> str | None:
+    """Where robots hear each other: a multicast group or a router's address, or None; BadInput for anything else.
+
+    via: the scenario's radio.via.
+    """
+    if locator is None:
+        return None
+    if via != "direct":
+        raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or drop the option")
+    address = locator.partition("#")[0]
+    port = address.rpartition(":")[2]
+    if not (is_group(locator) or _LOCATOR.fullmatch(locator)) or not 0 < int(port) < 65536:
+        raise BadInput(
+            f"{option} {locator!r}: nothing that robots could hear each other by; write a multicast group, such as "
+            "udp/224.0.0.225:7448#iface=wlan0, or the address of a router, udp/HOST:PORT or tcp/HOST:PORT"
+        )
     return locator

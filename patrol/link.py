@@ -21,6 +21,9 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import zenoh
 
+from patrol.errors import BadInput
+from patrol.keys import is_group
+
 LEASE_S = 60.0
 """A client that is silent for so long is gone for the router; longer than a paused robot may take to answer."""
 
@@ -33,7 +36,19 @@ SEE_S = 5.0
 TELL_S = (1.0, 5.0)
 """When somebody who waits says so for the first time, and how long after that again."""
 
-_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
+RADIO_LEASE_S = 2.0
+"""The same for a link that carries nothing but positions."""
+
+_JOIN_MS = 500
+"""How often members of a multicast group say that they are there; whoever is not known is not heard."""
+
+_CLIENT: dict[str, object] = {
+    "mode": "client",
+    "connect/timeout_ms": -1,
+    "connect/exit_on_failure": False,
+    "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
+    "listen/endpoints": [],
+}
 _ROOM = 256
 _SOCKET = 65536
 
@@ -151,6 +166,19 @@ class Link:
         self._declared.append(publisher)
         return publisher.put
 
+    def broadcast(self, key: str) -> Post:
+        """What a direct radio sends with: at once, to all others, and lost rather than late."""
+        publisher = self._session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+            reliability=zenoh.Reliability.BEST_EFFORT,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+        self._declared.append(publisher)
+        return publisher.put
+
     def show(self, key: str) -> Post:
         """What eyes are shown: dropped where a queue is full, so that it never holds up a tick."""
         publisher = self._session.declare_publisher(
@@ -186,7 +214,12 @@ class Link:
         self._declared.append(self._session.liveliness().declare_token(key))
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
-        """Close the session; False when that takes longer than the limit, after which only ending the process helps."""
+        """Close the session; False when that takes longer than the limit, after which only ending the process helps.
+
+        What is closed already stays so.
+        """
+        if self._session.is_closed():
+            return True
         closing = threading.Thread(target=self._close, daemon=True)
         closing.start()
         closing.join(limit_s)
@@ -210,12 +243,56 @@ def open_link(
     waiting: called as `TELL_S` says, with the seconds waited, while no router answers. Raises LinkDown when none has
     after wait_s, or when `stopped` says so.
     """
+    return _open(client_config(router), router, wait_s, waiting, stopped)
+
+
+def open_radio(
+    radio: str,
+    wait_s: float,
+    waiting: Callable[[float], None] = lambda _waited: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Link:
+    """Join a link for positions alone: a multicast group, which needs no router, or a router as in `open_link`."""
+    return _open(radio_config(radio), radio, wait_s, waiting, stopped)
+
+
+def open_links(
+    router: str, radio: str | None, wait_s: float, say: Callable[[str], None], stopped: Callable[[], bool]
+) -> tuple[Link, Link] | None:
+    """The link to the router and the one for positions, the same unless `radio` says where; None when told to stop.
+
+    say: takes a line now and then while somebody is waited for. Raises BadInput when nobody has answered after wait_s.
+    """
+
+    def waiting_for(what: str) -> Callable[[float], None]:
+        return lambda waited: say(f"waiting for {what} ({waited:.0f} s)")
+
+    try:
+        link = open_link(router, wait_s, waiting_for(f"a router at {router}"), stopped)
+    except LinkDown as down:
+        if stopped():
+            return None
+        raise BadInput(f"{down}; start one with: python -m fogwatch.router --listen {router}") from None
+    if radio is None:
+        return link, link
+    try:
+        return link, open_radio(radio, wait_s, waiting_for(f"a router at {radio}"), stopped)
+    except LinkDown as down:
+        link.close()
+        if stopped():
+            return None
+        raise BadInput(f"--radio {radio}: {down}") from None
+
+
+def _open(
+    config: zenoh.Config, router: str, wait_s: float, waiting: Callable[[float], None], stopped: Callable[[], bool]
+) -> Link:
     box: list[zenoh.Session | Exception] = []
     done = threading.Event()
 
     def join() -> None:
         try:
-            box.append(zenoh.open(client_config(router)))
+            box.append(zenoh.open(config))
         except zenoh.ZError as error:
             box.append(error)
         done.set()
@@ -255,17 +332,20 @@ def _first_line(error: Exception) -> str:
 
 def client_config(router: str) -> zenoh.Config:
     """A client of one router, that waits for it and finds back to it."""
-    return _config(
-        {
-            "mode": "client",
-            "connect/endpoints": [router],
-            "connect/timeout_ms": -1,
-            "connect/exit_on_failure": False,
-            "connect/retry": _RETRY,
-            "listen/endpoints": [],
-            "transport/link/tx/lease": round(LEASE_S * 1000),
-        }
-    )
+    return _config({**_CLIENT, "connect/endpoints": [router], "transport/link/tx/lease": round(LEASE_S * 1000)})
+
+
+def radio_config(radio: str) -> zenoh.Config:
+    """A member of a multicast group, or a client that is given up after `RADIO_LEASE_S` without a sign of life.
+
+    A reliable link that has been cut delivers on its return what is long out of date; with a short lease it is a new
+    link by then.
+    """
+    lease = {"transport/link/tx/lease": round(RADIO_LEASE_S * 1000)}
+    if not is_group(radio):
+        return _config({**_CLIENT, "connect/endpoints": [radio], **lease})
+    here = {"listen/endpoints": [radio], "connect/endpoints": [], "transport/multicast/join_interval": _JOIN_MS}
+    return _config({"mode": "peer", **here, **lease})
 
 
 def router_config(listen: str) -> zenoh.Config:

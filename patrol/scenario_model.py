@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.fault_roster import check_faults
-from patrol.faults import Faults
+from patrol.faults import PROCESS_KINDS, SENSE_KINDS, Faults
 from patrol.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.nemesis import NemesisSpec, room_for, unleash
 from patrol.pose import Pose, wrap
@@ -190,8 +190,12 @@ class PatrolSpec(Section):
 
 
 class RadioSpec(Section):
-    """What the radio adds to a position, and when a silent robot's claim ends."""
+    """How positions travel, what the radio adds to them, and when a silent robot's claim ends."""
 
+    via: Literal["ether", "direct"] = Field(
+        "ether",
+        description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)",
+    )
     trail: Trail = Field(0, description="past positions sent along")
     key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
     forget_after: Positive = Field(10.0, description="s of silence after which a robot is no longer counted on")
@@ -274,6 +278,8 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
+        if self.radio.via == "direct":
+            self._check_direct()
         if self.step > self.duration:
             raise wrong("duration", f"shorter than one step of {self.step:g} s; give at least that", self.duration)
         if self.duration / self.step > MAX_TICKS or self.duration * 1000.0 > MAX_TIME_MS:
@@ -298,6 +304,15 @@ class Scenario(Section):
             return self
         mapping = self.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
         return type(self).model_validate(mapping | {"faults": mapping["faults"] + unleash(self)})
+
+    def _check_direct(self) -> None:
+        if self.factor is None:
+            limit = "direct radio knows no ticks, and pace is lockstep; set pace to realtime or a factor of it"
+            raise wrong("radio.via", limit)
+        for place, fault in enumerate(self.faults):
+            if fault.kind not in (*PROCESS_KINDS, *SENSE_KINDS):
+                limit = f"{fault.kind} befalls frames of an ether, and radio.via is direct; disturb the network itself"
+                raise wrong(f"faults.{place}", limit)
 
     def _check_roster(self) -> None:
         names: dict[str, int] = {}

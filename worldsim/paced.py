@@ -3,13 +3,14 @@
 Tick k begins k steps after the first. Its phase A goes out at once, phase B a fifth of a step later with the frames
 that have come by then, and the step ends with the commands that have come by then. A frame that comes later is lost; a
 command that comes later counts for the tick it comes in, when that has none of its own. Each is a missed deadline.
+Where robots hear each other directly, the world only overhears their frames, and none can be late.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from patrol.journal import Status
 from patrol.phases import ReplyA, ReplyB
@@ -18,21 +19,25 @@ from worldsim.radio_rules import PHASE_B_SHARE
 from worldsim.seats import POLL_S, Seats
 from worldsim.world import Reply, Report
 
+if TYPE_CHECKING:
+    from worldsim.direct import Ear
+
 
 class PacedFleet:
     """A `worldsim.loop.Fleet` of processes that keeps to the clock. step_s: of wall time.
 
     late_frames, late_commands: missed deadlines by robot number. too_late: frames that came after theirs, and went to
     nobody; the others never came. slipped_s: by how much the world itself has fallen
-    behind and given up on catching up.
+    behind and given up on catching up. ear: what overhears a direct radio, or None.
     """
 
-    def __init__(self, seats: Seats, step_s: float) -> None:
+    def __init__(self, seats: Seats, step_s: float, ear: Ear | None = None) -> None:
         self.late_frames: Counter[int] = Counter()
         self.late_commands: Counter[int] = Counter()
         self.too_late: Counter[int] = Counter()
         self.slipped_s = 0.0
         self._seats = seats
+        self._ear = ear
         self._step_s = step_s
         self._k = 0
         self._closed = False  # no frame of this tick is taken any more
@@ -51,6 +56,9 @@ class PacedFleet:
         frames: dict[int, Sequence[bytes]] = {}
         self._collect(frames, begins + PHASE_B_SHARE * self._step_s)
         self._closed = True
+        if self._ear is not None:
+            overheard = self._ear.overhear(k)
+            return {number: overheard.get(number, ()) for number in reports}
         self.late_frames.update(number for number in reports if number not in frames)
         return {number: frames.get(number, ()) for number in reports}
 
@@ -83,6 +91,7 @@ class PacedFleet:
             "too_late": dict(sorted(self.too_late.items())),
             "late_commands": dict(sorted(self.late_commands.items())),
             "slipped_s": self.slipped_s,
+            **({} if self._ear is None else self._ear.notes()),
         }
 
     def _begin(self) -> float:

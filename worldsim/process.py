@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from patrol.link import Link
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
+    from worldsim.direct import Ear
     from worldsim.record import Recorder
     from worldsim.seats import Seats
     from worldsim.table import TicksTable
@@ -65,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
-    from patrol.keys import check_locator, fleet_keys
+    from patrol.keys import check_locator, check_radio, fleet_keys
     from patrol.scenario import load_scenario
     from patrol.warmup import warm
 
@@ -73,10 +74,11 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     keys = fleet_keys(options.fleet)
     scenario = load_scenario(options.scenario)
     _check_hands(scenario, options.hands)
+    radio = check_radio(options.radio, "--radio", scenario.radio.via)
     _check_folder(options.out)
     warm(("patrol", "worldsim"), _say)
 
-    from patrol.link import LinkDown, open_link
+    from patrol.link import open_links
     from patrol.prepare import Prepared, prepare
     from worldsim.seats import Interrupted, Missing
 
@@ -88,24 +90,21 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
         raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")
     prepared = prepare(scenario) if static is None else Prepared.load(scenario, static)
 
-    def waiting(waited_s: float) -> None:
-        _say(f"waiting for a router at {router} ({waited_s:.0f} s)")
-
+    links = open_links(router, radio, options.wait, _say, lambda: bool(ending))
+    if links is None:
+        return EXIT_INTERRUPTED
+    link, air = links
     try:
-        link = open_link(router, options.wait, waiting, lambda: bool(ending))
-    except LinkDown as down:
-        if ending:
-            return EXIT_INTERRUPTED
-        raise BadInput(f"{down}; start one with: python -m fogwatch.router --listen {router}") from None
-    try:
+        ear = _ear(link, air, keys, scenario) if scenario.radio.via == "direct" else None
         seats = _gather(link, keys, scenario, options.wait, ending)
-        wall_s = _record(options, prepared, link, keys, seats, ending)
+        wall_s = _record(options, prepared, link, keys, seats, ear, ending)
     except Interrupted:
         return EXIT_INTERRUPTED
     except Missing as missing:
         _say(f"{missing}; start each with: python -m agent --router {router} --fleet {keys.fleet} --robot NAME ...")
         return UNKNOWN
     finally:
+        air.close()
         link.close()
     if options.lifeline is not None:
         return 0  # the journal is whole; the launcher judges it
@@ -141,8 +140,29 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
     return seats
 
 
+def _ear(link: Link, air: Link, keys: FleetKeys, scenario: Scenario) -> Ear:
+    """Overhear what robots tell each other on the air, and what they say of it over the fleet's link."""
+    from patrol.eyes import read_traffic
+    from patrol.link import Mailbox
+    from patrol.message import MAX_FRAME
+    from worldsim.direct import MAX_TRAFFIC, ROOM, Ear
+
+    numbers = {spec.name: spec.number for spec in scenario.roster}
+    positions = Mailbox([keys.position(name) for name in numbers], bytes, MAX_FRAME, ROOM)
+    telemetry = Mailbox([keys.telemetry(name) for name in numbers], read_traffic, MAX_TRAFFIC * len(numbers), room=1)
+    air.subscribe(keys.position("*"), positions)
+    link.subscribe(keys.telemetry("*"), telemetry)
+    return Ear(keys, numbers, positions, telemetry, time.monotonic)
+
+
 def _record(
-    options: argparse.Namespace, prepared: Prepared, link: Link, keys: FleetKeys, seats: Seats, ending: Ending
+    options: argparse.Namespace,
+    prepared: Prepared,
+    link: Link,
+    keys: FleetKeys,
+    seats: Seats,
+    ear: Ear | None,
+    ending: Ending,
 ) -> float:
     """Run the ticks and write down what happens; the wall time that they took (s)."""
     from patrol.journal import JournalWriter
@@ -161,7 +181,7 @@ def _record(
     if scenario.factor is None:
         fleet = LockstepFleet(seats, options.deadline)
     else:
-        fleet = PacedFleet(seats, scenario.step / scenario.factor)
+        fleet = PacedFleet(seats, scenario.step / scenario.factor, ear)
     hands = None
     if options.hands is not None:
         hands = SeatedHands(_asking(options.hands, ending), seats, waits=scenario.factor is None)
@@ -292,6 +312,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--fleet", required=True, metavar="NAME", help="the fleet's name, the same for all its processes")
     add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add("--out", required=True, type=Path, metavar="DIR", help="folder for the journal and ticks.csv")
+    add("--radio", metavar="LOCATOR", help="direct radio: a multicast group or a router (default: the fleet's router)")
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--wait", type=float, default=60.0, metavar="S", help="how long to wait for router and robots (%(default)g s)")
     add("--deadline", type=float, default=10.0, metavar="S", help="lockstep: wall time for an answer (%(default)g s)")

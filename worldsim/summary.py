@@ -10,6 +10,7 @@ import numpy as np
 
 from patrol.journal import Header, RobotTick, Status, TickRecord
 from patrol.pose import Drive, Velocity
+from worldsim.direct import as_measured
 from worldsim.motion import length
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ class Totals:
             if event.k >= ticks and event.robot in self._robots and event.kind.upper() in Status.__members__:
                 self._robots[event.robot].status = Status[event.kind.upper()]
         patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
-        return {
+        summary = {
             "name": header.scenario["name"],
             "scenario_hash": header.scenario_hash,
             "trace_hash": journal.end.trace_hash if journal.end else None,
@@ -130,6 +131,7 @@ class Totals:
                 "checks": [asdict(check) for check in verdict.checks],
             },
         }
+        return as_measured(summary, journal) if header.scenario["radio"].get("via") == "direct" else summary
 
 
 def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
@@ -142,7 +144,7 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     `refused`: messages that the world dropped unread, by reason;
     at the pace of the clock also `deadlines`: frames and commands that were not there in time by robot, how
     many of the frames came after all (`too_late`; they reach nobody and are not among the sent), and how far the world
-    itself fell behind (wall s).
+    itself fell behind (wall s). For direct radio see `worldsim.direct.as_measured`.
     """
     totals = Totals(journal.header)
     for record in journal.ticks:

@@ -18,6 +18,7 @@ from worldsim.checks import (
     Tally,
     TraceAgrees,
 )
+from worldsim.direct import DirectLinks
 from worldsim.fault_checks import DownAreSilent, ExitCodes, StatusesFollow
 from worldsim.recovery import Recovers
 
@@ -81,7 +82,7 @@ class Judge:
             NobodyLost(journal),
             ExitCodes(journal, exit_codes, prepared),
             DownAreSilent(journal),
-            LinksAddUp(journal),
+            LinksAddUp(journal) if prepared.scenario.radio.via == "ether" else DirectLinks(journal),
             self._there,
         ]
         self._of_poses: list[Tally] = [

@@ -90,6 +90,7 @@ class World:
         self.senses = Senses(scenario, self.timeline, self.terrain)
         self.ether = ether_of(scenario, self.timeline, self.terrain, self.senses)
         self._waits = scenario.factor is None
+        self._carries = scenario.radio.via == "ether"
         self._frames: tuple[tuple[int, bytes], ...] = ()
         self._delivery = Delivery({}, (), ())
 
@@ -117,11 +118,14 @@ class World:
         has died in phase A and hears nothing any more.
         """
         sent = {number: frames[number][:MAX_FRAMES] for number in self.living if number in frames}
+        genuine = tuple((number, frame) for number, all_of_it in sent.items() for frame in all_of_it)
+        if not self._carries:  # robots hear each other directly, and these are what the world has overheard
+            self._frames, self._delivery = genuine, Delivery({number: [] for number in sent}, (), ())
+            return self._delivery.heard
         statuses = {number: body.status for number, body in self.bodies.items()}
         statuses |= {number: Status.LOST for number in self.living if number not in frames}
         poses = {number: body.pose for number, body in self.bodies.items() if there(body.status)}
         self._delivery = self.ether.carry(self.tick, sent, statuses, poses)
-        genuine = ((number, frame) for number, all_of_it in sent.items() for frame in all_of_it)
         self._frames = (*((FORGED, frame) for frame in self._delivery.forged), *genuine)
         return self._delivery.heard
 

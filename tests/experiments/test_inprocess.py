@@ -9,6 +9,7 @@ import pytest
 
 from agent.mind import Mind
 from experiments.inprocess import Outcome, run_in_process
+from patrol.errors import BadInput
 from patrol.journal import Event, TickRecord, read_journal
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
@@ -112,3 +113,9 @@ def test_a_run_that_keeps_no_records_is_summed_up_and_judged_all_the_same() -> N
     assert kept.verdict == let_go.verdict
     for key in ("mfow_mean_s", "mfow_max_s", "fog_mean_s", "messages", "seen_share", "ticks"):
         assert kept.summary[key] == let_go.summary[key]
+
+
+def test_direct_radio_needs_processes() -> None:
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0, "pace": 1.0, "radio": {"via": "direct"}})
+    with pytest.raises(BadInput, match=r"radio\.via = direct: .* run as processes"):
+        run_in_process(scenario)

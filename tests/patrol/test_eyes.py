@@ -11,10 +11,12 @@ from patrol.eyes import (
     Notice,
     RobotView,
     Telemetry,
+    Traffic,
     Unreadable,
     Watcher,
     read_metrics,
     read_notice,
+    read_traffic,
     show,
 )
 from patrol.journal import Event, RobotTick, Status, TickRecord
@@ -75,3 +77,25 @@ def test_events_are_told_by_name() -> None:
     watcher = Watcher({1: "r1"}, 1, 0.5, 4, lambda: 0.0)
     assert watcher.notice(Event(3, "lost", 1, "gone")) == Notice(3, "lost", "r1", "gone")
     assert watcher.notice(Event(3, "note")) == Notice(3, "note", "", "")
+
+
+def test_traffic_comes_back_from_telemetry() -> None:
+    traffic = Traffic(2, 30, {"r2": 29, "r3": 0}, 1, final=True)
+    view = Telemetry(1, "holding", None, None, None, 3, 4.0, 5, traffic)
+    assert read_traffic(show(view)) == traffic
+
+
+@pytest.mark.parametrize(
+    "traffic",
+    [
+        None,
+        [],
+        {},
+        {"incarnation": 1, "sent": 1, "heard": {"r2": -1}, "refused": 0, "final": True},
+        {"incarnation": 1, "sent": 1, "heard": {}, "refused": 0, "final": 1},
+        {"incarnation": 1, "sent": 1.5, "heard": {}, "refused": 0, "final": True},
+    ],
+)
+def test_other_traffic_is_unreadable(traffic: object) -> None:
+    with pytest.raises(Unreadable):
+        read_traffic(msgpack.packb({"traffic": traffic}))

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from patrol.errors import BadInput
-from patrol.keys import WORLD, check_locator, fleet_keys, robot_of
+from patrol.keys import WORLD, check_locator, check_radio, fleet_keys, is_group, robot_of
 
 
 def test_the_keys_of_a_fleet() -> None:
@@ -41,3 +41,29 @@ def test_addresses_of_routers(locator: str) -> None:
 def test_other_addresses_are_bad_input(locator: str) -> None:
     with pytest.raises(BadInput, match="--router"):
         check_locator(locator, "--router")
+
+
+@pytest.mark.parametrize("radio", ["udp/224.0.0.225:7448", "udp/239.1.2.3:1#iface=wlan0", "udp/[ff02::7]:7448"])
+def test_groups_that_robots_can_hear_each_other_by(radio: str) -> None:
+    assert is_group(radio)
+    assert check_radio(radio, "--radio", "direct") == radio
+
+
+def test_a_router_is_a_radio_too_and_none_is_none() -> None:
+    assert check_radio("udp/10.0.0.1:7448", "--radio", "direct") == "udp/10.0.0.1:7448"
+    assert not is_group("udp/10.0.0.1:7448")
+    assert check_radio(None, "--radio", "ether") is None
+
+
+@pytest.mark.parametrize(
+    "radio",
+    ["", "224.0.0.225:7448", "tcp/224.0.0.225:1#iface=a", "udp/224.0.0.225:0", "udp/h:1#iface=a", "tcp/g:99999"],
+)
+def test_other_radios_are_bad_input(radio: str) -> None:
+    with pytest.raises(BadInput, match="--radio"):
+        check_radio(radio, "--radio", "direct")
+
+
+def test_a_radio_without_direct_radio_is_bad_input() -> None:
+    with pytest.raises(BadInput, match=r"radio\.via is ether; set it to direct"):
+        check_radio("udp/10.0.0.1:7448", "--radio", "ether")

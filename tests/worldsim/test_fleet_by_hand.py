@@ -114,6 +114,31 @@ def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> Non
     assert hand.code("router") == 0
 
 
+def test_robots_that_hear_each_other_by_a_router_of_their_own(hand: Hand) -> None:
+    hand.write({**SCENARIO, "duration": 15, "pace": 3, "radio": {"via": "direct"}})
+    radio = hand.router.replace("tcp/", "udp/")
+    hand.start_router()
+    hand.start("radio", "fogwatch.router", "--listen", radio)
+    hand.start_world("--radio", radio)
+    for robot in ("anna", "bert"):
+        hand.start_agent(robot, "--radio", radio)
+    assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0], hand.said("world")
+    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["direct"]["unsaid"] == []
+    assert set(summary["direct"]["links"]) == {"anna to bert", "bert to anna"}
+    for counts in summary["direct"]["links"].values():
+        assert 20 <= counts["heard"] <= counts["sent"] <= 30
+    assert summary["messages"]["frames"] >= 40, "the world overhears them too"
+    assert summary["messages"]["rejected"] == 0
+
+
+def test_a_radio_that_nobody_asked_for_is_bad_input(hand: Hand) -> None:
+    hand.start_world("--radio", "udp/127.0.0.1:7448")
+    hand.start_agent("anna", "--radio", "udp/127.0.0.1:7448")
+    assert [hand.code(name) for name in ("world", "anna")] == [2, 2]
+    assert "radio.via is ether" in hand.said("world")
+
+
 def test_an_agent_that_is_paused_too_long_is_left_out_and_leaves(hand: Hand) -> None:
     hand.write({**SCENARIO, "duration": 400})
     hand.start_router()
