@@ -208,6 +208,7 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
         "dropped": _grouped(record.dropped),
         "copies": _grouped(record.copies),
         "delayed": _grouped(record.delayed),
+        "forged": record.forged,
         "mfow": record.mfow,
         "fog_mean": record.fog_mean,
         "seen": record.seen,
@@ -265,6 +266,7 @@ def _typed_tick(value: dict[str, Any]) -> TickRecord:
         seen=value["seen"],
         copies=_links(value.get("copies", ())),
         delayed=_links(value.get("delayed", ())),
+        forged=tuple(value.get("forged", ())),
     )
 
 

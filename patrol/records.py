@@ -73,8 +73,9 @@ class TickRecord:
     source of forged ones is `FORGED`. deliveries: (source, destination, sequence) of the frames that arrived, with the
     sequence of `frame_sequence`, once for each copy. dropped: the same and the cause, which for a fault is
     ``kind:id``. copies: those that a fault added in this tick, and its id. delayed: frames of this tick that arrive in
-    a later one, once for each fault that holds them up, and its id. mfow, fog_mean: of the true fog after this tick's
-    observations, in ticks. seen: patrolled points seen so far.
+    a later one, once for each fault that holds them up, and its id. forged: for each forged frame, in their order, the
+    id of its fault. mfow, fog_mean: of the true fog after this tick's observations, in ticks. seen: patrolled points
+    seen so far.
     """
 
     k: int
@@ -87,6 +88,7 @@ class TickRecord:
     seen: int
     copies: tuple[tuple[int, int, int, str], ...] = ()
     delayed: tuple[tuple[int, int, int, str], ...] = ()
+    forged: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

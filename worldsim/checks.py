@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from patrol.footprint import sensor_footprint
 from patrol.journal import Status, TickRecord, TraceHash
-from patrol.message import MAX_TRAIL, Position, Rejected, decode
 from patrol.pose import Pose
-from patrol.records import frame_sequence
-from worldsim.intruders import Intruders
 from worldsim.record import COMPLETED, INTERRUPTED
 from worldsim.truth import Truth
 
@@ -24,7 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One check's result; the detail says what was found, first of all where it went wrong or why it was not judged."""
+    """One check's result; the detail says what was found, first of all where it went wrong.
+
+    judged: False where there was nothing to judge by, or too little; then it is ok and the detail says why.
+    """
 
     name: str
     ok: bool
@@ -154,100 +152,6 @@ class RobotsThere:
         return Check("robots there", self.ok, self._problem or f"{len(self._roster)} in every tick")
 
 
-class FramesAreTrue:
-    """A sender's first frame says where it is in that tick, as the wire has it, and its trail where it was before.
-
-    Each of the others reports an intruder that its footprint covers, and none twice. Tags are not looked at: whoever
-    hears a frame with a wrong one counts it as rejected.
-    """
-
-    def __init__(self, journal: RunRecord, prepared: Prepared) -> None:
-        self._names = names_of(journal)
-        self._step = prepared.scenario.step
-        self._intruders = Intruders(prepared.scenario, sensor_footprint(prepared.scenario, prepared.terrain))
-        self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
-        self._problem = ""
-        self._looked = 0
-
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        if self._problem:
-            return
-        due: dict[int, Position] = {}
-        contacts: dict[int, list[Position]] = {}
-        time_s = record.k * self._step
-        for row in record.robots:
-            pose = Pose(row.x, row.y, row.heading)
-            position = Position.of(row.number, record.k, time_s, pose)
-            self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
-            if row.status is Status.ALIVE:
-                due[row.number] = position
-                seen = self._intruders.seen_by(row.number, record.k, pose)
-                contacts[row.number] = [Position.of_contact(record.k, time_s, *place) for place in seen]
-        for source, frame in record.frames:
-            if source in due or source not in contacts:
-                problem = self._problem_of(source, frame, due.pop(source, None))
-            else:
-                problem = _problem_of_contact(frame, contacts[source])
-            if problem:
-                self._problem = f"frame {record.k} of {self._names.get(source, source)} {problem}"
-                return
-            self._looked += 1
-
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        return Check("frames", not self._problem, self._problem or f"{self._looked} frames say what is true")
-
-    def _problem_of(self, source: int, frame: bytes, due: Position | None) -> str:
-        if due is None:
-            return "has no living sender"
-        try:
-            said = decode(frame)
-        except Rejected as rejected:
-            return f"cannot be read ({rejected})"
-        track = list(self._tracks[source])
-        trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in pairwise(track[: len(said.trail) + 1]))
-        if said != replace(due, trail=trail):
-            return f"says {said}, the pose gives {replace(due, trail=trail)}"
-        return ""
-
-
-class LinksAddUp:
-    """On every directed link each frame sent was delivered or dropped once, and nothing else was."""
-
-    def __init__(self, journal: RunRecord) -> None:
-        self._names = names_of(journal)
-        self._sent = self._settled = 0
-        self._open: Counter[tuple[int, int, int]] = Counter()
-
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        here = [robot.number for robot in record.robots if robot.status not in (Status.ABSENT, Status.LEFT)]
-        places: Counter[int] = Counter()
-        for source, _ in record.frames:
-            sequence = frame_sequence(record.k, places[source])
-            places[source] += 1
-            for destination in here:
-                if destination != source:
-                    self._open[source, destination, sequence] += 1
-                    self._sent += 1
-        for link in [*record.deliveries, *(dropped[:3] for dropped in record.dropped)]:
-            self._settled += 1
-            self._open[link] -= 1
-            if self._open[link] == 0:
-                del self._open[link]
-
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        if not self._open:
-            return Check("links add up", True, f"{self._sent} frames sent over links, {self._settled} accounted for")
-        (source, destination, sequence), left = min(self._open.items())
-        link = f"{self._names.get(source, source)} to {self._names.get(destination, destination)}"
-        what = "neither delivered nor dropped" if left > 0 else "delivered or dropped but not sent"
-        detail = f"frame {sequence} from {link} was {what} ({len(self._open)} such frames)"
-        return Check("links add up", False, detail)
-
-
 class FogIsTrue:
     """MFoW, mean fog and points seen are what the poses give, recomputed from the beginning."""
 
@@ -275,18 +179,6 @@ class FogIsTrue:
     def check(self) -> Check:
         """The result, once all ticks are in."""
         return Check("fog", not self._problem, self._problem or f"recomputed over {self._ticks} ticks")
-
-
-def _problem_of_contact(frame: bytes, due: list[Position]) -> str:
-    """What is wrong with a report; it is taken off those that are due."""
-    try:
-        said = decode(frame)
-    except Rejected as rejected:
-        return f"cannot be read ({rejected})"
-    if said not in due:
-        return f"says {said}, and its sender sees no such intruder"
-    due.remove(said)
-    return ""
 
 
 def names_of(journal: RunRecord) -> dict[int, str]:

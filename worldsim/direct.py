@@ -165,7 +165,7 @@ class DirectLinks:
 def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any]:
     """The summary of a fleet with direct radio: frames by what the robots say, where an ether would know.
 
-    delivered: heard. dropped: None, for nobody knows. frames, bytes_per_robot_s: of what the world has overheard.
+    delivered: heard. dropped, in_flight: None, for nobody knows. frames, bytes_per_robot_s: of what the world has overheard.
     direct: for each directed link of robots that have both said so the frames sent and heard; heard_share: over all
     of these; missed: frames that reached the world too late to be overheard; unsaid: robots whose counts are missing or
     end before their process did.
@@ -175,17 +175,20 @@ def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any
     names = [robot.name for robot in journal.header.robots]
     robots = {name: dict(facts) for name, facts in summary["robots"].items()}
     for name, facts in robots.items():
-        facts.update(_totals(counts for (sender, _), counts in links.items() if sender == name), dropped=None)
+        facts.update(
+            _totals(counts for (sender, _), counts in links.items() if sender == name), dropped=None, in_flight=None
+        )
     totals = _totals(links.values())
     share = totals["delivered"] / totals["sent"] if totals["sent"] else None
-    messages = {**summary["messages"], **totals, "dropped": None, "dropped_by_cause": {}}
+    unknown: dict[str, Any] = {"dropped": None, "dropped_by_cause": {}, "in_flight": None}
+    messages = {**summary["messages"], **totals, **unknown}
     direct = {
         "links": {f"{source} to {destination}": counts for (source, destination), counts in links.items()},
         "heard_share": share,
         "missed": journal.end.notes["direct"]["missed"] if said and journal.end else {},
         "unsaid": [name for name in names if name not in said or not said[name]["final"]],
     }
-    return {**summary, "messages": messages, "robots": robots, "direct": direct}
+    return {**summary, "messages": messages, "robots": robots, "links": {}, "direct": direct}
 
 
 def _totals(links: Iterable[Mapping[str, int]]) -> dict[str, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from patrol.faults import Spoof
 from patrol.keyfile import fleet_key
 from patrol.message import MAX_FRAME
 from patrol.records import FORGED, Status, frame_sequence
-from worldsim.forging import Forger
+from worldsim.forging import Forged, Forger
 from worldsim.radio_rules import NOBODY, RadioRules, arrival
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ OVERSIZED = "oversized"
 RECEIVER_DEAD = "receiver dead"
 RECEIVER_PAUSED = "receiver paused"
 RECEIVER_ABSENT = "receiver absent"
+OWN = "own"
+"""Why a robot that forges does not hear what it forges."""
 
 _DEAF = {
     Status.PAUSED: RECEIVER_PAUSED,
@@ -44,14 +46,14 @@ class Delivery:
     """What the ether did in one tick, ordered by sender, sequence and receiver.
 
     heard: for each receiver its frames, by sender, sequence and copy, forged ones first. arrived: (source, destination,
-    sequence), once for each copy. dropped: the same and the cause. forged: frames that somebody made up; their source
-    is `patrol.records.FORGED`. copies, delayed: as in `patrol.records.TickRecord`.
+    sequence), once for each copy. dropped: the same and the cause. forged: what somebody made up; the source of its
+    frames is `patrol.records.FORGED`. copies, delayed: as in `patrol.records.TickRecord`.
     """
 
     heard: dict[int, list[bytes]]
     arrived: tuple[Link, ...]
     dropped: tuple[tuple[int, int, int, str], ...]
-    forged: tuple[bytes, ...] = ()
+    forged: tuple[Forged, ...] = ()
     copies: tuple[tuple[int, int, int, str], ...] = ()
     delayed: tuple[tuple[int, int, int, str], ...] = ()
 
@@ -84,9 +86,9 @@ class Ether:
         self._flying: dict[int, list[_Flying]] = defaultdict(list)
 
     @property
-    def in_flight(self) -> int:
-        """How many frames, copies included, have not arrived yet."""
-        return sum(map(len, self._flying.values()))
+    def in_flight(self) -> Counter[Link]:
+        """The frames that have not arrived yet, copies included."""
+        return Counter((f.source, f.destination, f.sequence) for flying in self._flying.values() for f in flying)
 
     def carry(
         self,
@@ -127,11 +129,11 @@ class Ether:
         tick: int,
         frames: Mapping[int, Sequence[bytes]],
         statuses: Mapping[int, Status],
-        forged: Sequence[tuple[int, bytes]],
+        forged: Sequence[Forged],
         rules: RadioRules | None,
     ) -> Delivery:
         """The same where there is something to ask about a frame, or some are in flight."""
-        sent = [(FORGED, origin, place, frame) for place, (origin, frame) in enumerate(forged)]
+        sent = [(FORGED, one.origin, place, one.frame) for place, one in enumerate(forged)]
         sent += [
             (source, source, place, frame) for source in sorted(frames) for place, frame in enumerate(frames[source])
         ]
@@ -144,10 +146,12 @@ class Ether:
             oversized = len(frame) > MAX_FRAME
             jam = None if rules is None or oversized else rules.jammed(origin, len(frame))
             for destination in receivers:
-                if destination in (source, origin):
+                if destination == source:
                     continue
                 link = (source, destination, sequence)
-                cause = OVERSIZED if oversized else None if rules is None else rules.lost(origin, *link, jam)
+                cause = OVERSIZED if oversized else OWN if destination == origin else None
+                if cause is None and rules is not None:
+                    cause = rules.lost(origin, *link, jam)
                 if cause is not None:
                     dropped.append((*link, cause))
                     continue
@@ -162,8 +166,7 @@ class Ether:
                     due = arrival(tick, delay_s + more_s, self._step)
                     self._flying[due].append(_Flying(source, sequence, destination, copy, frame))
         heard, arrived = self._land(tick, statuses, dropped)
-        told = tuple(frame for _, frame in forged)
-        return Delivery(heard, arrived, tuple(sorted(dropped)), told, tuple(copies), tuple(delayed))
+        return Delivery(heard, arrived, tuple(sorted(dropped)), tuple(forged), tuple(copies), tuple(delayed))
 
     def _land(
         self, tick: int, statuses: Mapping[int, Status], dropped: list[tuple[int, int, int, str]]

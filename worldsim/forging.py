@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.faults import Forgery, Spoof
@@ -26,6 +27,15 @@ if TYPE_CHECKING:
     from worldsim.timeline import Entry, Timeline
 
 _WRONG_KEY = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Forged:
+    """A forged frame. origin: whose radio it comes from, `NOBODY` for a stranger. fault: the id of the spoof."""
+
+    origin: int
+    fault: str
+    frame: bytes
 
 
 class Forger:
@@ -51,19 +61,19 @@ class Forger:
 
     def forge(
         self, k: int, frames: Mapping[int, Sequence[bytes]], statuses: Mapping[int, Status], poses: Mapping[int, Pose]
-    ) -> list[tuple[int, bytes]]:
-        """The frames forged in tick k, each with whose radio it comes from; call for each tick in turn.
+    ) -> list[Forged]:
+        """The frames forged in tick k; call for each tick in turn.
 
         frames: what the robots send in this tick. poses: the true ones of all bodies.
         """
         self._sent.append(frames)
-        forged: list[tuple[int, bytes]] = []
+        forged: list[Forged] = []
         for entry in self.timeline.at(k):
             if not isinstance(entry.fault, Spoof):
                 continue
             origin = entry.sources[0]
-            if origin == NOBODY or (statuses[origin] is Status.ALIVE and origin in frames):
-                forged += ((origin, frame) for frame in self._frames(entry, entry.fault, k, poses))
+            if origin == NOBODY or statuses[origin] is Status.ALIVE:
+                forged += (Forged(origin, entry.id, frame) for frame in self._frames(entry, entry.fault, k, poses))
         return forged
 
     def _frames(self, entry: Entry, fault: Spoof, k: int, poses: Mapping[int, Pose]) -> Iterator[bytes]:

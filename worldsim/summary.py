@@ -10,8 +10,11 @@ import numpy as np
 
 from patrol.journal import Header, RobotTick, Status, TickRecord
 from patrol.pose import Drive, Velocity
+from patrol.records import FORGED
 from worldsim.direct import as_measured
+from worldsim.ether import there
 from worldsim.motion import length
+from worldsim.traffic import Traffic
 
 if TYPE_CHECKING:
     from worldsim.record import RunRecord
@@ -23,7 +26,10 @@ DEAD_END = "dead-end"
 
 @dataclass(slots=True)
 class _Robot:
-    """What one robot's rows add up to; sent, delivered and dropped are of its own frames, counted per receiver."""
+    """What one robot's rows add up to; sent, delivered and dropped are of its own frames, counted per receiver.
+
+    Copies that a fault makes count as sent.
+    """
 
     model: str
     distance_m: float = 0.0
@@ -33,15 +39,13 @@ class _Robot:
     living: int = 0
     frames: int = 0
     frame_bytes: int = 0
+    sent: int = 0
     delivered: int = 0
     rejected: int = 0
+    rejected_before: int = 0
     status: Status = Status.ABSENT
     decision_ms: list[float] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
-
-    @property
-    def sent(self) -> int:
-        return self.delivered + self.dropped.total()
 
     def take(self, row: RobotTick, step: float) -> None:
         """Add one tick's row."""
@@ -56,6 +60,8 @@ class _Robot:
             self.decision_ms.append(row.decision_ms)
             self.dead_ends += row.state == DEAD_END
         if row.rejected is not None:
+            if row.rejected < self.rejected:  # a new process, which counts from zero
+                self.rejected_before += self.rejected
             self.rejected = row.rejected
 
     def facts(self) -> dict[str, Any]:
@@ -74,7 +80,8 @@ class _Robot:
             "sent": self.sent,
             "delivered": self.delivered,
             "dropped": self.dropped.total(),
-            "rejected": self.rejected,
+            "in_flight": self.sent - self.delivered - self.dropped.total(),
+            "rejected": self.rejected_before + self.rejected,
         }
 
 
@@ -88,12 +95,16 @@ class Totals:
         self._mfow: list[int] = []
         self._fog: list[float] = []
         self._seen = 0
+        self._forged = 0
+        self._traffic = Traffic(header)
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
         self._mfow.append(record.mfow)
         self._fog.append(record.fog_mean)
         self._seen = record.seen
+        self._forged += len(record.forged)
+        self._traffic.tick(record)
         _take(self._robots, record, self._step)
 
     def summary(self, journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
@@ -122,8 +133,10 @@ class Totals:
             "patrolled_area_m2": header.patrolled_area_m2,
             "point_m": header.terrain.point,
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
-            "messages": _messages(list(self._robots.values()), step),
+            "messages": {**_messages(list(self._robots.values()), step), "forged": self._forged},
             "robots": {facts.name: self._robots[facts.number].facts() for facts in header.robots},
+            "links": self._traffic.links(),
+            "faults": self._traffic.faults(),
             **_of_processes(journal),
             "verdict": {
                 "valid": verdict.valid,
@@ -137,9 +150,15 @@ class Totals:
 def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
     """The run's summary, ready for JSON.
 
-    Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first. A
-    message is counted once per receiver: sent = delivered + dropped; `frames` counts it once. `bytes_per_robot_s`:
-    bytes that a living robot sends per second. `missed`: ticks in which no command came in time. `refused_commands`:
+    Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first.
+
+    A message is counted once per receiver, and so are the copies that faults make: sent = delivered + dropped + in
+    flight. `frames` counts it once, and `bytes` are those of these frames. What is forged is counted apart: as `forged`
+    frames, and in `links` under the sender `forger`. `links`: by sender and receiver, for fleets of at most
+    `worldsim.traffic.MOST_ROBOTS`. `faults`: by id, the frames on a fault's links while it was active, and what it did
+    to them. `bytes_per_robot_s`: bytes that a living robot sends per second.
+
+    `missed`: ticks in which no command came in time. `refused_commands`:
     those that made no sense. wall_s: wall time of the ticks, s, or None when unknown. For a fleet of processes,
     `refused`: messages that the world dropped unread, by reason;
     at the pace of the clock also `deadlines`: frames and commands that were not there in time by robot, how
@@ -169,13 +188,21 @@ def _of_processes(journal: RunRecord) -> dict[str, Any]:
 def _take(robots: dict[int, _Robot], record: TickRecord, step: float) -> None:
     for row in record.robots:
         robots[row.number].take(row, step)
+    receivers = sum(there(row.status) for row in record.robots) - 1
     for source, frame in record.frames:
-        robots[source].frames += 1
-        robots[source].frame_bytes += len(frame)
+        if source != FORGED:
+            robots[source].frames += 1
+            robots[source].frame_bytes += len(frame)
+            robots[source].sent += receivers
+    for source, _, _, _ in record.copies:
+        if source != FORGED:
+            robots[source].sent += 1
     for source, _, _ in record.deliveries:
-        robots[source].delivered += 1
+        if source != FORGED:
+            robots[source].delivered += 1
     for source, _, _, cause in record.dropped:
-        robots[source].dropped[cause] += 1
+        if source != FORGED:
+            robots[source].dropped[cause.partition(":")[0]] += 1
 
 
 def _messages(robots: list[_Robot], step: float) -> dict[str, Any]:
@@ -185,11 +212,13 @@ def _messages(robots: list[_Robot], step: float) -> dict[str, Any]:
     living_s = sum(robot.living for robot in robots) * step
     return {
         "frames": sum(robot.frames for robot in robots),
+        "bytes": sum(robot.frame_bytes for robot in robots),
         "sent": sum(robot.sent for robot in robots),
         "delivered": sum(robot.delivered for robot in robots),
         "dropped": causes.total(),
         "dropped_by_cause": dict(sorted(causes.items())),
-        "rejected": sum(robot.rejected for robot in robots),
+        "in_flight": sum(robot.sent - robot.delivered for robot in robots) - causes.total(),
+        "rejected": sum(robot.rejected_before + robot.rejected for robot in robots),
         "bytes_per_robot_s": sum(robot.frame_bytes for robot in robots) / living_s if living_s else 0.0,
     }
 

@@ -11,8 +11,6 @@ from worldsim.checks import (
     Check,
     Complete,
     FogIsTrue,
-    FramesAreTrue,
-    LinksAddUp,
     NobodyLost,
     RobotsThere,
     Tally,
@@ -20,7 +18,10 @@ from worldsim.checks import (
 )
 from worldsim.direct import DirectLinks
 from worldsim.fault_checks import DownAreSilent, ExitCodes, StatusesFollow
+from worldsim.frame_checks import FramesAreTrue, LinksAddUp
+from worldsim.radio_checks import Replay, radio_checks
 from worldsim.recovery import Recovers
+from worldsim.timeline import Timeline
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
@@ -76,13 +77,16 @@ class Judge:
         """
         self._journal = journal
         self._there = RobotsThere(prepared)
+        timeline = Timeline(prepared.scenario)
+        replay = Replay(journal, prepared, timeline)
+        carried = prepared.scenario.radio.via == "ether"
         self._always: list[Tally] = [
             Complete(journal),
             TraceAgrees(journal),
             NobodyLost(journal),
             ExitCodes(journal, exit_codes, prepared),
             DownAreSilent(journal),
-            LinksAddUp(journal) if prepared.scenario.radio.via == "ether" else DirectLinks(journal),
+            LinksAddUp(journal, replay) if carried else DirectLinks(journal),
             self._there,
         ]
         self._of_poses: list[Tally] = [
@@ -90,6 +94,7 @@ class Judge:
             BodiesApart(journal, prepared),
             MovesAreTrue(prepared),
             FramesAreTrue(journal, prepared),
+            *((replay, *radio_checks(journal, timeline)) if carried else ()),
         ]
         if verify_fog:
             self._of_poses.append(FogIsTrue(prepared))

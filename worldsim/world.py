@@ -126,7 +126,7 @@ class World:
         statuses |= {number: Status.LOST for number in self.living if number not in frames}
         poses = {number: body.pose for number, body in self.bodies.items() if there(body.status)}
         self._delivery = self.ether.carry(self.tick, sent, statuses, poses)
-        self._frames = (*((FORGED, frame) for frame in self._delivery.forged), *genuine)
+        self._frames = (*((FORGED, forged.frame) for forged in self._delivery.forged), *genuine)
         return self._delivery.heard
 
     def end_tick(self, replies: Mapping[int, Reply | None]) -> TickRecord:
@@ -148,6 +148,7 @@ class World:
             seen=fog.seen,
             copies=self._delivery.copies,
             delayed=self._delivery.delayed,
+            forged=tuple(forged.fault for forged in self._delivery.forged),
         )
         self.tick += 1
         return record

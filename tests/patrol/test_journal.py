@@ -100,6 +100,7 @@ tick_records = st.builds(
     seen=st.integers(0, 2**40),
     copies=fates,
     delayed=fates,
+    forged=st.lists(st.sampled_from(["f1", "f2"]), max_size=2).map(tuple),
 )
 
 

@@ -71,7 +71,7 @@ class Air:
         self.sent.update((a, b) for a, b, _, _ in delivery.copies)
         self.settled.update((a, b) for a, b, _ in delivery.arrived)
         self.settled.update((a, b) for a, b, _, _ in delivery.dropped)
-        assert self.sent.total() == self.settled.total() + self.ether.in_flight
+        assert self.sent.total() == self.settled.total() + self.ether.in_flight.total()
         self.ticks.append(delivery)
         return delivery
 
@@ -242,7 +242,7 @@ def test_delays_of_several_faults_add_up(air: Any) -> None:
     assert {link: times for link, times in late.arrivals().items() if link[2] == 0} == {
         (i, j, 0): [3] for i in range(1, 5) for j in range(1, 5) if i != j
     }
-    assert late.ether.in_flight == 3 * 12
+    assert late.ether.in_flight.total() == 3 * 12
 
 
 def test_a_reordered_frame_is_overtaken_and_heard_in_order_of_arrival(air: Any) -> None:
@@ -259,7 +259,7 @@ def test_a_copy_arrives_too_and_is_counted_as_sent(air: Any) -> None:
     arrivals = double.arrivals()
     assert [arrivals[1, 2, k] for k in range(10)] == [*([k, k + 2] for k in range(4)), *([k] for k in range(4, 10))]
     assert double.sent == {(1, 2): 14, (2, 1): 14}
-    assert [sum(d.arrived.count((1, 2, 0)) for d in double.ticks[:1]), double.ether.in_flight] == [1, 0]
+    assert [sum(d.arrived.count((1, 2, 0)) for d in double.ticks[:1]), double.ether.in_flight.total()] == [1, 0]
 
 
 def test_copies_without_a_delay_arrive_side_by_side(air: Any) -> None:

@@ -34,6 +34,7 @@ NAMES = [
     "bodies apart",
     "moves",
     "frames",
+    "radio",
     "fog",
 ]
 
@@ -215,14 +216,18 @@ def test_a_body_off_the_terrain_fails(journal: MemoryJournal, verdict: Callable[
 
 def test_a_vanished_frame_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     change(journal, 7, deliveries=journal.records[7].deliveries[1:])
-    detail = only_failure(verdict(journal))
-    assert detail == "links add up: frame 7 from r1 to r2 was neither delivered nor dropped (1 such frames)"
+    assert failures(verdict(journal)) == {
+        "links add up": "frame 7 from r1 to r2 was neither delivered nor dropped (1 such frames)",
+        "radio": "tick 7: frame 7 from r1 to r2 should be delivered",
+    }
 
 
 def test_a_doubled_or_invented_frame_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     dropped = ((3, 4, 7, "oversized"),)
     change(journal, 7, dropped=dropped)
-    assert "frame 7 from r3 to r4 was delivered or dropped but not sent" in only_failure(verdict(journal))
+    found = failures(verdict(journal))
+    assert "frame 7 from r3 to r4 was delivered or dropped but not sent" in found["links add up"]
+    assert found["radio"] == "tick 7: frame 7 from r3 to r4 was dropped (oversized) and should not be"
 
 
 def test_an_embellished_fog_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
@@ -373,7 +378,9 @@ def test_a_frame_that_cannot_be_read_fails(
 ) -> None:
     record = journal.records[7]
     change(journal, 7, frames=((1, frame), *record.frames[1:]))
-    assert only_failure(verdict(journal)).startswith("frames: frame 7 of r1 cannot be read (malformed")
+    found = failures(verdict(journal))
+    assert found["frames"].startswith("frame 7 of r1 cannot be read (malformed")
+    assert set(found) == {"frames"} | ({"radio"} if len(frame) > 64 else set())
 
 
 def test_a_frame_of_a_dead_robot_fails(lab: Lab) -> None:
