@@ -141,7 +141,7 @@ def test_links_are_measured_and_not_judged(ended: Callable[..., MemoryJournal]) 
         "missed": {"r1": 0, "r2": 1},
         "unsaid": [],
     }
-    assert summary["robots"]["r2"] == {"sent": 20, "delivered": 15, "dropped": None}
+    assert summary["robots"]["r2"] == {"sent": 20, "delivered": 15, "dropped": None, "in_flight": None}
     assert summary["messages"]["dropped"] is None
 
 
