@@ -101,7 +101,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     def waiting(waited_s: float) -> None:
         say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s)")
 
-    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting)
+    blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
+    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s)
     eyes = Eyes(link.show(keys.telemetry(spec.name)))
     radio: Radio = robot
     if scenario.radio.via == "direct":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from typing import Protocol
 
 from rich.console import Console
@@ -17,6 +18,15 @@ from patrol.journal import Status
 PLAIN_S = 5.0
 MOST_ROBOTS = 20
 _STYLES = {"patrolling": "green", "dead-end": "yellow", "holding": "cyan"}
+STATUS_STYLES = {
+    Status.ABSENT: "dim",
+    Status.ALIVE: "",
+    Status.PAUSED: "bold yellow",
+    Status.DEAD: "bold red",
+    Status.LOST: "bold red",
+    Status.LEFT: "dim",
+}
+"""How robots' statuses are shown."""
 
 
 class Show(Protocol):
@@ -134,7 +144,7 @@ def headline(metrics: Metrics) -> str:
         f"tick {metrics.k}/{metrics.ticks} ({metrics.time_s:.0f} s)",
         f"MFoW {metrics.mfow_s:.1f} s, mean {metrics.mfow_mean_s:.1f} s",
         f"seen {100.0 * metrics.seen_share:.1f} %",
-        f"{_alive(metrics)}/{len(metrics.robots)} robots",
+        _standing(metrics),
         f"{rate:.1f} ticks/s, {rate * step:.1f} x real time",
     ]
     left = metrics.ticks - metrics.k
@@ -158,8 +168,12 @@ def _news(notice: Notice) -> str:
     return " ".join(part for part in (f"tick {notice.k}:", notice.robot, f"{notice.kind}:", notice.detail) if part)
 
 
-def _alive(metrics: Metrics) -> int:
-    return sum(robot.status == Status.ALIVE for robot in metrics.robots)
+def _standing(metrics: Metrics) -> str:
+    """How many robots are alive, and what has become of the others."""
+    count = Counter(robot.status for robot in metrics.robots)
+    others = [f"{count[status]} {status.name.lower()}" for status in Status if status != Status.ALIVE and count[status]]
+    alive = f"{count[Status.ALIVE]}/{len(metrics.robots)} robots"
+    return f"{alive} ({', '.join(others)})" if others else alive
 
 
 def _table(metrics: Metrics) -> Table:
@@ -170,9 +184,10 @@ def _table(metrics: Metrics) -> Table:
     for head in ("robot", "state", "x m", "y m"):
         robots.add_column(head, justify="right" if head.endswith(" m") else "left")
     for robot in metrics.robots[:MOST_ROBOTS]:
-        alive = robot.status == Status.ALIVE
-        state = robot.state or "waiting" if alive else Status(robot.status).name.lower()
-        style = _STYLES.get(state, "") if alive else "bold red"
+        status = Status(robot.status)
+        alive = status is Status.ALIVE
+        state = robot.state or "waiting" if alive else status.name.lower()
+        style = _STYLES.get(state, "") if alive else STATUS_STYLES[status]
         robots.add_row(robot.name, Text(state, style), f"{robot.x:.1f}", f"{robot.y:.1f}")
     if len(metrics.robots) > MOST_ROBOTS:
         robots.add_row(f"and {len(metrics.robots) - MOST_ROBOTS} more", "", "", "")

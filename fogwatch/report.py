@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fogwatch.live import clock
+from fogwatch.live import STATUS_STYLES, clock
+from patrol.journal import Status
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
@@ -79,7 +80,7 @@ def _robots(robots: Mapping[str, Mapping[str, Any]]) -> Table:
         p50, p99 = (facts[f"decision_ms_p{percent}"] for percent in (50, 99))
         table.add_row(
             name,
-            Text(facts["status"], "" if facts["status"] == "alive" else "bold red"),
+            Text(facts["status"], STATUS_STYLES[Status[facts["status"].upper()]]),
             f"{facts['distance_m']:.0f}",
             f"{100.0 * facts['dead_end_share']:.1f}",
             str(facts["collisions"]),

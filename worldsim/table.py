@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 from patrol.journal import Status, TickRecord
 
-HEAD = "k,time_s,mfow_s,fog_mean_s,seen,living,sent,delivered,dropped,collisions"
+HEAD = "k,time_s,mfow_s,fog_mean_s,seen,living,sent,delivered,dropped,collisions,paused,dead,lost,away"
 
 
 class TicksTable:
@@ -22,6 +23,7 @@ class TicksTable:
 
     def tick(self, record: TickRecord) -> None:
         """Append one tick's line."""
+        standing = Counter(robot.status for robot in record.robots)
         delivered, dropped = len(record.deliveries), len(record.dropped)
         numbers = (
             record.k,
@@ -29,11 +31,15 @@ class TicksTable:
             f"{record.mfow * self._step:.6g}",
             f"{record.fog_mean * self._step:.6g}",
             record.seen,
-            sum(robot.status is Status.ALIVE for robot in record.robots),
+            standing[Status.ALIVE],
             delivered + dropped,
             delivered,
             dropped,
             sum(robot.bumped for robot in record.robots),
+            standing[Status.PAUSED],
+            standing[Status.DEAD],
+            standing[Status.LOST],
+            standing[Status.ABSENT] + standing[Status.LEFT],
         )
         self._file.write(f"{','.join(map(str, numbers))}\n")
 

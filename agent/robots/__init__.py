@@ -32,7 +32,10 @@ class Robot(Protocol):
     """A body that can be read and commanded."""
 
     def sense(self) -> Sensed | None:
-        """Wait for the next tick; None when it is time to leave."""
+        """Wait for the next tick; None when it is time to leave.
+
+        A robot whose pose stays away for long stops meanwhile: who does not know where it is must not drive.
+        """
         ...
 
     def act(self, decision: Decision, decision_ms: float) -> None:

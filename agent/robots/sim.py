@@ -10,11 +10,12 @@ Messages for another process of this robot (another incarnation or instance) are
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from agent.decision import Decision
+from agent.decision import Decision, State
 from agent.robots import Sensed
 from patrol.keys import WORLD, FleetKeys
 from patrol.lifeline import Ending
@@ -34,6 +35,7 @@ from patrol.phases import (
     encode,
     max_to_robot,
 )
+from patrol.pose import Drive, Velocity
 
 SILENCE_S = 5.0
 """A robot that the world does not speak to for so long asks whether it is still part of the run."""
@@ -59,8 +61,9 @@ class Identity:
 class SimRobot:
     """Robot and radio of one simulated robot (`agent.robots.Robot`, `agent.robots.Radio`).
 
-    patience_s: how long it does without a world before it leaves. waiting: called now and then with the seconds that it
-    has waited for a world. Afterwards `farewell` says why it left and `orderly` whether that was in order.
+    patience_s: how long it does without a world before it leaves. blind_s: how long it drives on without a new pose
+    before it stops; where the world waits for it there is no need to. waiting: called now and then with the seconds
+    that it has waited for a world. Afterwards `farewell` says why it left and `orderly` whether that was in order.
     """
 
     def __init__(
@@ -71,6 +74,7 @@ class SimRobot:
         ending: Ending,
         patience_s: float,
         *,
+        blind_s: float = math.inf,
         waiting: Callable[[float], None] = lambda _waited: None,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -81,8 +85,11 @@ class SimRobot:
         self._identity = identity
         self._ending = ending
         self._patience_s = patience_s
+        self._blind_s = blind_s
         self._waiting = waiting
         self._now = now
+        self._posed = now()
+        self._command: ReplyB | None = None  # the last one, unless it has been taken back
         self._run: int | None = None
         self._world_present = False
         self._unbroken = True  # no token has gone since our own world spoke
@@ -137,6 +144,7 @@ class SimRobot:
             decision_ms=decision_ms,
             rejected=decision.rejected + self.refused,
         )
+        self._command = reply
         payload = encode(reply)
         self._answer_b = (self._k, payload)
         self._post(payload)
@@ -183,6 +191,7 @@ class SimRobot:
                 self._post(self._answer_a[1])
             case PhaseA(k=k) if k > self._k and (self._next is None or k > self._next.k):
                 self._next = message
+                self._posed = self._now()
             case PhaseB(k=k) if k == self._answer_b[0]:
                 self._post(self._answer_b[1])
             case PhaseB(k=k) if k > self._heard_k:
@@ -220,7 +229,9 @@ class SimRobot:
         now = self._now()
         if now - self._checked > _PAUSE_S:
             self._last_news += now - self._checked
+            self._posed += now - self._checked
         self._checked = now
+        self._halt_if_blind(now)
         silent_s = now - self._last_news
         if not self._world_present and silent_s > self._patience_s:
             self._leave(f"no world for {silent_s:.0f} s", orderly=False)
@@ -229,6 +240,14 @@ class SimRobot:
             if not self._world_present and now >= self._tell_at:
                 self._tell_at = now + TELL_S[1]
                 self._waiting(silent_s)
+
+    def _halt_if_blind(self, now: float) -> None:
+        """Take back the last command where no pose has come for long; whoever still hears it stops the body."""
+        if self._command is not None and now - self._posed > self._blind_s:
+            moving = self._command.command
+            still = Drive(0.0, 0.0) if isinstance(moving, Drive) else Velocity(0.0, 0.0)
+            self._post(encode(replace(self._command, command=still, state=State.HOLDING.value, goal=None)))
+            self._command = None
 
     def _leave(self, reason: str, *, orderly: bool) -> None:
         if not self.farewell:
@@ -244,12 +263,14 @@ def join(
     ending: Ending,
     patience_s: float,
     waiting: Callable[[float], None],
+    blind_s: float = math.inf,
 ) -> SimRobot:
     """Take a robot's place in a fleet of so many. Ticks are listened to before the token says that somebody is here."""
     mailbox: Mailbox[ToRobot | Presence] = Mailbox(
         (keys.tick(identity.name), keys.alive(WORLD)), decode_to_robot, max_to_robot(robots)
     )
-    robot = SimRobot(mailbox, link.post(keys.reply(identity.name)), identity, ending, patience_s, waiting=waiting)
+    post = link.post(keys.reply(identity.name))
+    robot = SimRobot(mailbox, post, identity, ending, patience_s, blind_s=blind_s, waiting=waiting)
     link.subscribe(keys.tick(identity.name), mailbox)
     link.watch(keys.alive(WORLD), mailbox)
     link.live(keys.alive(identity.name))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -37,30 +38,39 @@ class Clocked(Mailbox[ToRobot | Presence]):
     """A mailbox in which waiting passes the time of the test's clock."""
 
     time = 100.0
+    ends = (math.inf, Ending())
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, ToRobot | Presence] | None:
         arrived = super().get()
         self.time += 0.0 if arrived else timeout_s
+        if self.time >= self.ends[0]:
+            self.ends[1].ask("told to")
         return arrived
 
 
 class Scene:
     """One robot, what it is sent and what it answers."""
 
-    def __init__(self, patience_s: float = 60.0) -> None:
+    def __init__(self, patience_s: float = 60.0, blind_s: float = math.inf) -> None:
         self.sent: list[ToWorld] = []
+        self.times: list[float] = []
         self.waited: list[float] = []
         self.ending = Ending()
         self.mailbox = Clocked((KEYS.tick("r1"), KEYS.alive(WORLD)), decode_to_robot, 1000)
         self.robot = SimRobot(
             self.mailbox,
-            lambda payload: self.sent.append(decode_to_world(payload)),
+            self.post,
             ME,
             self.ending,
             patience_s,
+            blind_s=blind_s,
             waiting=self.waited.append,
             now=lambda: self.mailbox.time,
         )
+
+    def post(self, payload: bytes) -> None:
+        self.sent.append(decode_to_world(payload))
+        self.times.append(self.mailbox.time)
 
     def tell(self, *messages: ToRobot) -> None:
         for message in messages:
@@ -77,6 +87,10 @@ class Scene:
         heard = self.robot.hear()
         self.robot.act(DECISION, 1.5)
         return heard
+
+    def end_after(self, seconds: float) -> None:
+        """Ask the robot to leave so much later."""
+        self.mailbox.ends = self.mailbox.time + seconds, self.ending
 
     def last(self, count: int) -> list[ToWorld]:
         return self.sent[-count:]
@@ -256,3 +270,28 @@ def test_a_lost_world_may_come_back_for_a_while() -> None:
     began = scene.mailbox.time
     assert scene.robot.sense() is None
     assert 10.0 <= scene.mailbox.time - began < 11.0
+
+
+STILL = ReplyB(1, 77, 3, Velocity(0.0, 0.0), "holding", None, 1.5, 2)
+
+
+def test_it_stops_when_no_pose_comes_any_more() -> None:
+    scene = Scene(patience_s=10.0, blind_s=2.0)
+    scene.world(present=True)
+    scene.tick(3)
+    began = scene.mailbox.time
+    scene.tell(b(4))  # what others say is no pose
+    scene.end_after(5.0)
+    assert scene.robot.sense() is None
+    assert scene.sent.count(STILL) == 1
+    assert scene.times[scene.sent.index(STILL)] - began == pytest.approx(2.0, abs=0.5)
+
+
+def test_it_drives_on_in_lockstep_and_has_nothing_to_stop_before_it_has_driven() -> None:
+    for scene, ticks in ((Scene(patience_s=10.0), (3,)), (Scene(patience_s=10.0, blind_s=2.0), ())):
+        scene.world(present=True)
+        for k in ticks:
+            scene.tick(k)
+        scene.end_after(5.0)
+        assert scene.robot.sense() is None
+        assert STILL not in scene.sent

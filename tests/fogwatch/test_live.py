@@ -62,8 +62,8 @@ SUMMARY = {
 
 def test_one_line_says_how_far_and_how_fast() -> None:
     assert headline(METRICS) == (
-        "tick 120/600 (60 s); MFoW 20.0 s, mean 12.5 s; seen 75.0 %; 1/2 robots; 40.0 ticks/s, 20.0 x real time; "
-        "12 s to go"
+        "tick 120/600 (60 s); MFoW 20.0 s, mean 12.5 s; seen 75.0 %; 1/2 robots (1 lost); 40.0 ticks/s, "
+        "20.0 x real time; 12 s to go"
     )
 
 
