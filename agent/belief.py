@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from patrol.inbox import Inbox
 from patrol.message import CONTACT, Position
 from patrol.pose import Pose
 from patrol.terrain import BoolGrid
+from patrol.window import Window
 
 AGELESS = 2**31 - 1
 """Dilated last-seen tick of what is no ground: nothing there has an age."""
@@ -24,7 +25,7 @@ AGELESS = 2**31 - 1
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Another robot, as last heard: its sequence, its pose (m, rad), and the tick it was heard at."""
+    """Another robot: its newest sequence, its pose (m, rad) there, and the tick at which that was heard."""
 
     sequence: int
     pose: Pose
@@ -53,6 +54,7 @@ class Belief:
         self.fog = Fog(patrolled)
         self.inbox = inbox
         self.peers: dict[int, Peer] = {}
+        self._looks: dict[int, Window] = {}
         self.contacts = Contacts()
         self._footprint = footprint
         self._posts = posts
@@ -70,7 +72,8 @@ class Belief:
     def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
         """Take in the own pose (as encoded on the wire) and what was heard at ``tick``; ``step`` in s.
 
-        A position counts at the tick it arrives: robots' clocks need not agree.
+        A position counts at the tick it arrives: robots' clocks need not agree. A late one, which is older than the
+        newest of its sender's, counts as many ticks before that one's as their sequences are apart, and moves nobody.
         """
         boxes = [self.fog.observe(self._footprint.visible(own), tick)]
         for frame in frames:
@@ -94,18 +97,20 @@ class Belief:
             if tick - peer.tick > patience
         ]
 
-    def _hear(self, position: Position, tick: int) -> Sequence[Box | None]:
-        before = self.peers.get(position.robot)
-        self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
-        boxes = [self.fog.observe(self._footprint.visible(position.pose), tick)]
+    def _hear(self, position: Position, tick: int) -> Iterator[Box | None]:
+        newest = self.peers.get(position.robot)
+        if newest is not None and position.sequence < newest.sequence:
+            tick = newest.tick - (newest.sequence - position.sequence)
+        else:
+            self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
         # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
-        missed = position.sequence - before.sequence - 1 if before is not None else len(position.past)
-        for ago, (x, y) in enumerate(position.past[: max(0, missed)], start=1):
-            if ago > tick:
-                break
-            past = Pose(x, y, position.pose.heading)
-            boxes.append(self.fog.observe(self._footprint.visible(past), tick - ago))
-        return boxes
+        places = [(position.pose.x, position.pose.y), *position.past]
+        looks = self._looks.setdefault(position.robot, Window())
+        for ago, (x, y) in enumerate(places):
+            # One look counts once, however often it is told of: with a quality below 1 it leaves a rest of age.
+            if ago <= min(tick, position.sequence) and looks.use(position.sequence - ago):
+                pose = Pose(x, y, position.pose.heading)
+                yield self.fog.observe(self._footprint.visible(pose), tick - ago)
 
     def _refresh(self, box: Box, tick: int) -> None:
         """Dilate anew wherever a point of ``box``, or a post that sees one, is within the window."""

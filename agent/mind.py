@@ -32,7 +32,7 @@ from agent.steering import CarSteering, HolonomicSteering
 from agent.unstuck import Unstuck
 from patrol.fields import StaticFields
 from patrol.footprint import Footprint, sensor_footprint
-from patrol.inbox import Inbox
+from patrol.inbox import inbox_of
 from patrol.message import MAX_CONTACTS, Position, encode
 from patrol.pose import TAU, Command, Drive, Pose, Velocity
 from patrol.random import Purpose, draw
@@ -93,8 +93,7 @@ class Mind:
         self._margin = self.spec.radius + 0.5 * scenario.point
         self._trail: deque[tuple[int, int]] = deque(maxlen=scenario.radio.trail + 1)
         self._framed = -1
-        fastest = max(spec.speed for spec in scenario.roster)
-        inbox = Inbox(setup.number, self._radii, terrain.bounds, fastest, setup.key, scenario.step)
+        inbox = inbox_of(scenario, setup.number, terrain.bounds, setup.key)
         footprint = setup.footprint or sensor_footprint(scenario, terrain)
         # A window of half the terrain's points in every direction already holds all of it.
         dilatation = min(round(patrol.dilatation / scenario.point), terrain.height + terrain.width)

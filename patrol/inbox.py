@@ -2,15 +2,24 @@
 
 Pure: the caller says what time its own clock shows. Senders' clocks may disagree with it, so a frame's age and a
 sender's speed are judged by the receiver's clock at arrival; the sequence orders a sender's frames.
+
+A radio may hold frames up, repeat them and let them overtake each other. A frame that is older than the newest of its
+sender's is *late*: it is accepted once, if it comes within a window of `patrol.window.SPAN` sequences, and tells only
+where the sender was then.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from patrol.message import CONTACT, Position, Rejected, RejectReason, decode
+from patrol.window import Window
+
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
 
 # Rounding to centimetres moves each of two positions by up to 0.5 cm along each axis.
 _ROUNDING = 0.02
@@ -37,6 +46,10 @@ class Inbox:
     y_max), m. max_speed: of the fastest robot, m/s. step: s between two frames of a sender; a frame may come one step
     early or late. key: of the tags, or None when the fleet uses none.
 
+    What follows on the last frame of a sender must be a place that it can have reached; where it is not, frames that
+    agree with each other are believed in the end, for localisation jumps honestly. A trail is cut off where it leads
+    farther in a step than a robot can go.
+
     A contact, an intruder's position, does not say who reports it and may be reported by several at once. It must lie
     on the terrain, and its sequence must be one that some robot of the roster would send about now, going on from that
     robot's last accepted frame.
@@ -60,6 +73,7 @@ class Inbox:
         self._key = key
         self._step = step
         self._last: dict[int, _Heard] = {}
+        self._windows: dict[int, Window] = {}
         self._jumped: dict[int, list[_Heard]] = {}
 
     @property
@@ -68,7 +82,10 @@ class Inbox:
         return sum(self.counts.values())
 
     def accept(self, frame: bytes, now_s: float) -> Position | None:
-        """The position in a frame that came at now_s (own clock, s, never decreasing), or None when it is dropped."""
+        """The position in a frame that came at now_s (own clock, s, never decreasing), or None when it is dropped.
+
+        Whether it is late the caller sees by its sequence: it is below that of an earlier one of its sender's.
+        """
         try:
             position = decode(frame, self._key)
             if position.robot == CONTACT:
@@ -82,7 +99,7 @@ class Inbox:
             self.counts[rejected.reason] += 1
             return None
         self.accepted += 1
-        return position
+        return self._plausible_trail(position)
 
     def last(self, robot: int) -> tuple[Position, float] | None:
         """The newest accepted position of a robot and when it came (own clock, s), or None."""
@@ -107,9 +124,14 @@ class Inbox:
         """Believe what follows the last accepted frame, or `_STEADY` frames in a row that follow one another."""
         robot = heard.position.robot
         last = self._last.get(robot)
+        window = self._windows.setdefault(robot, Window())
+        if not window.fresh(heard.position.sequence):
+            raise Rejected(RejectReason.OLD, "heard before, or too old to tell")
         if last is not None:
-            if heard.position.sequence <= last.position.sequence:
-                raise Rejected(RejectReason.OLD, "not newer than the last one")
+            if heard.position.sequence < last.position.sequence:
+                self._check_late(heard.position, last.position)
+                window.use(heard.position.sequence)
+                return
             reason = self._implausible(last, heard)
             if reason is not None:
                 row = self._jumped.get(robot, [])
@@ -119,6 +141,21 @@ class Inbox:
                     raise Rejected(reason, "does not follow the last one")
         self._jumped.pop(robot, None)
         self._last[robot] = heard
+        window.use(heard.position.sequence)
+
+    def _check_late(self, late: Position, newest: Position) -> None:
+        """A late frame is judged by how many steps it lies before the newest: only its place is new."""
+        steps = newest.sequence - late.sequence
+        if _apart(late, newest) > self._max_speed * (steps + 1) * self._step + _ROUNDING:
+            raise Rejected(RejectReason.TOO_FAST, "does not lead to the newest one")
+
+    def _plausible_trail(self, position: Position) -> Position:
+        """The position with as much of its trail as a robot can have driven, a step for each sequence."""
+        limit = 100.0 * (self._max_speed * self._step + _ROUNDING)
+        for place, (dx, dy) in enumerate(position.trail):
+            if math.hypot(dx, dy) > limit:
+                return replace(position, trail=position.trail[:place])
+        return position
 
     def _check_contact(self, heard: _Heard) -> None:
         if not self._last:
@@ -141,7 +178,17 @@ class Inbox:
         steps = after.position.sequence - before.position.sequence
         if steps > 2.0 * elapsed / self._step + _AHEAD:
             return RejectReason.AHEAD
-        a, b = before.position.pose, after.position.pose
-        if math.hypot(b.x - a.x, b.y - a.y) > self._max_speed * (elapsed + self._step) + _ROUNDING:
+        if _apart(before.position, after.position) > self._max_speed * (elapsed + self._step) + _ROUNDING:
             return RejectReason.TOO_FAST
         return None
+
+
+def _apart(a: Position, b: Position) -> float:
+    """The distance between two places, m."""
+    return math.hypot(b.x_cm - a.x_cm, b.y_cm - a.y_cm) / 100.0
+
+
+def inbox_of(scenario: Scenario, own: int, bounds: tuple[float, float, float, float], key: bytes | None) -> Inbox:
+    """The inbox of one of a scenario's robots. bounds: of its terrain."""
+    fastest = max(spec.speed for spec in scenario.roster)
+    return Inbox(own, [spec.number for spec in scenario.roster], bounds, fastest, key, scenario.step)

@@ -166,9 +166,9 @@ def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any
     """The summary of a fleet with direct radio: frames by what the robots say, where an ether would know.
 
     delivered: heard. dropped, in_flight: None, for nobody knows. frames, bytes_per_robot_s: of what the world has
-    overheard. direct: for each directed link of robots that have both said so the frames sent and heard; heard_share: over all
-    of these; missed: frames that reached the world too late to be overheard; unsaid: robots whose counts are missing or
-    end before their process did.
+    overheard. direct: for each directed link of robots that have both said so the frames sent and heard; heard_share:
+    over all of these; missed: frames that reached the world too late to be overheard; unsaid: robots whose counts are
+    missing or end before their process did.
     """
     said = _said(journal)
     links = _links(said)

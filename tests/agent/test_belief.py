@@ -15,17 +15,19 @@ from patrol.fields import StaticFields
 from patrol.fog import Fog
 from patrol.footprint import Footprint
 from patrol.inbox import Inbox
-from patrol.message import Position, encode
+from patrol.message import Position, RejectReason, encode
 from patrol.pose import Pose
 from patrol.terrain import Terrain
 
 STEP = 0.5
 
 
-def belief_on(passable: NDArray[np.bool_], dilatation: int, sensor: float = 4.0) -> tuple[Belief, Footprint]:
+def belief_on(
+    passable: NDArray[np.bool_], dilatation: int, sensor: float = 4.0, quality: float = 1.0
+) -> tuple[Belief, Footprint]:
     terrain = Terrain("t", passable, 0.5)
     fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
-    footprint = Footprint(terrain, sensor)
+    footprint = Footprint(terrain, sensor, quality=quality)
     inbox = Inbox(1, (1, 2, 3), terrain.bounds, 10.0, None, STEP)
     return Belief(fields.patrolled, fields.reach, Posts(fields.proxy), footprint, inbox, dilatation), footprint
 
@@ -124,3 +126,51 @@ def test_what_is_no_ground_has_no_age_where_there_are_no_posts(dilatation: int) 
         belief.update(k, Pose(3.0 + k, 5.0, 0.0), [], STEP)
     assert (belief.dilated[~passable] == AGELESS).all()
     assert (belief.dilated[passable] <= 3).all()
+
+
+def test_late_and_repeated_frames_count_at_their_own_tick_and_move_nobody() -> None:
+    open_ground = np.ones((40, 50), dtype=np.bool_)
+    belief, footprint = belief_on(open_ground, 2)
+    expected = Fog(open_ground)
+    own = Pose(1.0, 19.0, 0.0)
+    places = {k: (4.0 + 2.0 * k, 5.0) for k in range(6)}
+    arrivals = {0: [0], 1: [], 2: [2], 3: [1, 3, 3], 4: [], 5: [5, 0], 6: [4, 2]}
+    for k, numbers in arrivals.items():
+        belief.update(k, own, [frame(2, number, *places[number]) for number in numbers], STEP)
+        expected.observe(footprint.visible(own), k)
+    for k in range(6):
+        expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
+    assert np.array_equal(belief.fog.last_seen, expected.last_seen)
+    peer = belief.peers[2]
+    assert (peer.sequence, peer.pose.x, peer.tick) == (5, places[5][0], 5)
+    assert belief.inbox.counts[RejectReason.OLD] == 3
+
+
+def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
+    """With a quality of one half, two looks would leave a quarter of the age."""
+    open_ground = np.ones((40, 50), dtype=np.bool_)
+    own = Pose(1.0, 19.0, 0.0)
+
+    def heard(arrivals: dict[int, list[bytes]]) -> NDArray[np.int32]:
+        belief, _ = belief_on(open_ground, 0, quality=0.5)
+        for k in range(20):
+            belief.update(k, own, arrivals.get(k, []), STEP)
+        return belief.fog.last_seen
+
+    place = (15.0, 5.0)
+    trail = ((0, 0), (0, 0))
+    once = heard({10: [frame(2, 10, *place)], 11: [frame(2, 11, *place)], 12: [frame(2, 12, *place)]})
+    filled = heard({10: [frame(2, 10, *place)], 12: [frame(2, 12, *place, trail=trail), frame(2, 11, *place)]})
+    assert np.array_equal(heard({10: [frame(2, 10, *place)], 11: [], 12: [frame(2, 12, *place, trail=trail)]}), filled)
+    assert np.array_equal(
+        once,
+        heard({k: [frame(2, k, *place, trail=trail[: k - 10]), frame(2, k, *place)] for k in (10, 11, 12)}),
+    )
+    assert once[10, 30] > 0
+
+
+def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
+    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    belief.update(0, Pose(1.0, 19.0, 0.0), [frame(2, 60, 15.0, 5.0), frame(2, 3, 15.0, 5.0)], STEP)
+    assert belief.fog.last_seen.min() == -1
+    assert belief.inbox.rejected == 0

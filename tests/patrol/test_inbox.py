@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from patrol.inbox import Inbox
 from patrol.message import Position, RejectReason, encode
 from patrol.pose import Pose
+from patrol.window import SPAN
 
 SPEED = 4.0
 STEP = 0.5
@@ -75,13 +76,61 @@ def test_only_other_robots_of_the_roster_are_heard(robot: int, reason: str) -> N
     assert reasons(box) == {RejectReason(reason): 1}
 
 
-def test_a_frame_is_believed_once_and_in_order() -> None:
+def test_a_frame_is_believed_once() -> None:
     box = inbox()
     assert box.accept(frame(5, 10.0), 2.5) is not None
     for sequence in (5, 4, 0):
+        assert (box.accept(frame(sequence, 10.0), 3.0) is None) == (sequence == 5)
         assert box.accept(frame(sequence, 10.0), 3.0) is None
-    assert reasons(box) == {RejectReason.OLD: 3}
+    assert reasons(box) == {RejectReason.OLD: 4}
     assert box.accept(frame(6, 10.0), 3.0) is not None
+
+
+def test_a_late_frame_is_believed_within_the_window_and_moves_nobody() -> None:
+    box = inbox()
+    assert box.accept(frame(100, 50.0), 50.0) is not None
+    assert box.accept(frame(101 - SPAN, 48.0), 50.5) is not None
+    assert box.accept(frame(100 - SPAN, 48.0), 50.5) is None
+    assert reasons(box) == {RejectReason.OLD: 1}
+    last = box.last(2)
+    assert last is not None
+    assert (last[0].sequence, last[1]) == (100, 50.0)
+
+
+def test_a_late_frame_must_lead_to_the_newest_one() -> None:
+    """Three steps and one to spare of 2 m each, whenever it arrives."""
+    box = inbox()
+    assert box.accept(frame(10, 50.0), 5.0) is not None
+    assert box.accept(frame(7, 41.9), 60.0) is None
+    assert box.accept(frame(7, 42.0), 60.0) is not None
+    assert reasons(box) == {RejectReason.TOO_FAST: 1}
+
+
+def test_the_window_outlives_a_restart_of_the_sender() -> None:
+    """Its sequences go on by time; what the first process sent cannot be sent again under the second."""
+    box = inbox(KEY)
+    first = [frame(k, 10.0, key=KEY) for k in range(80, 100)]
+    second = [frame(k, 10.0, key=KEY) for k in range(120, 130)]
+    for k, data in [*zip(range(80, 100), first, strict=True), *zip(range(120, 130), second, strict=True)]:
+        assert box.accept(data, k * STEP) is not None
+    assert [box.accept(data, 65.0) for data in (*first, *second)] == [None] * 30
+    assert reasons(box) == {RejectReason.OLD: 30}
+
+
+@given(st.permutations(range(40)), st.lists(st.integers(0, 39), max_size=40))
+def test_whatever_the_order_each_frame_is_believed_once(order: list[int], repeated: list[int]) -> None:
+    """The receiver's clock stands still; 40 frames are fewer than the window holds and than may come at once."""
+    box = inbox()
+    heard = [box.accept(frame(k, 50.0), 0.0) for k in (*order, *repeated)]
+    assert [position is not None for position in heard] == [*([True] * 40), *([False] * len(repeated))]
+
+
+def test_a_trail_ends_where_nobody_can_have_driven() -> None:
+    box = inbox()
+    trail = ((-200, 0), (-203, 0), (-100, 0))
+    position = box.accept(encode(Position.of(2, 9, 4.5, Pose(50.0, 40.0, 0.0), trail)), 4.5)
+    assert position is not None
+    assert position.trail == ((-200, 0),)
 
 
 def test_each_sender_has_a_sequence_of_its_own() -> None:
