@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 import fogwatch
 from patrol.journal import Status, read_journal
+
+if TYPE_CHECKING:
+    from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
@@ -27,81 +27,6 @@ OPEN: dict[str, Any] = {
     "robots": {"count": 2, "model": "holonomic"},
     **COARSE,
 }
-PATIENCE_S = 60.0
-
-
-def until(what: Callable[[], bool], limit_s: float = PATIENCE_S) -> None:
-    """Wait for something to become true."""
-    end = time.monotonic() + limit_s
-    while not what():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.005)
-
-
-class Run:
-    """A ``fogwatch run`` as a process, its children found by what they were started with."""
-
-    def __init__(self, scenario: dict[str, Any], folder: Path, *arguments: str) -> None:
-        folder.mkdir()
-        self.file = folder / "given.yaml"
-        self.file.write_text(json.dumps(scenario), encoding="utf-8")
-        self.folder = folder / "run"
-        command = [sys.executable, "-P", "-m", "fogwatch", "run", str(self.file), "--out", str(self.folder), *arguments]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-    def children(self) -> dict[str, int]:
-        """Process ids by name."""
-        found = {}
-        for entry in Path("/proc").glob("[0-9]*"):
-            try:
-                words = (entry / "cmdline").read_bytes().decode().split("\0")
-                if "Z" in (entry / "stat").read_text().rpartition(")")[2].split()[0]:
-                    continue
-            except OSError:
-                continue
-            if "-m" not in words or (f"{self.folder}/scenario.yaml" not in words and "fogwatch.router" not in words):
-                continue
-            if "fogwatch.router" in words and self._parent(entry) != self.process.pid:
-                continue
-            name = words[words.index("--robot") + 1] if "--robot" in words else words[words.index("-m") + 1]
-            found[name] = int(entry.name)
-        return found
-
-    def _parent(self, entry: Path) -> int:
-        return int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-
-    def ticks(self) -> int:
-        """Ticks done so far."""
-        try:
-            return (self.folder / "ticks.csv").read_text(encoding="ascii").count("\n") - 1
-        except OSError:
-            return 0
-
-    def end(self) -> int:
-        """Wait for the end; the exit code."""
-        self.output, self.errors = self.process.communicate(timeout=PATIENCE_S)
-        return self.process.returncode
-
-    def summary(self) -> dict[str, Any]:
-        """What the run left."""
-        summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
-        return summary
-
-
-@pytest.fixture
-def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
-    """Starts runs, and ends them with everything that they have started."""
-    runs: list[Run] = []
-
-    def begin(scenario: dict[str, Any], *arguments: str) -> Run:
-        runs.append(Run(scenario, tmp_path / f"run-{len(runs)}", *arguments))
-        return runs[-1]
-
-    yield begin
-    for run in runs:
-        for pid in [*run.children().values(), *([run.process.pid] if run.process.poll() is None else [])]:
-            os.kill(pid, signal.SIGKILL)
-        run.process.communicate(timeout=PATIENCE_S)
 
 
 def in_process(scenario: dict[str, Any], folder: Path) -> str:
@@ -154,7 +79,7 @@ def test_so_it_is_under_other_rules(rules: dict[str, Any], start: Callable[..., 
 
 def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Path) -> None:
     run = start({**OPEN, "duration": 150})
-    until(lambda: run.ticks() > 20)
+    run.until(lambda: run.ticks() > 20)
     agent = run.children()["r2"]
     os.kill(agent, signal.SIGSTOP)
     before = run.ticks()
@@ -167,7 +92,7 @@ def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Pat
 
 def test_a_router_that_dies_is_started_again_and_nothing_changes(start: Callable[..., Run], tmp_path: Path) -> None:
     run = start({**OPEN, "duration": 150})
-    until(lambda: run.ticks() > 20)
+    run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["fogwatch.router"], signal.SIGKILL)
     assert run.end() == 0, run.errors
     assert "router was killed by SIGKILL" in run.errors
@@ -176,7 +101,7 @@ def test_a_router_that_dies_is_started_again_and_nothing_changes(start: Callable
 
 def test_a_killed_agent_is_named_and_the_others_go_on(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 200})
-    until(lambda: run.ticks() > 20)
+    run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["r2"], signal.SIGKILL)
     assert run.end() == 1, run.errors
     summary = run.summary()
@@ -196,7 +121,7 @@ def test_a_killed_agent_is_named_and_the_others_go_on(start: Callable[..., Run])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_ends_everything_and_can_be_read(number: signal.Signals, start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
-    until(lambda: run.ticks() > 20)
+    run.until(lambda: run.ticks() > 20)
     children = run.children()
     assert len(children) == 4
     run.process.send_signal(number)
@@ -221,7 +146,7 @@ def test_a_robot_may_have_any_name(start: Callable[..., Run]) -> None:
 
 def test_an_agent_that_dies_before_the_run_begins_ends_it_with_a_reason(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
-    until(lambda: "r1" in run.children())
+    run.until(lambda: "r1" in run.children())
     os.kill(run.children()["r1"], signal.SIGKILL)
     assert run.end() == 3, run.errors
     assert "the run could not begin: r1 was killed by SIGKILL\n" in run.errors  # and left nothing in its log
@@ -230,11 +155,11 @@ def test_an_agent_that_dies_before_the_run_begins_ends_it_with_a_reason(start: C
 
 def test_a_run_can_be_interrupted_before_it_begins(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
-    until(lambda: len(run.children()) == 4)
+    run.until(lambda: len(run.children()) == 4)
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors
     assert run.errors.endswith("fogwatch: interrupted\n")
-    until(lambda: not run.children(), limit_s=5.0)
+    run.until(lambda: not run.children(), limit_s=5.0)
     assert run.summary()["ended"] == "interrupted" if run.folder.exists() else True
 
 
@@ -245,18 +170,18 @@ def test_a_run_can_be_interrupted_while_it_prepares(
 ) -> None:
     """A fleet of two is spawned before its terrain is ready, one of 40 afterwards."""
     run = start({**OPEN, "point": 0.1, "duration": 100_000, "robots": {"count": robots, "model": "holonomic"}})
-    until((run.folder / "scenario.yaml").exists)
+    run.until((run.folder / "scenario.yaml").exists)
     run.process.send_signal(number)
     assert run.end() == 130, run.errors
     assert run.errors.endswith("fogwatch: interrupted\n")
     # On a busy machine the signal may come when the run has begun; only then is there anything to keep.
     assert not run.folder.exists() or run.summary()["ended"] == "interrupted"
-    until(lambda: not run.children(), limit_s=5.0)
+    run.until(lambda: not run.children(), limit_s=5.0)
 
 
 def test_a_second_signal_ends_at_once(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
-    until(lambda: run.ticks() > 20)
+    run.until(lambda: run.ticks() > 20)
     for pid in run.children().values():
         os.kill(pid, signal.SIGSTOP)  # nobody leaves in order
     run.process.send_signal(signal.SIGINT)
@@ -267,18 +192,18 @@ def test_a_second_signal_ends_at_once(start: Callable[..., Run]) -> None:
 
 def test_nothing_outlives_a_killed_launcher(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
-    until(lambda: run.ticks() > 20)
+    run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["r2"], signal.SIGSTOP)
     run.process.kill()
     run.process.wait()
-    until(lambda: not run.children(), limit_s=5.0)
+    run.until(lambda: not run.children(), limit_s=5.0)
     assert not (run.folder / "static").exists()
     assert sum(1 for _ in read_journal(run.folder / "journal").ticks) > 20
 
 
 def test_a_dead_world_ends_the_run_unjudged(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
-    until(lambda: run.ticks() > 20)
+    run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["worldsim"], signal.SIGKILL)
     assert run.end() == 3, run.errors
     assert not run.children()
@@ -287,10 +212,10 @@ def test_a_dead_world_ends_the_run_unjudged(start: Callable[..., Run]) -> None:
 
 def test_real_pace_waits_for_nobody_and_counts(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 60, "pace": 20, "watchdog": 1.0})
-    until(lambda: run.ticks() > 10)
+    run.until(lambda: run.ticks() > 10)
     agent = run.children()["r1"]
     os.kill(agent, signal.SIGSTOP)
-    until(lambda: run.ticks() > 60)
+    run.until(lambda: run.ticks() > 60)
     os.kill(agent, signal.SIGCONT)
     assert run.end() == 0, run.errors
     summary = run.summary()
@@ -306,10 +231,10 @@ def test_at_a_pace_a_paused_agent_silences_nobody_else(start: Callable[..., Run]
     """Its queues fill up after some hundreds of ticks; whoever waits for room in them then serves nobody."""
     ticks = 2000
     run = start({**OPEN, "duration": 0.5 * ticks, "pace": 50, "robots": {"count": 3, "model": "holonomic"}})
-    until(lambda: run.ticks() > 50)
+    run.until(lambda: run.ticks() > 50)
     paused = run.children()["r1"]
     os.kill(paused, signal.SIGSTOP)
-    until(lambda: run.ticks() > ticks - 150)
+    run.until(lambda: run.ticks() > ticks - 150)
     os.kill(paused, signal.SIGCONT)
     assert run.end() == 0, run.errors
     decided = {2: 0, 3: 0}

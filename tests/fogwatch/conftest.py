@@ -1,0 +1,90 @@
+"""Runs as processes of their own, and what tests want to know of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PATIENCE_S = 60.0
+
+
+class Run:
+    """A ``fogwatch run`` as a process, its children found by what they were started with."""
+
+    def __init__(self, scenario: dict[str, Any], folder: Path, *arguments: str) -> None:
+        folder.mkdir()
+        self.file = folder / "given.yaml"
+        self.file.write_text(json.dumps(scenario), encoding="utf-8")
+        self.folder = folder / "run"
+        command = [sys.executable, "-P", "-m", "fogwatch", "run", str(self.file), "--out", str(self.folder), *arguments]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def children(self) -> dict[str, int]:
+        """Process ids by name."""
+        found = {}
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                words = (entry / "cmdline").read_bytes().decode().split("\0")
+                if "Z" in (entry / "stat").read_text().rpartition(")")[2].split()[0]:
+                    continue
+            except OSError:
+                continue
+            if "-m" not in words or (f"{self.folder}/scenario.yaml" not in words and "fogwatch.router" not in words):
+                continue
+            if "fogwatch.router" in words and self._parent(entry) != self.process.pid:
+                continue
+            name = words[words.index("--robot") + 1] if "--robot" in words else words[words.index("-m") + 1]
+            found[name] = int(entry.name)
+        return found
+
+    def _parent(self, entry: Path) -> int:
+        return int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+
+    def ticks(self) -> int:
+        """Ticks done so far."""
+        try:
+            return (self.folder / "ticks.csv").read_text(encoding="ascii").count("\n") - 1
+        except OSError:
+            return 0
+
+    def until(self, what: Callable[[], bool], limit_s: float = PATIENCE_S) -> None:
+        """Wait for something to become true."""
+        end = time.monotonic() + limit_s
+        while not what():
+            assert time.monotonic() < end, "waited in vain"
+            time.sleep(0.005)
+
+    def end(self) -> int:
+        """Wait for the end; the exit code."""
+        self.output, self.errors = self.process.communicate(timeout=PATIENCE_S)
+        return self.process.returncode
+
+    def summary(self) -> dict[str, Any]:
+        """What the run left."""
+        summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
+        return summary
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
+    """Starts runs, and ends them with everything that they have started."""
+    runs: list[Run] = []
+
+    def begin(scenario: dict[str, Any], *arguments: str) -> Run:
+        runs.append(Run(scenario, tmp_path / f"run-{len(runs)}", *arguments))
+        return runs[-1]
+
+    yield begin
+    for run in runs:
+        for pid in [*run.children().values(), *([run.process.pid] if run.process.poll() is None else [])]:
+            os.kill(pid, signal.SIGKILL)
+        run.process.communicate(timeout=PATIENCE_S)

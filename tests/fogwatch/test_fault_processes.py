@@ -1,0 +1,184 @@
+"""Process faults on real processes over real Zenoh: the same trace as in one, and nothing left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import fogwatch
+from patrol.journal import RobotTick, Status, read_journal
+
+if TYPE_CHECKING:
+    from tests.fogwatch.conftest import Run
+
+pytestmark = pytest.mark.processes
+
+COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
+EVERYTHING: list[dict[str, Any]] = [
+    {"kind": "kill", "who": "anna", "at": 3},
+    {"kind": "restart", "who": "anna", "at": 7},
+    {"kind": "kill", "who": "bert", "at": 4, "wreck": "removed"},
+    {"kind": "restart", "who": "bert", "at": 9},
+    {"kind": "pause", "who": "carl", "at": 5, "for": 6},
+    {"kind": "join", "who": "dora", "at": 6},
+    {"kind": "restart", "who": "dora", "at": 10},
+    {"kind": "leave", "who": "emil", "at": 8},
+    {"kind": "kill", "who": "emil", "at": 9},
+    {"kind": "loss", "rate": 0.3, "at": 2, "for": 10},
+    {"kind": "pause", "who": "carl", "at": 14},
+]
+NAMES = ["anna", "bert", "carl", "dora", "emil"]
+
+
+def rows(run: Run, number: int) -> list[RobotTick]:
+    """A robot's part of the ticks so far."""
+    return [tick.robots[number - 1] for tick in read_journal(run.folder / "journal").ticks]
+
+
+@pytest.mark.parametrize("model", ["holonomic", "car"])
+def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -> None:
+    scenario = {
+        **COARSE,
+        "duration": 16,
+        "robots": [{"name": name, "model": model} for name in NAMES],
+        "radio": {"trail": 2, "forget_after": 2},
+        "patrol": {"dilatation": 0.0, "separation": "claims"},
+        "faults": EVERYTHING,
+    }
+    one = fogwatch.run(scenario, out=tmp_path / "one")
+    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False)
+    assert one.verdict.valid, one.verdict.failed
+    assert many.verdict.valid, many.verdict.failed
+    assert many.trace_hash == one.trace_hash
+    events = [read_journal(run.folder / "journal").events for run in (one, many)]
+    assert events[0] == events[1]
+    codes = {"the router": 0, "the world": 0, "anna": -9, "anna (2)": 0, "bert": -9, "bert (2)": 0}
+    codes |= {"carl": 0, "dora": -9, "dora (2)": 0, "emil": 0}
+    assert many.summary["exit_codes"] == codes
+    status = {name: facts["status"] for name, facts in many.summary["robots"].items()}
+    assert status == {"anna": "alive", "bert": "alive", "carl": "paused", "dora": "alive", "emil": "left"}
+    header, *lines = (many.folder / "ticks.csv").read_text(encoding="ascii").splitlines()
+    last = dict(zip(header.split(","), lines[-1].split(","), strict=True))
+    assert [last[name] for name in ("living", "paused", "dead", "lost", "away")] == ["3", "1", "0", "0", "1"]
+
+
+def test_a_planned_death_is_told_as_planned(start: Callable[..., Run]) -> None:
+    run = start({**COARSE, "duration": 10, "robots": 3 * [{}], "faults": [{"kind": "kill", "who": "all", "at": 3}]})
+    assert run.end() == 0, run.errors
+    assert "tick 6: r2 dead: f1 kill" in run.errors
+    assert "was killed by" not in run.errors
+    assert run.summary()["ticks"] == 20
+    assert {facts["status"] for facts in run.summary()["robots"].values()} == {"dead"}
+
+
+def test_another_death_beside_a_planned_one_is_not(start: Callable[..., Run]) -> None:
+    faults = [{"kind": "kill", "who": "r1", "at": 3}, {"kind": "restart", "who": "r2", "at": 90}]
+    run = start({**COARSE, "duration": 100, "robots": 3 * [{}], "faults": faults})
+    run.until(lambda: run.ticks() > 20)
+    os.kill(run.children()["r2"], signal.SIGKILL)
+    assert run.end() == 1, run.errors
+    assert "r2 was killed by SIGKILL" in run.errors
+    summary = run.summary()
+    assert [check["name"] for check in summary["verdict"]["checks"] if not check["ok"]] == ["nobody lost"]
+    assert {name: facts["status"] for name, facts in summary["robots"].items()} == {
+        "r1": "dead",
+        "r2": "alive",
+        "r3": "alive",
+    }
+
+
+@pytest.mark.parametrize("pace", ["lockstep", 10])
+def test_an_interrupted_run_lets_the_paused_go(pace: str | float, start: Callable[..., Run]) -> None:
+    faults = [{"kind": "pause", "who": ["r1", "r2"], "at": 3}]
+    run = start({**COARSE, "duration": 100_000, "pace": pace, "robots": 3 * [{}], "faults": faults})
+    run.until(lambda: run.ticks() > 20)
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
+    assert not run.children()
+    assert run.summary()["ended"] == "interrupted"
+    assert run.summary()["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
+
+
+def test_a_killed_launcher_leaves_no_paused_process_behind(start: Callable[..., Run]) -> None:
+    faults = [{"kind": "pause", "who": "r1", "at": 3}, {"kind": "restart", "who": "r2", "at": 4}]
+    run = start({**COARSE, "duration": 100_000, "robots": 2 * [{}], "faults": faults})
+    run.until(lambda: run.ticks() > 20)
+    run.process.kill()
+    run.process.wait()
+    run.until(lambda: not run.children())
+
+
+def test_at_a_pace_robots_come_when_their_processes_are_there(start: Callable[..., Run]) -> None:
+    faults = [
+        {"kind": "kill", "who": "r1", "at": 2},
+        {"kind": "restart", "who": "r1", "at": 4},
+        {"kind": "join", "who": "r2", "at": 4},
+        {"kind": "pause", "who": "r3", "at": 2, "for": 6},
+        {"kind": "leave", "who": "r4", "at": 6},
+    ]
+    run = start({**COARSE, "duration": 60, "pace": 5, "robots": 4 * [{}], "faults": faults})
+    assert run.end() == 0, run.errors
+    summary = run.summary()
+    assert summary["verdict"]["valid"], summary["verdict"]
+    assert {name: facts["status"] for name, facts in summary["robots"].items()} == {
+        "r1": "alive",
+        "r2": "alive",
+        "r3": "alive",
+        "r4": "left",
+    }
+    assert summary["exit_codes"]["r1"] == -9
+    assert set(summary["exit_codes"].values()) == {0, -9}
+    for number in (1, 2, 3):
+        assert rows(run, number)[-1].decision_ms is not None
+
+
+def test_the_router_and_agents_die_in_turn_at_a_pace(start: Callable[..., Run]) -> None:
+    """Robots that cannot be reached stop; they drive again when the router is back; the dead are named."""
+    run = start({**COARSE, "duration": 500, "pace": 10, "watchdog": 1.0, "robots": 3 * [{}]})
+    run.until(lambda: run.ticks() > 20)
+    before = run.ticks()
+    os.kill(run.children()["fogwatch.router"], signal.SIGKILL)
+    run.until(lambda: all(any(_stands(row) for row in rows(run, number)[before:]) for number in (1, 2, 3)))
+    stopped = run.ticks()
+    run.until(lambda: all(any(_drives(row) for row in rows(run, number)[stopped:]) for number in (1, 2, 3)))
+    assert all(row.status is Status.ALIVE for number in (1, 2, 3) for row in rows(run, number))
+    for dead in ("r1", "r2"):
+        os.kill(run.children()[dead], signal.SIGKILL)
+        run.until(lambda: rows(run, int(dead[1]))[-1].status is Status.LOST)  # noqa: B023 - asked at once
+    at = run.ticks()
+    run.until(lambda: any(_drives(row) for row in rows(run, 3)[at:]))
+    run.process.send_signal(signal.SIGINT)
+    run.end()
+    failed = [check for check in run.summary()["verdict"]["checks"] if not check["ok"]]
+    assert [check["name"] for check in failed] == ["nobody lost"]
+    assert "r1" in failed[0]["detail"]
+    assert "r2" in failed[0]["detail"]
+
+
+def _stands(row: RobotTick) -> bool:
+    return row.c0 == row.c1 == 0.0 and row.decision_ms is None
+
+
+def _drives(row: RobotTick) -> bool:
+    return row.decision_ms is not None and (row.c0, row.c1) != (0.0, 0.0)
+
+
+@pytest.mark.parametrize("pace", ["lockstep", 10])
+def test_a_dead_world_ends_the_run_whatever_is_under_way(pace: str | float, start: Callable[..., Run]) -> None:
+    faults = [{"kind": "pause", "who": "r1", "at": 3}, {"kind": "kill", "who": "r2", "at": 4}]
+    run = start({**COARSE, "duration": 100_000, "pace": pace, "robots": 3 * [{}], "faults": faults})
+    run.until(lambda: run.ticks() > 20)
+    os.kill(run.children()["worldsim"], signal.SIGKILL)
+    assert run.end() == 3, run.errors
+    assert not run.children()
+    summary = run.summary()
+    assert summary["verdict"]["outcome"] == "unknown"
+    assert summary["ticks"] > 20
+    assert summary["robots"]["r2"]["status"] == "dead"
+    assert summary["exit_codes"]["the world"] == -9
+    assert "the world was killed by SIGKILL" in run.errors
