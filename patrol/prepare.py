@@ -18,6 +18,7 @@ from patrol.errors import BadInput
 from patrol.fields import StaticFields, compute_fields, load_grid
 from patrol.maps import load_terrain
 from patrol.pose import Pose
+from patrol.shapes import cover
 from patrol.starts import place_starts
 from patrol.terrain import BoolGrid, Terrain, frozen_grid
 
@@ -101,11 +102,12 @@ class Prepared:
 def prepare(scenario: Scenario) -> Prepared:
     """Load the terrain, place the robots and compute each body's fields.
 
-    Raises BadInput for an unusable map, for intruders that are not on passable ground, for starts that do not fit, for
-    bodies too wide for the terrain and for regions that do not make a split.
+    Raises BadInput for an unusable map, for intruders and critical areas that are not on passable ground, for starts
+    that do not fit, for bodies too wide for the terrain and for regions that do not make a split.
     """
     terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
     _check_intruders(scenario, terrain)
+    _check_critical_areas(scenario, terrain)
     starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
@@ -130,6 +132,12 @@ def _check_intruders(scenario: Scenario, terrain: Terrain) -> None:
             raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
         if not terrain.passable[terrain.point_at(x, y)]:
             raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
+
+
+def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
+    for number, polygon in enumerate(scenario.patrol.critical_areas or ()):
+        if not (terrain.free & cover(polygon, terrain.shape, terrain.point, terrain.origin)).any():
+            raise BadInput(f"patrol.critical_areas.{number}: holds no free point of {terrain.name}; correct or drop it")
 
 
 def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:

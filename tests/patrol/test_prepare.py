@@ -79,3 +79,13 @@ def test_an_intruder_must_be_on_passable_ground() -> None:
     place = list(terrain.centre(row, col))
     with pytest.raises(BadInput, match=r"intruders\.0\.place = .*: in an obstacle of yards; move it"):
         prepare(load_scenario({**mapping, "intruders": [{"place": place}]}))
+
+
+@pytest.mark.parametrize("area", [[[200, 200], [210, 200], [210, 210]], [[19.5, 1], [20.5, 1], [20, 9]]])
+def test_a_critical_area_must_hold_free_ground(area: list[list[float]]) -> None:
+    """One lies off the terrain, the other within a building."""
+    around = [[40, 40], [60, 40], [60, 60]]
+    patrol = {"separation": "semaphores", "critical_areas": [around, area]}
+    mapping = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}, "patrol": patrol}
+    with pytest.raises(BadInput, match=r"patrol\.critical_areas\.1: holds no free point of yards; correct or drop it"):
+        prepare(load_scenario(mapping))
