@@ -54,6 +54,11 @@ class InProcessFleet:
         self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
         self._reports: Mapping[int, Report] = {}
 
+    @property
+    def minds(self) -> Mapping[int, Mind]:
+        """The minds that there are, by robot number."""
+        return self._minds
+
     def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
         """What every mind sends."""
         self._reports = reports
@@ -162,6 +167,7 @@ def run_in_process(
     threads: int = 1,
     keep: bool = True,
     verify_fog: bool = True,
+    look: Callable[[World, Mapping[int, Mind]], None] | None = None,
 ) -> Outcome:
     """Run a scenario to its end, or until `stop` (asked between ticks) says so.
 
@@ -169,8 +175,10 @@ def run_in_process(
     to, so that the memory needed does not grow with the run. started: wall time for its header, ISO 8601. progress,
     events: take each tick's record and each event, after they are recorded. threads: minds that step at once.
     verify_fog: without `keep`, whether the verdict recomputes the fog (see `worldsim.verdict.Judge`); it always does
-    where there are records to read again. Raises BadInput for a scenario that cannot be prepared; what a mind raises
-    ends the run and is passed on.
+    where there are records to read again. look: called after each tick with the world and the minds by robot number,
+    to compare what is with what they believe; it must change nothing.
+
+    Raises BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     if prepared.scenario.radio.via != "ether":
@@ -181,7 +189,9 @@ def run_in_process(
     minds = {number: make(number, FIRST_INCARNATION) for number in world.living}
     fleet = InProcessFleet(minds, make, threads)
     header = header_of(world, started)
-    watchers = () if progress is None else (progress,)
+    watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]
+    if look is not None:
+        watchers.append(lambda _: look(world, fleet.minds))
     begun = time.perf_counter()
     if journal is None and not keep:
         memory = MemoryJournal(header, keep)

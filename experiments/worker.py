@@ -48,12 +48,14 @@ def run_task(task: Task) -> Answer:
     trace: str | None = None
     error: str | None = None
     try:
-        from experiments.inprocess import run_in_process  # here: loads the kernels, which `greet` may have to compile
+        from experiments.belief_error import BeliefError  # here: loads the kernels, which `greet` may have to compile
+        from experiments.inprocess import run_in_process
         from patrol.scenario import load_scenario
 
         # Nothing comes between this process's world and its own verdict: no need to compute each run's fog twice.
-        outcome = run_in_process(load_scenario(task["scenario"]), keep=False, verify_fog=False)
-        metrics, trace = metrics_of(outcome.summary), outcome.summary["trace_hash"]
+        belief = BeliefError()
+        outcome = run_in_process(load_scenario(task["scenario"]), keep=False, verify_fog=False, look=belief.look)
+        metrics, trace = {**metrics_of(outcome.summary), **belief.metrics()}, outcome.summary["trace_hash"]
         if not outcome.verdict.valid:
             error = "not valid: " + "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
     except BadInput as problem:
@@ -87,7 +89,16 @@ def answer(
 def metrics_of(summary: Mapping[str, Any]) -> dict[str, float | None]:
     """The numbers of a summary that depend on the scenario alone; of robots their sum, or mean where it says so."""
     robots = list(summary["robots"].values())
-    plain = ("mfow_mean_s", "mfow_max_s", "mfow_end_s", "fog_mean_s", "seen_share", "bound_s", "patrolled_area_m2")
+    plain = (
+        "mfow_mean_s",
+        "mfow_max_s",
+        "mfow_late_mean_s",
+        "mfow_end_s",
+        "fog_mean_s",
+        "seen_share",
+        "bound_s",
+        "patrolled_area_m2",
+    )
     messages = ("frames", "sent", "delivered", "dropped", "rejected", "bytes_per_robot_s")
     return {
         **{name: summary[name] for name in plain},

@@ -125,6 +125,7 @@ class Totals:
             "wall_s": wall_s,
             "realtime_factor": ticks * step / wall_s if wall_s else None,
             "mfow_mean_s": float(np.mean(mfow)) * step if ticks else None,
+            "mfow_late_mean_s": float(np.mean(mfow[ticks // 2 :])) * step if ticks else None,
             "mfow_max_s": max(mfow) * step if ticks else None,
             "mfow_end_s": mfow[-1] * step if ticks else None,
             "fog_mean_s": float(np.mean(self._fog)) * step if ticks else None,
@@ -150,7 +151,8 @@ class Totals:
 def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
     """The run's summary, ready for JSON.
 
-    Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first.
+    Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first, and
+    `mfow_late_mean_s` over those of the second half.
 
     A message is counted once per receiver, and so are the copies that faults make: sent = delivered + dropped + in
     flight. `frames` counts it once, and `bytes` are those of these frames. What is forged is counted apart: as `forged`
