@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fogwatch import cli_map, cli_paper, cli_scenario, cli_sweep
+from fogwatch import cli_experiment, cli_map, cli_paper, cli_scenario, cli_sweep
 from patrol.errors import BadInput
 from patrol.lifeline import heed
 from patrol.scenario import BUILTINS, open_scenario, parse_overrides
@@ -34,6 +34,7 @@ app.add_typer(cli_scenario.app, name="scenario")
 app.add_typer(cli_map.app, name="map")
 app.command()(cli_sweep.sweep)
 app.add_typer(cli_paper.app, name="paper")
+app.add_typer(cli_experiment.app, name="experiment")
 
 EXIT_CODES = "Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 could not be judged, 130 interrupted."
 BODY = "Robots"

@@ -1,0 +1,106 @@
+"""``fogwatch experiment``: whole experiments, from runs to a page. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from experiments.casetable import json_text, write_tables, write_text
+from experiments.faults import GROUPS, Finding, Setup, as_json, chosen, findings, plan_of
+from experiments.faults_report import page
+from experiments.plan import count_of_seeds
+from fogwatch.cli_sweep import FAILED, ClusterAddress, Workers, crew_of, make_runs, with_interval
+from fogwatch.faults_picture import costs_picture, curves_picture
+from fogwatch.progress import duration as time_text
+from fogwatch.progress import print_failures
+from patrol.keyfile import LONGEST
+from patrol.scenario import parse_overrides
+
+app = typer.Typer(help="Whole experiments, from runs to a page.", no_args_is_help=True)
+
+
+@app.callback()
+def _group() -> None:
+    """Keep the name of the only command."""
+
+
+@app.command()
+def faults(
+    point: Annotated[float, typer.Option(metavar="M", help="Side of one point of the grid, m.")] = 1.0,
+    seeds: Annotated[int, typer.Option(metavar="K", help="Runs of each condition, with seeds 1 to K.")] = 3,
+    duration: Annotated[float, typer.Option(metavar="S", help="Simulated time of each run, s.")] = 5000.0,
+    robots: Annotated[int, typer.Option(metavar="N", help="Robots of the whole fleet.")] = 5,
+    terrain: Annotated[str, typer.Option(metavar="NAME", help="A built-in terrain.")] = "yards",
+    only: Annotated[
+        str | None, typer.Option(metavar="GROUP,...", help=f"These groups alone, of: {', '.join(GROUPS)}.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Set a field of every run.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where results go and are looked for; runs/faults unless given.")
+    ] = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
+) -> int:
+    """What each kind of fault costs the paper's final algorithm, without and with claims; go on where a start stopped.
+
+    Loss (each frame by itself, in bursts, with the last positions sent along), silence, deaths, restarts and
+    reinforcement, a parted fleet, a short radio, forged positions. Writes faults.md with everything, faults.json, the
+    runs' numbers as CSV and JSON, and pictures.
+    """
+    console = Console()
+    folder = out or Path("runs") / "faults"
+    setup = Setup(
+        terrain,
+        point,
+        duration,
+        robots,
+        count_of_seeds(seeds, "--seeds"),
+        _key(folder),
+        parse_overrides(settings or []),
+    )
+    tried = chosen(setup, [name.strip() for name in only.split(",")] if only else [])
+    outcome = make_runs(plan_of(setup, tried), folder, crew_of(workers, cluster), console, foretell=True)
+    found = findings(outcome, tried)
+    _show(console, found)
+    write_tables(outcome, folder)
+    write_text(folder / "faults.json", json_text(as_json(setup, found)))
+    pictures = [
+        name
+        for name, draw in (("loss", curves_picture), ("costs", costs_picture))
+        if draw(found, [folder / f"{name}.png", folder / f"{name}.svg"])
+    ]
+    command = f"fogwatch experiment faults --point {point:g} --seeds {seeds}" + (f" --only '{only}'" if only else "")
+    wall_s = sum(result.wall_s for result in outcome.results.values())
+    text = page(setup, found, command=command, wall_s=wall_s, pictures=[f"{name}.png" for name in pictures])
+    write_text(folder / "faults.md", text)
+    print_failures(console, outcome)
+    made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"
+    console.print(f"{made}; {folder}: faults.md has everything", highlight=False, soft_wrap=True)
+    return FAILED if outcome.failed else 0
+
+
+def _key(folder: Path) -> Path:
+    """A fleet key for the runs that use one, made once."""
+    file = (folder / "fleet.key").resolve()
+    if not file.exists():
+        write_text(file, os.urandom(LONGEST // 2).hex() + "\n")
+    return file
+
+
+def _show(console: Console, found: Sequence[Finding]) -> None:
+    table = Table("", "variant", "MFoW (s)", "cost", "late (s)", "belief error (s)", box=None, header_style="cyan")
+    for column in table.columns[2:]:
+        column.justify = "right"
+    for one in sorted(found, key=lambda one: list(GROUPS).index(one.condition.group)):
+        cost = "-" if one.cost is None else f"{one.cost.mean:.3f}"
+        numbers = (with_interval(one.mfow), cost, with_interval(one.late), with_interval(one.belief))
+        table.add_row(f"{one.condition.group}: {one.condition.name}", one.variant, *numbers)
+    console.print(table, highlight=False, markup=False)
