@@ -15,6 +15,7 @@ from experiments.plan import Base, Case, Plan, make_plan
 from experiments.stats import Estimate, estimate
 from experiments.sweep import Outcome
 from patrol.errors import BadInput
+from patrol.message import MAX_TRAIL
 from patrol.scenario_errors import did_you_mean
 
 CALLED = "the faults experiment"
@@ -29,7 +30,7 @@ INDEPENDENT = (0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 BURSTS = (0.25, 0.5, 0.75, 0.85)
 BURST_TICKS = 8
 REACHES_M = (20, 40, 80)
-TRAIL = 6
+TRAIL = MAX_TRAIL
 """Past positions in a frame, where it carries any."""
 
 FORGED_M = 25.0
@@ -163,7 +164,7 @@ def _robots(setup: Setup) -> Iterator[Condition]:
 
 
 def _forgeries(setup: Setup) -> Iterator[Condition]:
-    forged = {
+    forged: dict[str, dict[str, Any]] = {
         "all positions shifted": {"kind": "spoof", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}},
         "one robot's positions at random": {"kind": "spoof", "as": "one", "payload": "random"},
         "old frames sent again": {"kind": "spoof", "as": "all", "payload": {"replay": 60.0}},
@@ -171,7 +172,7 @@ def _forgeries(setup: Setup) -> Iterator[Condition]:
     for name, fault in forged.items():
         yield Condition("forgery", name, [fault])
         yield Condition("forgery", f"{name}, key", [fault], settings={"radio.key": str(setup.key)})
-    insider = {"kind": "spoof", "by": "r1", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}}
+    insider: dict[str, Any] = {"kind": "spoof", "by": "r1", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}}
     yield Condition(
         "forgery", "all positions shifted by an insider, key", [insider], settings={"radio.key": str(setup.key)}
     )
