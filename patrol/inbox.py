@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from patrol.message import CONTACT, Position, Rejected, RejectReason, decode
-from patrol.window import Window
+from patrol.window import SPAN, Window
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
@@ -47,8 +47,10 @@ class Inbox:
     early or late. key: of the tags, or None when the fleet uses none.
 
     What follows on the last frame of a sender must be a place that it can have reached; where it is not, frames that
-    agree with each other are believed in the end, for localisation jumps honestly. A trail is cut off where it leads
-    farther in a step than a robot can go.
+    agree with each other are believed in the end, for localisation jumps honestly. The time that a sender had is the
+    time between the arrivals, and where the earlier frame was held up on its way, what the sequences say on top: a
+    frame's delay, beyond the least of its sender's frames so far, shows in its sequence. A trail is cut off where it
+    leads farther in a step than a robot can go.
 
     A contact, an intruder's position, does not say who reports it and may be reported by several at once. It must lie
     on the terrain, and its sequence must be one that some robot of the roster would send about now, going on from that
@@ -74,6 +76,7 @@ class Inbox:
         self._step = step
         self._last: dict[int, _Heard] = {}
         self._windows: dict[int, Window] = {}
+        self._starts: dict[int, float] = {}
         self._jumped: dict[int, list[_Heard]] = {}
 
     @property
@@ -141,6 +144,7 @@ class Inbox:
                     raise Rejected(reason, "does not follow the last one")
         self._jumped.pop(robot, None)
         self._last[robot] = heard
+        self._starts[robot] = min(self._start_of(heard), self._starts.get(robot, math.inf))
         window.use(heard.position.sequence)
 
     def _check_late(self, late: Position, newest: Position) -> None:
@@ -178,9 +182,19 @@ class Inbox:
         steps = after.position.sequence - before.position.sequence
         if steps > 2.0 * elapsed / self._step + _AHEAD:
             return RejectReason.AHEAD
-        if _apart(before.position, after.position) > self._max_speed * (elapsed + self._step) + _ROUNDING:
+        held_up = min(max(steps * self._step - elapsed, 0.0), self._delay(before))
+        if _apart(before.position, after.position) > self._max_speed * (elapsed + held_up + self._step) + _ROUNDING:
             return RejectReason.TOO_FAST
         return None
+
+    def _start_of(self, heard: _Heard) -> float:
+        """When the sender's sequence 0 would have come, had it taken as long as this frame."""
+        return heard.at - heard.position.sequence * self._step
+
+    def _delay(self, heard: _Heard) -> float:
+        """How much longer than the quickest of its sender's frames a frame took, s; no more than the window holds."""
+        quickest = self._starts.get(heard.position.robot, math.inf)
+        return min(max(self._start_of(heard) - quickest, 0.0), SPAN * self._step)
 
 
 def _apart(a: Position, b: Position) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from patrol.faults import PROCESS_KINDS
 from worldsim.body_checks import BodiesApart, MovesAreTrue
 from worldsim.checks import (
     Check,
@@ -19,6 +20,7 @@ from worldsim.checks import (
 from worldsim.direct import DirectLinks
 from worldsim.fault_checks import DownAreSilent, ExitCodes, StatusesFollow
 from worldsim.frame_checks import FramesAreTrue, LinksAddUp
+from worldsim.hearing_checks import ForgedAsConfigured, Hearing
 from worldsim.radio_checks import Replay, radio_checks
 from worldsim.recovery import Recovers
 from worldsim.timeline import Timeline
@@ -71,9 +73,10 @@ class Judge:
     ) -> None:
         """As for `judge`; the journal may still be being written.
 
-        verify_fog: whether to recompute the fog, which takes longer than all other checks together. Without it the
-        verdict has no check of that name: for a sweep, whose world has just computed the same numbers from the same
-        poses with the same code in the same process, so that nothing could have come between.
+        verify_fog: whether to recompute the fog, which takes longer than all other checks together, and what robots
+        made of what they heard. Without it the verdict has no checks of these names: for a sweep, whose world has just
+        computed the same numbers from the same poses with the same code in the same process, so that nothing could
+        have come between.
         """
         self._journal = journal
         self._there = RobotsThere(prepared)
@@ -98,6 +101,11 @@ class Judge:
         ]
         if verify_fog:
             self._of_poses.append(FogIsTrue(prepared))
+        befalls_frames = any(entry.fault.kind not in PROCESS_KINDS for entry in timeline.entries)
+        if verify_fog and carried and befalls_frames:
+            hearing = Hearing(journal, prepared, replay, processes=bool(exit_codes))
+            forged = ForgedAsConfigured(journal, prepared, timeline, hearing)
+            self._of_poses += [hearing, forged] if forged.called_for else [hearing]
         if prepared.scenario.faults:
             self._of_poses.append(Recovers(journal, prepared, baseline_s))
 

@@ -125,6 +125,26 @@ def test_whatever_the_order_each_frame_is_believed_once(order: list[int], repeat
     assert [position is not None for position in heard] == [*([True] * 40), *([False] * len(repeated))]
 
 
+@given(st.lists(st.integers(0, 12), min_size=30, max_size=30), st.integers(0, 2**32 - 100))
+def test_delays_never_make_an_honest_robot_too_fast(delays: list[int], start: int) -> None:
+    """At full speed; the first frame is the quickest, and frames overtake each other."""
+    box = inbox()
+    arrivals = sorted((k + (delays[k] if k else 0), k) for k in range(30))
+    for arrival, k in arrivals:
+        position = Position.of(2, start + k, k * STEP, Pose(10.0 + SPEED * STEP * k, 40.0, 0.0))
+        assert box.accept(encode(position), arrival * STEP) is not None
+    assert box.rejected == 0
+
+
+def test_a_claimed_delay_buys_no_speed() -> None:
+    """Without one of its own frames having been late, a robot cannot be where only a late one could."""
+    box = inbox()
+    for k in range(10):
+        assert box.accept(frame(k, 10.0), k * STEP) is not None
+    assert box.accept(frame(20, 32.0), 10 * STEP) is None
+    assert reasons(box) == {RejectReason.TOO_FAST: 1}
+
+
 def test_a_trail_ends_where_nobody_can_have_driven() -> None:
     box = inbox()
     trail = ((-200, 0), (-203, 0), (-100, 0))

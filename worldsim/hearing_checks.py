@@ -1,0 +1,178 @@
+"""The verdict's checks of what robots made of what they heard: which frames they refused, and forged ones above all."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+from patrol.faults import Forgery, Spoof
+from patrol.inbox import Inbox, inbox_of
+from patrol.journal import Status, TickRecord
+from patrol.keyfile import fleet_key
+from patrol.message import CONTACT
+from patrol.records import FORGED, frame_sequence
+from worldsim.checks import Check, names_of
+from worldsim.radio_rules import NOBODY
+
+if TYPE_CHECKING:
+    from patrol.message import Position
+    from patrol.prepare import Prepared
+    from worldsim.radio_checks import Replay
+    from worldsim.record import RunRecord
+    from worldsim.timeline import Timeline
+
+_GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Status.LOST, Status.ABSENT))
+
+
+class Hearing:
+    """What each robot's inbox makes of what the ether brings it, as the replay has it; one inbox for each process.
+
+    Robots count what they refuse. In one process that is what fresh inboxes refuse. A robot that is a process also
+    counts messages that somebody else sent it over the network, so there it may be more. At the pace of a clock a robot
+    may miss a tick, and nobody knows when it heard what.
+
+    believed: the forged frames that were accepted in the last tick, as (receiver, sequence, position). made: inboxes
+    so far by robot.
+    """
+
+    def __init__(self, journal: RunRecord, prepared: Prepared, replay: Replay, *, processes: bool) -> None:
+        self._journal = journal
+        self._prepared = prepared
+        self._replay = replay
+        self._names = names_of(journal)
+        self._processes = processes
+        self._key: bytes | None = None
+        self._unknown = "" if prepared.scenario.factor is None else "not judged at the pace of a clock"
+        self._problem = ""
+        self._events = 0
+        self._inboxes: dict[int, Inbox] = {}
+        self._refused: Counter[str] = Counter()
+        self.believed: list[tuple[int, int, Position]] = []
+        self.made: Counter[int] = Counter()
+        try:
+            self._key = fleet_key(prepared.scenario)
+        except BadInput as bad:
+            self._unknown = f"not judged: {bad}"
+
+    @property
+    def unknown(self) -> str:
+        """Why nothing can be judged, if nothing can."""
+        return self._unknown
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick, the replay having done so."""
+        self.believed.clear()
+        if self._unknown or self._replay.delivery is None:
+            return
+        self._bury(record.k)
+        delivery = self._replay.delivery
+        forged: dict[int, list[int]] = defaultdict(list)
+        for source, to, sequence in delivery.arrived:
+            if source != FORGED:
+                break  # forged frames come first
+            forged[to].append(sequence)
+        now_s = record.k * self._prepared.scenario.step
+        for row in record.robots:
+            if row.status is not Status.ALIVE or row.number not in delivery.heard:
+                continue
+            inbox = self._inboxes.get(row.number)
+            if inbox is None:
+                bounds = self._prepared.terrain.bounds
+                inbox = self._inboxes[row.number] = inbox_of(self._prepared.scenario, row.number, bounds, self._key)
+                self.made[row.number] += 1
+            positions = [inbox.accept(frame, now_s) for frame in delivery.heard[row.number]]
+            for sequence, position in zip(forged[row.number], positions, strict=False):
+                if position is not None:
+                    self.believed.append((row.number, sequence, position))
+            self._compare(row.number, row.rejected, inbox.rejected, record.k)
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        if self._unknown:
+            return Check("refused frames", True, self._unknown, judged=False)
+        if not self._problem:
+            self._bury(None)
+        reasons = ", ".join(f"{count} {reason}" for reason, count in sorted(self._refused.items()))
+        return Check("refused frames", not self._problem, self._problem or (reasons or "none"))
+
+    def _compare(self, number: int, said: int | None, found: int, k: int) -> None:
+        if said is None or self._problem or said == found or (self._processes and said > found):
+            return
+        name = self._names[number]
+        self._problem = f"{name} says at tick {k} that it has refused {said} frames; by what it heard it is {found}"
+
+    def _bury(self, k: int | None) -> None:
+        """Let go of the inboxes of processes that were gone before tick k, or of all."""
+        gone = [] if k is not None else list(self._inboxes)
+        events = self._journal.events
+        while k is not None and self._events < len(events) and events[self._events].k <= k:
+            event = events[self._events]
+            self._events += 1
+            if event.robot is not None and event.kind in _GONE:
+                gone.append(event.robot)
+        for number in gone:
+            inbox = self._inboxes.pop(number, None)
+            if inbox is not None:
+                self._refused.update({reason.value: count for reason, count in inbox.counts.items() if count})
+
+
+class ForgedAsConfigured:
+    """Forged frames are refused where they can be told: without the key, of robots that do not exist, a second time.
+
+    What somebody with the key says, or anybody in a fleet without one, can only be judged by whether it is plausible;
+    how much of it was believed is told and not judged. A genuine frame sent again is believed by those who had not
+    heard it, and tells them nothing false.
+    """
+
+    def __init__(self, journal: RunRecord, prepared: Prepared, timeline: Timeline, hearing: Hearing) -> None:
+        self._names = names_of(journal)
+        self._hearing = hearing
+        self._keyed = prepared.scenario.radio.key is not None
+        self._spoofs = {entry.id: entry for entry in timeline.entries if isinstance(entry.fault, Spoof)}
+        self._fault_of: dict[int, str] = {}
+        self._used: set[tuple[int, int, int, int]] = set()
+        self._heard: Counter[str] = Counter()
+        self._believed: Counter[str] = Counter()
+        self._problem = ""
+
+    @property
+    def called_for(self) -> bool:
+        """Whether anything is forged at all."""
+        return bool(self._spoofs)
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick, after the hearing has."""
+        for place, fault in enumerate(record.forged):
+            self._fault_of[frame_sequence(record.k, place)] = fault
+        self._heard.update(self._fault_of[sequence] for source, _, sequence in record.deliveries if source == FORGED)
+        for receiver, sequence, position in self._hearing.believed:
+            fault = self._fault_of[sequence]
+            self._believed[fault] += 1
+            self._judge(record.k, receiver, fault, position)
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        if self._hearing.unknown:
+            return Check("forged frames", True, self._hearing.unknown, judged=False)
+        told = [
+            f"{fault}: {self._believed[fault]} of {self._heard[fault]} heard were believed" for fault in self._spoofs
+        ]
+        return Check("forged frames", not self._problem, self._problem or "; ".join(told))
+
+    def _judge(self, k: int, receiver: int, fault: str, position: Position) -> None:
+        entry = self._spoofs[fault]
+        assert isinstance(entry.fault, Spoof)
+        payload = entry.fault.payload
+        again = isinstance(payload, Forgery) and payload.replay is not None
+        why = ""
+        if position.robot not in self._names and position.robot != CONTACT:
+            why = "of a robot that does not exist"
+        elif self._keyed and entry.sources[0] == NOBODY and not again:
+            why = "without the fleet's key"
+        if again:
+            key = (receiver, self._hearing.made[receiver], position.robot, position.sequence)
+            why = why or ("for the second time" if key in self._used else "")
+            self._used.add(key)
+        if why and not self._problem:
+            self._problem = f"{self._names[receiver]} believed a forged frame of {fault} {why} at tick {k}"
