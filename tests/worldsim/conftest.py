@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from patrol.fields import StaticFields
+from patrol.inbox import Inbox, inbox_of
 from patrol.journal import Status
 from patrol.message import Position, encode
 from patrol.pose import Command, Drive, Pose, Velocity
@@ -37,7 +38,8 @@ class RandomFleet:
 
     silent: (number, k, phase) at which a robot does not answer any more. killed: (number, status) by the tick after
     which it is gone. heard: what arrived, by tick. done: what its hands were asked for. late: the tick before which a
-    robot that is started arrives, where that is not at once; NEVER for one that never does.
+    robot that is started arrives, where that is not at once; NEVER for one that never does. key: of the frames' tags.
+    inboxes: what they hear with, by robot.
     """
 
     world: World
@@ -48,30 +50,44 @@ class RandomFleet:
     done: list[tuple[str, int]] = field(default_factory=list)
     late: dict[int, int] = field(default_factory=dict)
     finished: int | None = None
+    key: bytes | None = None
+    inboxes: dict[int, Inbox] = field(default_factory=dict)
 
     def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
         return {
-            number: (encode(Position.of(number, k, k * self.world.step, report.pose)), *self._contacts(k, report))
+            number: (
+                encode(Position.of(number, k, report.clock_s, report.pose), self.key),
+                *self._contacts(k, report),
+            )
             for number, report in reports.items()
             if (number, k, "A") not in self.silent
         }
 
     def _contacts(self, k: int, report: Report) -> list[bytes]:
-        return [encode(Position.of_contact(k, k * self.world.step, x, y)) for x, y in report.contacts]
+        return [encode(Position.of_contact(k, report.clock_s, x, y), self.key) for x, y in report.contacts]
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         self.heard.append(heard)
+        for number, frames in heard.items():
+            for frame in frames:
+                self._inbox(number).accept(frame, k * self.world.step)
         return {
             number: Reply(
                 command_of(self.world.bodies[number].spec.model, self.seed, number, k),
                 "dead-end" if (number + k) % 4 == 0 else "patrolling",
                 None,
                 float(number),
-                2 * k,
+                self._inbox(number).rejected,
             )
             for number in heard
             if (number, k, "A") not in self.silent and (number, k, "B") not in self.silent
         }
+
+    def _inbox(self, number: int) -> Inbox:
+        if number not in self.inboxes:
+            bounds = self.world.terrain.bounds
+            self.inboxes[number] = inbox_of(self.world.scenario, number, bounds, self.key)
+        return self.inboxes[number]
 
     def lost(self) -> list[tuple[int, Status, str]]:
         gone = self.killed.pop(self.world.tick - 1, None)
@@ -94,6 +110,7 @@ class RandomFleet:
 
     def start(self, number: int, incarnation: int) -> None:
         self.done.append((f"start {incarnation}", number))
+        self.inboxes.pop(number, None)
 
     def arrived(self, number: int) -> bool:
         if self.late.get(number) == NEVER:
