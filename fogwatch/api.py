@@ -69,7 +69,8 @@ class Wishes:
     """How a run is to be done, and who is told.
 
     port: of the router, or None for a free one. begin: called when the ticks are about to begin. stop: asked from then
-    on whether to end early; urgent: whether to end by force. Before that KeyboardInterrupt ends everything.
+    on whether to end early; urgent: whether to end by force. Before that KeyboardInterrupt ends everything. draw:
+    whether to draw the final fog.
     """
 
     out: Path | None = None
@@ -79,6 +80,7 @@ class Wishes:
     begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
+    draw: bool = True
 
 
 def run(
@@ -269,7 +271,7 @@ def _result(
     folder.write_summary(summary)
     step = prepared.scenario.step
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
-    if len(mfow_s) and not wishes.urgent():
+    if wishes.draw and len(mfow_s) and not wishes.urgent():
         wishes.show.say("drawing the final fog ...")
         _draw(folder, prepared, wishes)
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED

@@ -1,0 +1,231 @@
+"""Chaos: many short random scenarios under random faults, and what must hold in each of them.
+
+A scenario is run in several ways. None may fail, every verdict must be valid, and all traces must be equal. Where that
+does not hold, `narrow` looks for fewer faults that break it in the same way.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from experiments.inprocess import Outcome, run_in_process
+from patrol.builtins import builtin_terrain
+from patrol.dice import Dice
+from patrol.errors import BadInput
+from patrol.random import Purpose
+from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
+from worldsim.record import COMPLETED, DESERTED
+from worldsim.verdict import Verdict
+
+KEY = b"chaos has no secrets"
+"""The fleets' key, where they have one."""
+LIMIT_S = 120.0
+"""Wall time after which a run of a few seconds is broken off."""
+MOST_TRIES = 200
+"""Runs that `narrow` makes at most."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """What one way of running a scenario came to. ended: why, as in the journal."""
+
+    trace: str
+    verdict: Verdict
+    ended: str
+
+
+@dataclass(frozen=True, slots=True)
+class Breakage:
+    """What did not hold. kind: the same for breakages that are alike. detail: for people, maybe of many lines."""
+
+    kind: str
+    detail: str
+
+
+Way = Callable[[Scenario], Ran]
+
+
+# --- one scenario ----------------------------------------------------------------------------------------------------
+
+
+def random_scenario(seed: int, key: Path) -> Scenario:
+    """A short scenario that `seed` alone decides, with its faults written out.
+
+    key: the file that a fleet's key is in, where it has one.
+    """
+    dice = Dice(seed, Purpose.CHAOS)
+    step = dice.choice(0.5, 0.5, 0.5, 0.25, 1.0)
+    ticks = dice.whole(60, 140)
+    quiet = ticks // 4
+    kinds = dice.choice(("car",), ("holonomic",), ("car", "holonomic"))
+    robots = [_robot(dice, kinds) for _ in range(dice.whole(2, 6))]
+    faults = dice.whole(3, 14)
+    interval = max((ticks - quiet) * step / faults, step)
+    radio: dict[str, Any] = {"trail": dice.whole(0, 4), "forget_after": dice.between(step, 20.0)}
+    if dice.share() < 0.5:
+        radio["key"] = str(key)
+    terrain, point = dice.choice("open", "yards", "clutter", "site"), dice.choice(1.0, 2.0)
+    return load_scenario(
+        {
+            "name": f"chaos-{seed}",
+            "terrain": {"builtin": terrain},
+            "point": point,
+            "step": step,
+            "duration": ticks * step,
+            "seed": seed,
+            "robots": robots,
+            "sensor": _sensor(dice),
+            "patrol": _patrol(dice),
+            "radio": radio,
+            "intruders": [_intruder(dice, terrain, point)] if dice.share() < 0.2 else [],
+            "nemesis": {"interval": interval, "quiet": quiet * step},
+        }
+    )
+
+
+def _robot(dice: Dice, kinds: Sequence[str]) -> dict[str, Any]:
+    return {
+        "model": dice.choice(*kinds),
+        "speed": dice.between(1.0, 5.0),
+        "radius": dice.choice(0.3, 1.0),
+        "turning_radius": dice.between(1.0, 4.0),
+    }
+
+
+def _sensor(dice: Dice) -> dict[str, Any]:
+    return {
+        "range": dice.between(4.0, 20.0),
+        "angle": dice.choice(360, 360, 180, 90),
+        "line_of_sight": dice.choice(True, False),
+        "quality": dice.choice(1.0, 0.5, [[2, 1.0], [10, 0.3]]),
+    }
+
+
+def _patrol(dice: Dice) -> dict[str, Any]:
+    direction = dice.choice("mode", "mode", "vector")
+    mechanisms = ["claims", "artificial-obstacles", "semaphores", "repulsion"]
+    return {
+        "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
+        "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),
+        "paths": dice.choice("wave", "straight", "regions"),
+        "direction": direction,
+        "sectors": dice.choice(8, 5, 16),
+        "dilatation": dice.choice(0, 3, 5),
+        "avoidance": dice.choice("none", "goal-refinement", *(["fuzzy"] if direction == "mode" else [])),
+        "separation": dice.choice("none", dice.choice(*mechanisms), dice.some(mechanisms, len(mechanisms))),
+        "random_move": dice.between(0.0, 0.3),
+        "give_way": dice.choice(True, False),
+    }
+
+
+def _intruder(dice: Dice, terrain: str, point: float) -> dict[str, Any]:
+    free = np.argwhere(builtin_terrain(terrain, point).free)
+    row, col = (int(value) for value in free[dice.whole(0, len(free) - 1)])
+    return {"place": [(col + 0.5) * point, (row + 0.5) * point], "at": dice.between(0.0, 20.0)}
+
+
+# --- whether it holds ------------------------------------------------------------------------------------------------
+
+
+def in_process(scenario: Scenario) -> Ran:
+    """One run in this process, its records judged when it is over."""
+    end = time.monotonic() + LIMIT_S
+    return _ran(run_in_process(scenario, stop=lambda: time.monotonic() > end))
+
+
+def replayed(scenario: Scenario) -> Ran:
+    """The same from the scenario as a file, judged as it goes on."""
+    with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-") as folder:
+        file = Path(folder) / "scenario.yaml"
+        file.write_text(dump_scenario(scenario), encoding="utf-8")
+        again = load_scenario(file)
+    end = time.monotonic() + LIMIT_S
+    return _ran(run_in_process(again, keep=False, verify_fog=False, stop=lambda: time.monotonic() > end))
+
+
+def _ran(outcome: Outcome) -> Ran:
+    end = outcome.journal.end
+    return Ran(outcome.summary["trace_hash"], outcome.verdict, end.reason if end else "")
+
+
+IN_ONE_PROCESS: Mapping[str, Way] = {"in process": in_process, "replayed": replayed}
+
+
+def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
+    """Run a scenario in all ways; the first thing that does not hold, or None."""
+    traces: dict[str, str] = {}
+    for name, way in ways.items():
+        try:
+            ran = way(scenario)
+        except BadInput as bad:
+            return Breakage(f"{name}: refused", str(bad))
+        except Exception as error:  # noqa: BLE001 - whatever it is, finding it is the purpose
+            return Breakage(f"{name}: {type(error).__name__}", traceback.format_exc())
+        if ran.ended not in (COMPLETED, DESERTED):
+            return Breakage(f"{name}: not completed", ran.ended)
+        if not ran.verdict.valid:
+            failed = ran.verdict.failed
+            details = "\n".join(f"{check.name}: {check.detail}" for check in failed)
+            return Breakage(f"{name}: {ran.verdict.outcome} by {', '.join(check.name for check in failed)}", details)
+        traces[name] = ran.trace
+    if len(set(traces.values())) > 1:
+        return Breakage("traces differ", "\n".join(f"{name}: {trace}" for name, trace in traces.items()))
+    return None
+
+
+# --- fewer faults ----------------------------------------------------------------------------------------------------
+
+
+def with_faults(scenario: Scenario, faults: Sequence[Any]) -> Scenario:
+    """The scenario with these of its faults alone, under the ids that they have."""
+    mapping = as_mapping(scenario)
+    ids = {fault.id for fault in faults}
+    return load_scenario(mapping | {"faults": [fault for fault in mapping.get("faults", []) if fault["id"] in ids]})
+
+
+def narrow(scenario: Scenario, breaks: Callable[[Scenario], bool], most: int = MOST_TRIES) -> Scenario:
+    """A scenario that `breaks` with as few of its faults as delta debugging finds in `most` tries."""
+    found = fewest(list(scenario.faults), lambda faults: breaks(with_faults(scenario, faults)), most)
+    return with_faults(scenario, found)
+
+
+def fewest(items: Sequence[T], breaks: Callable[[Sequence[T]], bool], most: int = MOST_TRIES) -> list[T]:
+    """Some of the items, in their order, that still break, of which none can be left out; fewer tries may end earlier.
+
+    Delta debugging (Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", 2002): parts of the
+    items are left out, ever smaller ones, as long as what remains breaks. All of them together must break.
+    """
+    kept = list(items)
+    tries = 0
+
+    def still(part: list[T]) -> bool:
+        nonlocal tries
+        tries += 1
+        return breaks(part)
+
+    if kept and still([]):
+        return []
+    parts = 2
+    while len(kept) > 1 and tries < most:
+        size = -(-len(kept) // parts)
+        for begin in range(0, len(kept), size):
+            rest = kept[:begin] + kept[begin + size :]
+            if tries < most and still(rest):
+                kept = rest
+                parts = max(parts - 1, 2)
+                break
+        else:
+            if size == 1:
+                break
+            parts = min(2 * parts, len(kept))
+    return kept

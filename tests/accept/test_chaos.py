@@ -1,0 +1,28 @@
+"""Chaos at length: random scenarios under random faults of all kinds, in one process and as processes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.accept
+
+
+def chaos(out: Path, *words: str) -> None:
+    command = [sys.executable, "-P", "-m", "fogwatch", "chaos", *words, "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    assert "all held" in done.stdout
+
+
+@pytest.mark.timeout(3600)
+def test_five_hundred_scenarios_hold_in_one_process(tmp_path: Path) -> None:
+    chaos(tmp_path / "chaos", "--runs", "500", "--seed", "1")
+
+
+@pytest.mark.timeout(3600)
+def test_twenty_scenarios_hold_as_processes(tmp_path: Path) -> None:
+    chaos(tmp_path / "chaos", "--runs", "20", "--seed", "5001", "--processes")

@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.chaos import (
+    IN_ONE_PROCESS,
+    KEY,
+    Breakage,
+    Ran,
+    examine,
+    fewest,
+    in_process,
+    narrow,
+    random_scenario,
+    with_faults,
+)
+from patrol.errors import BadInput
+from patrol.faults import KINDS
+from patrol.scenario import Scenario, as_mapping, load_scenario
+from worldsim.checks import Check
+from worldsim.record import COMPLETED, INTERRUPTED
+from worldsim.verdict import Verdict
+
+GOOD = Ran("trace", Verdict("valid", (Check("complete", True, ""),)), COMPLETED)
+BAD = Verdict("invalid", (Check("fog", False, "thick"), Check("trace", True, ""), Check("moves", False, "wild")))
+SMALL = load_scenario({"terrain": {"builtin": "open"}, "duration": 100, "nemesis": {"interval": 5}})
+
+
+@pytest.fixture
+def key(tmp_path: Path) -> Path:
+    file = tmp_path / "fleet.key"
+    file.write_bytes(KEY)
+    return file
+
+
+def way(ran: Ran | Exception) -> Callable[[Scenario], Ran]:
+    def run(_: Scenario) -> Ran:
+        if isinstance(ran, Exception):
+            raise ran
+        return ran
+
+    return run
+
+
+# --- random scenarios ------------------------------------------------------------------------------------------------
+
+
+def test_the_seed_decides_the_scenario(key: Path) -> None:
+    assert random_scenario(5, key) == random_scenario(5, key)
+    assert as_mapping(random_scenario(5, key)) != as_mapping(random_scenario(6, key))
+
+
+def test_scenarios_differ_in_all_that_matters(key: Path) -> None:
+    drawn = [random_scenario(seed, key) for seed in range(120)]
+    assert {fault.kind for scenario in drawn for fault in scenario.faults} == set(KINDS)
+    assert {len(scenario.roster) for scenario in drawn} == {2, 3, 4, 5, 6}
+    assert {scenario.terrain.builtin for scenario in drawn} == {"open", "yards", "clutter", "site"}
+    assert {scenario.patrol.paths for scenario in drawn} == {"wave", "straight", "regions"}
+    assert {scenario.radio.key is None for scenario in drawn} == {True, False}
+    assert {spec.model for scenario in drawn for spec in scenario.roster} == {"car", "holonomic"}
+    assert max(scenario.ticks for scenario in drawn) <= 140
+
+
+@pytest.mark.parametrize("seed", range(1000, 1012))
+def test_a_dozen_hold(seed: int, key: Path) -> None:
+    scenario = random_scenario(seed, key)
+    assert examine(scenario, IN_ONE_PROCESS) is None
+
+
+# --- what breaks -----------------------------------------------------------------------------------------------------
+
+
+def test_what_holds_is_nothing_to_tell() -> None:
+    assert examine(SMALL, {"a": way(GOOD), "b": way(GOOD)}) is None
+
+
+@pytest.mark.parametrize(
+    ("ran", "kind", "detail"),
+    [
+        (KeyError(0), "b: KeyError", "KeyError: 0"),
+        (BadInput("x = 3: no"), "b: refused", "x = 3: no"),
+        (replace(GOOD, verdict=BAD), "b: invalid by fog, moves", "fog: thick\nmoves: wild"),
+        (replace(GOOD, verdict=Verdict("unknown", ())), "b: unknown", ""),
+        (replace(GOOD, ended=INTERRUPTED), "b: not completed", INTERRUPTED),
+        (replace(GOOD, trace="other"), "traces differ", "a: trace\nb: other"),
+    ],
+)
+def test_what_breaks_is_told(ran: Ran | Exception, kind: str, detail: str) -> None:
+    found = examine(SMALL, {"a": way(GOOD), "b": way(ran)})
+    assert found is not None
+    assert found.kind.startswith(kind)
+    assert detail in found.detail
+
+
+def test_an_interruption_breaks_off() -> None:
+    def interrupted(_: Scenario) -> Ran:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        examine(SMALL, {"a": interrupted})
+
+
+# --- fewer faults ----------------------------------------------------------------------------------------------------
+
+
+@given(st.sets(st.integers(0, 39), max_size=5), st.integers(1, 40))
+def test_delta_debugging_finds_exactly_what_it_takes(needed: set[int], count: int) -> None:
+    wanted = {item for item in needed if item < count}
+    tries = 0
+
+    def breaks(part: Sequence[int]) -> bool:
+        nonlocal tries
+        tries += 1
+        return wanted <= set(part)
+
+    assert fewest(range(count), breaks, 10_000) == sorted(wanted)
+    assert tries < 10 + 4 * (len(wanted) + 1) * 12
+
+
+@given(st.integers(2, 30), st.integers(0, 10**6))
+def test_of_several_reasons_one_is_left(count: int, salt: int) -> None:
+    either, other = salt % count, (salt // 7) % count
+    found = fewest(range(count), lambda part: either in part or other in part, 10_000)
+    assert found in ([either], [other])
+
+
+def test_it_ends_after_so_many_tries() -> None:
+    tried: list[Sequence[int]] = []
+
+    def breaks(part: Sequence[int]) -> bool:
+        tried.append(part)
+        return {3, 17, 29} <= set(part)
+
+    found = fewest(range(40), breaks, 6)
+    assert {3, 17, 29} <= set(found)
+    assert len(tried) <= 6
+
+
+def test_a_scenario_is_narrowed_to_the_faults_that_break_it() -> None:
+    """An injected mistake: whoever suffers loss and silence at once, breaks."""
+    assert len(SMALL.faults) > 8
+    culprits = [SMALL.faults[1].id, SMALL.faults[6].id]
+    seen: list[int] = []
+
+    def breaks(scenario: Scenario) -> bool:
+        seen.append(len(scenario.faults))
+        return set(culprits) <= {fault.id for fault in scenario.faults}
+
+    narrowed = narrow(SMALL, breaks)
+    assert [fault.id for fault in narrowed.faults] == culprits
+    assert narrowed == with_faults(SMALL, [SMALL.faults[1], SMALL.faults[6]])
+    assert narrowed.faults == (SMALL.faults[1], SMALL.faults[6])
+    assert as_mapping(narrowed) | {"faults": 0} == as_mapping(SMALL) | {"faults": 0}
+
+
+def test_a_mistake_in_the_fleet_is_found_and_narrowed(key: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hand that fails to pause: the run raises, and one fault is enough for that."""
+    from experiments.inprocess import InProcessFleet
+
+    def fail(_: InProcessFleet, number: int) -> None:
+        raise RuntimeError(f"robot {number} does not listen")
+
+    monkeypatch.setattr(InProcessFleet, "pause", fail)
+    scenario = next(s for s in (random_scenario(seed, key) for seed in range(50)) if _pauses(s) and len(s.faults) > 5)
+    ways = {"in process": in_process}
+    found = examine(scenario, ways)
+    assert found is not None
+    assert found.kind == "in process: RuntimeError"
+
+    def breaks(tried: Scenario) -> bool:
+        again = examine(tried, ways)
+        return again is not None and again.kind == Breakage(found.kind, "").kind
+
+    narrowed = narrow(scenario, breaks)
+    assert [fault.kind for fault in narrowed.faults] == ["pause"]
+
+
+def _pauses(scenario: Scenario) -> bool:
+    return any(fault.kind == "pause" for fault in scenario.faults)
