@@ -33,7 +33,7 @@ def test_what_breaks_is_written_as_a_scenario_with_few_faults(
         raise RuntimeError(f"robot {number} stays")
 
     monkeypatch.setattr(InProcessFleet, "leave", fail)
-    monkeypatch.setattr("fogwatch.cli_chaos.MOST_NARROWED", 1)
+    monkeypatch.setattr("fogwatch.hunt.MOST_NARROWED", 1)
     out = tmp_path / "chaos"
     assert fogwatch("chaos", "--runs", "5", "--seed", "2000", "--out", str(out)) == 1
     said = capsys.readouterr().out
