@@ -145,11 +145,15 @@ class ForgedAsConfigured:
         """Take in the next tick, after the hearing has."""
         for place, fault in enumerate(record.forged):
             self._fault_of[frame_sequence(record.k, place)] = fault
-        self._heard.update(self._fault_of[sequence] for source, _, sequence in record.deliveries if source == FORGED)
+        for source, _, sequence in record.deliveries:
+            if source != FORGED:
+                break
+            self._heard[self._fault_of.get(sequence, "")] += 1
         for receiver, sequence, position in self._hearing.believed:
-            fault = self._fault_of[sequence]
+            fault = self._fault_of.get(sequence, "")
             self._believed[fault] += 1
-            self._judge(record.k, receiver, fault, position)
+            if fault in self._spoofs:
+                self._judge(record.k, receiver, fault, position)
 
     def check(self) -> Check:
         """The result, once all ticks are in."""

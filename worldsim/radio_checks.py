@@ -63,6 +63,11 @@ class Replay:
             if source != FORGED:
                 frames[source].append(frame)
         statuses = {row.number: row.status for row in record.robots}
+        for source in frames:
+            if statuses.get(source) is not Status.ALIVE:
+                self._problem = f"tick {record.k}: a frame of {self._names.get(source, source)}, which is not alive"
+                self.delivery = None
+                return
         statuses |= dict.fromkeys(self._gone(record), Status.LOST)
         poses = {row.number: Pose(row.x, row.y, row.heading) for row in record.robots if there(row.status)}
         self.delivery = self._ether.carry(record.k, frames, statuses, poses)
@@ -277,7 +282,7 @@ class LossesAsAsked:
         kind = kind_of(cause)
         if kind in _BEFORE_THE_AIR:
             return
-        last = self._index[fault_of(cause)] if kind == "loss" else math.inf
+        last = self._index.get(fault_of(cause), math.inf) if kind == "loss" else math.inf
         for losses in active:
             index = losses.entry.index
             if index > last or link[0] not in losses.entry.sources or link[1] not in losses.entry.targets:
@@ -315,8 +320,8 @@ def _stops(entry: Entry, source: int, destination: int) -> bool:
         return out or (destination in entry.who and fault.direction != "out")
     if not isinstance(fault, Partition) or source == FORGED:
         return False
-    (here,) = (place for place, group in enumerate(entry.groups) if source in group)
-    (other,) = (place for place, group in enumerate(entry.groups) if destination in group)
+    here = [place for place, group in enumerate(entry.groups) if source in group]
+    other = [place for place, group in enumerate(entry.groups) if destination in group]
     return here != other and (fault.direction == "both" or here < other)
 
 
