@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from patrol.scenario import RobotSpec
     from worldsim.record import RunRecord
+    from worldsim.timeline import Timeline
 
 SLACK = 1e-6
 """How deep (m) a body may be in a wall or another body before a check calls it an overlap."""
@@ -29,10 +30,10 @@ ROUNDED = 1.0 + 1e-12
 class BodiesApart:
     """No body that is there is over a wall or overlaps another in any tick, recomputed from the poses."""
 
-    def __init__(self, journal: RunRecord, prepared: Prepared) -> None:
+    def __init__(self, journal: RunRecord, prepared: Prepared, timeline: Timeline) -> None:
         self._names = names_of(journal)
         self._terrain = prepared.terrain
-        self._roll = Roll(prepared)
+        self._roll = Roll(prepared, timeline)
         self._radii = {robot.number: robot.radius for robot in journal.header.robots}
         self._problem = ""
         self._looked = 0
@@ -70,13 +71,13 @@ class MovesAreTrue:
     its start.
     """
 
-    def __init__(self, prepared: Prepared) -> None:
+    def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
         roster = prepared.scenario.roster
         self._step = prepared.scenario.step
         self._specs = {spec.number: spec for spec in roster}
         self._starts = {spec.number: start for spec, start in zip(roster, prepared.starts, strict=True)}
         self._due = dict(self._starts)
-        self._roll = Roll(prepared)
+        self._roll = Roll(prepared, timeline)
         self._problem = ""
         self._looked = 0
 

@@ -11,11 +11,11 @@ from patrol.records import FORGED
 from worldsim.checks import Check, names_of
 from worldsim.hands import process_name
 from worldsim.roll import Roll
-from worldsim.timeline import Timeline
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from worldsim.record import RunRecord
+    from worldsim.timeline import Timeline
 
 KILLED = -9
 """The exit code of a process that SIGKILL has ended."""
@@ -24,8 +24,8 @@ KILLED = -9
 class StatusesFollow:
     """Each robot is alive, paused, dead, absent or gone when the faults make it so, and at no other time."""
 
-    def __init__(self, prepared: Prepared) -> None:
-        self._roll = Roll(prepared)
+    def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
+        self._roll = Roll(prepared, timeline)
         self._problem = ""
         self._changes = 0
         self._before: tuple[Status, ...] = ()
@@ -78,10 +78,10 @@ class ExitCodes:
     was over before it took part.
     """
 
-    def __init__(self, journal: RunRecord, exit_codes: Mapping[str, int | None], prepared: Prepared) -> None:
+    def __init__(self, journal: RunRecord, exit_codes: Mapping[str, int | None], timeline: Timeline) -> None:
         self._journal = journal
         self._codes = exit_codes
-        self._absent = Timeline(prepared.scenario).starts_absent
+        self._absent = timeline.starts_absent
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""

@@ -9,11 +9,10 @@ from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Pose
 from worldsim.acts import APPLIES
 from worldsim.bodies import overlap
-from worldsim.timeline import Timeline
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.timeline import Act
+    from worldsim.timeline import Act, Timeline
 
 
 class Roll:
@@ -26,12 +25,12 @@ class Roll:
     waits for its process, and it may do so later. Who is lost was not planned, and is another check's business.
     """
 
-    def __init__(self, prepared: Prepared) -> None:
+    def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
         scenario = prepared.scenario
         self.away: set[int] = set()
         self.appeared: set[int] = set()
         self.problem = ""
-        self._timeline = Timeline(scenario)
+        self._timeline = timeline
         self._waits = scenario.factor is None
         self._specs = {spec.number: spec for spec in scenario.roster}
         self._starts = {spec.number: pose for spec, pose in zip(scenario.roster, prepared.starts, strict=True)}

@@ -87,15 +87,15 @@ class Judge:
             Complete(journal),
             TraceAgrees(journal),
             NobodyLost(journal),
-            ExitCodes(journal, exit_codes, prepared),
+            ExitCodes(journal, exit_codes, timeline),
             DownAreSilent(journal),
             LinksAddUp(journal, replay) if carried else DirectLinks(journal),
             self._there,
         ]
         self._of_poses: list[Tally] = [
-            StatusesFollow(prepared),
-            BodiesApart(journal, prepared),
-            MovesAreTrue(prepared),
+            StatusesFollow(prepared, timeline),
+            BodiesApart(journal, prepared, timeline),
+            MovesAreTrue(prepared, timeline),
             FramesAreTrue(journal, prepared),
             *((replay, *radio_checks(journal, timeline)) if carried else ()),
         ]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from agent.mind import Mind
-from experiments.inprocess import Outcome, run_in_process
+from experiments.inprocess import InProcessFleet, Outcome, mind_maker, run_in_process
 from patrol.errors import BadInput
 from patrol.journal import Event, TickRecord, read_journal
 from patrol.prepare import prepare
@@ -119,3 +119,33 @@ def test_direct_radio_needs_processes() -> None:
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0, "pace": 1.0, "radio": {"via": "direct"}})
     with pytest.raises(BadInput, match=r"radio\.via = direct: .* run as processes"):
         run_in_process(scenario)
+
+
+PROCESS_FAULTS = [
+    {"kind": "kill", "who": "r1", "at": 2, "wreck": "removed"},
+    {"kind": "restart", "who": "r1", "at": 6},
+    {"kind": "pause", "who": "r2", "at": 3, "for": 5},
+    {"kind": "join", "who": "r3", "at": 4},
+]
+
+
+@pytest.mark.parametrize("robots", [CARS, DISCS], ids=["cars", "holonomic"])
+def test_process_faults_repeat_whatever_the_threads_and_are_judged_as_they_go(robots: dict[str, Any]) -> None:
+    faulty = scenario(robots=robots, faults=PROCESS_FAULTS)
+    first = run_in_process(faulty)
+    assert trace(first) == trace(run_in_process(faulty, threads=3)) == trace(run_in_process(faulty, keep=False))
+    assert trace(first) != trace(run_in_process(scenario(robots=robots)))
+    assert {name: facts["status"] for name, facts in first.summary["robots"].items()} == dict.fromkeys(
+        ["r1", "r2", "r3"], "alive"
+    )
+
+
+def test_a_restarted_mind_is_a_new_one() -> None:
+    prepared = prepare(scenario(robots=DISCS))
+    fleet = InProcessFleet({}, mind_maker(prepared))
+    fleet.start(1, 1)
+    first = fleet._minds[1]
+    fleet.kill(1)
+    assert not fleet.arrived(1)
+    fleet.start(1, 2)
+    assert fleet._minds[1] is not first

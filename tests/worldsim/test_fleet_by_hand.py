@@ -302,3 +302,11 @@ def test_a_busy_port_is_said_in_one_line(hand: Hand) -> None:
     hand.start("second", "fogwatch.router", "--listen", hand.router)
     assert hand.code("second") == 2
     assert hand.said("second") == f"fogwatch router: {hand.router}: the port is busy; choose another\n"
+
+
+def test_a_world_started_by_hand_refuses_to_kill_what_it_did_not_start(hand: Hand) -> None:
+    hand.write({**SCENARIO, "faults": [{"kind": "kill", "who": "anna", "at": 5}]})
+    hand.start_world()
+    assert hand.code("world") == 2
+    assert "nobody here started them" in hand.said("world")
+    assert not hand.out.exists()

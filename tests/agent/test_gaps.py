@@ -1,0 +1,119 @@
+"""Minds that miss ticks or start late: paused and resumed, killed and restarted, and what their peers make of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agent.decision import Decision
+from agent.mind import Mind, MindSetup
+from agent.refine import psi_field
+from patrol.fields import compute_fields
+from patrol.pose import Pose
+from patrol.scenario import load_scenario
+from patrol.sweep import advance, path_is_free
+from patrol.terrain import Terrain
+
+STEP = 0.5
+
+
+class Pair:
+    """Two robots in one room of 30 x 20 m; those that are down stand still and say nothing."""
+
+    def __init__(self, model: str) -> None:
+        terrain = Terrain("room", np.ones((40, 60), dtype=np.bool_), 0.5)
+        robots = {"count": 2, "model": model}
+        radio = {"trail": 2, "forget_after": 5}
+        patrol = {"dilatation": 2.0, "separation": "claims"}
+        mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "radio": radio, "patrol": patrol}
+        scenario = load_scenario({**mapping, "sensor": {"range": 4.0}})
+        self.poses = [Pose(6.0, 6.0, 0.3), Pose(20.0, 12.0, 2.0)]
+        fields = compute_fields(terrain, 1.0, scenario.sensor.range, True, self.poses)
+        psi = psi_field(terrain, scenario.patrol.refine_reach)
+        self.setups = [MindSetup(scenario, number, terrain, fields, psi) for number in (1, 2)]
+        self.minds = [Mind(setup) for setup in self.setups]
+        self.terrain = terrain
+        self.bumped = [False, False]
+        self.k = 0
+
+    def run(self, ticks: int, *up: int) -> list[list[Decision]]:
+        """So many ticks with these robots (0, 1) up; their decisions."""
+        decisions = []
+        for k in range(self.k, self.k + ticks):
+            frames = {index: self.minds[index].frames(k, self.poses[index]) for index in up}
+            decided = []
+            for index in up:
+                heard = [frame for other, sent in frames.items() if other != index for frame in sent]
+                decided.append(self.minds[index].step(k, self.poses[index], heard, self.bumped[index]))
+            for index, decision in zip(up, decided, strict=True):
+                self.bumped[index] = not self._move(index, decision)
+            decisions.append(decided)
+        self.k += ticks
+        return decisions
+
+    def _move(self, index: int, decision: Decision) -> bool:
+        after = advance(self.poses[index], decision.command, STEP)
+        other = self.poses[1 - index]
+        free = path_is_free(self.terrain, self.poses[index], decision.command, STEP, 1.0)
+        free = free and math.dist((after.x, after.y), (other.x, other.y)) >= 2.0
+        if free:
+            self.poses[index] = after
+        return free
+
+
+@pytest.mark.parametrize("model", ["car", "holonomic"])
+def test_a_resumed_mind_goes_on_with_what_it_knew(model: str) -> None:
+    pair = Pair(model)
+    pair.run(60, 0, 1)
+    knew = pair.minds[1].belief.fog.last_seen.copy()
+    pair.run(40, 0)
+    assert (pair.minds[1].belief.fog.last_seen == knew).all()
+    first = pair.run(1, 0, 1)[0]
+    assert pair.minds[1].belief.peers[1].tick == 100
+    assert pair.minds[0].belief.peers[2].tick == 100
+    assert first[1].mfow >= 40
+    later = pair.run(100, 0, 1)
+    assert [decided.rejected for decided in later[-1]] == [0, 0]
+    assert later[-1][1].mfow < 100
+
+
+@pytest.mark.parametrize("model", ["car", "holonomic"])
+def test_a_restarted_mind_knows_nothing_and_catches_up(model: str) -> None:
+    pair = Pair(model)
+    pair.run(80, 0, 1)
+    pair.run(20, 0)
+    pair.minds[1] = Mind(replace(pair.setups[1], incarnation=2))
+    first = pair.run(1, 0, 1)[0]
+    belief = pair.minds[1].belief
+    assert first[1].mfow == 100
+    assert 0 < belief.fog.seen < belief.fog.points / 2
+    assert belief.peers[1].tick == pair.minds[0].belief.peers[2].tick == 100
+    later = pair.run(150, 0, 1)
+    assert [decided.rejected for decided in later[-1]] == [0, 0]
+    assert belief.fog.seen == belief.fog.points
+    assert later[-1][1].mfow < 80
+
+
+def test_a_silent_peer_is_an_obstacle_until_it_is_heard_again() -> None:
+    pair = Pair("holonomic")
+    pair.run(10, 0, 1)
+    pair.run(9, 0)
+    mind = pair.minds[0]
+    assert mind.belief.silent(pair.k, 10, {1: 1.0, 2: 1.0}, 1.0) == []
+    pair.run(6, 0)
+    ((x, y, _),) = mind.belief.silent(pair.k, 10, {1: 1.0, 2: 1.0}, 1.0)
+    assert math.dist((x, y), (pair.poses[1].x, pair.poses[1].y)) < 2.3  # it was stopped after one more step
+    pair.run(1, 0, 1)
+    assert mind.belief.silent(pair.k, 10, {1: 1.0, 2: 1.0}, 1.0) == []
+
+
+def test_another_incarnation_draws_other_random_moves() -> None:
+    pair = Pair("holonomic")
+    twin = Mind(replace(pair.setups[0], incarnation=2))
+    bearings = [
+        [mind.step(k, pair.poses[0], [], bumped=False).direction for k in range(60)] for mind in (pair.minds[0], twin)
+    ]
+    assert bearings[0] != bearings[1]
