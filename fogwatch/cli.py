@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fogwatch import cli_chaos, cli_experiment, cli_map, cli_paper, cli_scenario, cli_sweep
+from fogwatch import cli_chaos, cli_experiment, cli_key, cli_map, cli_paper, cli_scenario, cli_sweep
 from patrol.errors import BadInput
 from patrol.lifeline import heed
 from patrol.scenario import BUILTINS, open_scenario, parse_overrides
@@ -32,6 +32,7 @@ app = typer.Typer(
 )
 app.add_typer(cli_scenario.app, name="scenario")
 app.add_typer(cli_map.app, name="map")
+app.add_typer(cli_key.app, name="key")
 app.command()(cli_sweep.sweep)
 app.command()(cli_chaos.chaos)
 app.add_typer(cli_paper.app, name="paper")

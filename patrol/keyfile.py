@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from patrol.errors import BadInput
@@ -26,3 +27,15 @@ def fleet_key(scenario: Scenario) -> bytes | None:
     if not SHORTEST <= len(key) <= LONGEST:
         raise BadInput(f"radio.key: {path} holds {len(key)} bytes; a key has {SHORTEST} to {LONGEST}")
     return key
+
+
+def new_key(path: Path) -> None:
+    """Write a new random key, as text, to a file that nobody else can read. BadInput when the file is there already."""
+    try:
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise BadInput(f"{path}: is there already, and robots may be using it; name a new file") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written ({error.strerror}); name a file in a folder that is there") from None
+    with os.fdopen(file, "w", encoding="ascii") as text:
+        text.write(f"{os.urandom(LONGEST // 2).hex()}\n")

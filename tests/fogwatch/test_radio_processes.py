@@ -1,0 +1,106 @@
+"""Every fault of the radio at once over real Zenoh: the same trace as in one process, and the bytes on the wire."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import fogwatch
+from patrol.keyfile import new_key
+from patrol.keys import ROOT
+from patrol.link import Payload, open_link
+from patrol.message import MAX_FRAME
+from patrol.phases import Malformed, ReplyA, decode_to_world
+
+if TYPE_CHECKING:
+    from tests.fogwatch.conftest import Run
+
+pytestmark = pytest.mark.processes
+
+FAULTS: list[dict[str, Any]] = [
+    {"kind": "loss", "rate": 0.2},
+    {"kind": "loss", "rate": 0.5, "mean_burst": 4.0, "from": "r1", "at": 3.0},
+    {"kind": "delay", "delay": {"normal": [0.5, 0.5]}, "at": 2.0, "for": 10.0},
+    {"kind": "duplicate", "rate": 0.3, "delay": {"exponential": 1.0}},
+    {"kind": "reorder", "rate": 0.2, "hold": 1.5},
+    {"kind": "partition", "groups": "one", "at": 4.0, "for": 3.0},
+    {"kind": "silence", "who": "r3", "at": 6.0, "for": 3.0, "direction": "out"},
+    {"kind": "range", "reach": 40.0, "through_walls": False, "at": 10.0, "for": 5.0},
+    {"kind": "bandwidth", "bytes_per_s": 60.0, "at": 14.0, "for": 4.0},
+    {"kind": "spoof", "as": "r2", "payload": {"offset": [1.0, 0.0]}, "at": 1.0, "for": 5.0},
+    {"kind": "spoof", "by": "r2", "as": "r1", "payload": "random", "at": 3.0, "for": 8.0},
+    {"kind": "spoof", "as": "all", "payload": {"replay": 2.0}, "at": 7.0, "for": 9.0},
+    {"kind": "spoof", "payload": {"invented": 12}, "at": 8.0, "for": 4.0},
+    {"kind": "drift", "who": "r3", "bias": [0.5, 0.0], "noise": 0.1},
+    {"kind": "clock", "who": "r1", "offset": -3.0, "rate": 0.1},
+]
+SCENARIO: dict[str, Any] = {
+    "terrain": {"builtin": "yards"},
+    "point": 1.0,
+    "duration": 25,
+    "robots": {"count": 3, "model": "car"},
+    "patrol": {"dilatation": 0.0},
+    "intruders": [{"place": [30.0, 44.0]}],
+}
+
+
+@pytest.mark.parametrize("keyed", [False, True], ids=["open", "keyed"])
+def test_a_troubled_radio_gives_the_same_trace_as_processes_and_in_one(tmp_path: Path, keyed: bool) -> None:
+    radio: dict[str, Any] = {"trail": 4}
+    if keyed:
+        new_key(tmp_path / "fleet.key")
+        radio["key"] = str(tmp_path / "fleet.key")
+    scenario = {**SCENARIO, "faults": FAULTS, "radio": radio}
+    one = fogwatch.run(scenario, out=tmp_path / "one")
+    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False)
+    for run in (one, many):
+        assert run.verdict.valid, run.verdict.failed
+    assert many.trace_hash == one.trace_hash
+    for what in ("messages", "links", "faults"):
+        assert many.summary[what] == one.summary[what]
+    links = [link for row in one.summary["links"].values() for link in row.values()]
+    assert all(link["sent"] == link["delivered"] + sum(link["dropped"].values()) + link["in_flight"] for link in links)
+    assert all(counts["frames"] for counts in one.summary["faults"].values() if "frames" in counts)
+
+
+class Wire:
+    """What goes over the wire from robots to their radio: the bytes of each frame, a reply that is repeated once."""
+
+    def __init__(self) -> None:
+        self.frames: dict[tuple[str, int], tuple[bytes, ...]] = {}
+
+    def deliver(self, key: str, payload: Payload) -> None:
+        try:
+            reply = decode_to_world(payload.to_bytes())
+        except Malformed:
+            return
+        if isinstance(reply, ReplyA):
+            self.frames[key, reply.k] = reply.frames
+
+
+@pytest.mark.parametrize("keyed", [False, True], ids=["bare", "trail-and-tag"])
+def test_the_summarys_bytes_are_those_on_the_wire(start: Callable[..., Run], tmp_path: Path, keyed: bool) -> None:
+    new_key(tmp_path / "fleet.key")
+    radio = {"trail": 4, "key": str(tmp_path / "fleet.key")} if keyed else {}
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    wire = Wire()
+    run = start({**SCENARIO, "faults": FAULTS[:1], "radio": radio}, "--port", str(port))
+    link = open_link(f"tcp/127.0.0.1:{port}", 60.0, lambda _waited: None, threading.Event().is_set)
+    try:
+        link.subscribe(f"{ROOT}/*/robot/*/reply", wire)  # type: ignore[arg-type]
+        assert run.end() == 0, run.errors
+    finally:
+        link.close()
+    messages = run.summary()["messages"]
+    sent = [frame for frames in wire.frames.values() for frame in frames]
+    assert messages["frames"] == len(sent)
+    assert messages["bytes"] == sum(map(len, sent))
+    assert messages["bytes_per_robot_s"] == pytest.approx(messages["bytes"] / (3 * 25))
+    assert max(map(len, sent)) <= (MAX_FRAME if keyed else 32)
