@@ -15,8 +15,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input
 
 .PHONY: help
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | while IFS= read -r line; do \
-		printf '  make %-9s %s\n' "$${line%%:*}" "$${line#*## }"; done
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | while IFS= read -r line; do \
+		printf '  make %-12s %s\n' "$${line%%:*}" "$${line#*## }"; done
 
 .PHONY: install
 install: $(VENV)/.installed ## set up .venv with the locked dependencies, and nothing else
@@ -28,6 +28,10 @@ demo: install ## five car-like robots, each a process, patrol `site` for ten sim
 .PHONY: test
 test: install ## style, types, layers and every quick test
 	$(BIN)/python -m pytest
+
+.PHONY: test-network
+test-network: install ## a fleet in network namespaces; as root, on Linux (it skips, and says why, where it cannot)
+	$(BIN)/python -m pytest -m network -rs
 
 .PHONY: accept
 accept: install ## the long checks: what the project promises, measured

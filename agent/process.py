@@ -33,7 +33,7 @@ name for the fleet:
   python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r2
 
 They may be started in any order. Where the scenario's radio.via is direct, --radio says what the robots hear each other
-by: a multicast group, which needs no router, or a router; unless given, the fleet's.
+by: a multicast group, which needs no router, or a router of their own; unless given, the fleet's.
 
 Exit codes: 0 the run is over, 1 left out of it, 2 bad input, 130 interrupted.
 """

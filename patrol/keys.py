@@ -98,6 +98,9 @@ def is_group(locator: str) -> bool:
 def check_radio(locator: str | None, option: str, via: str) -> str | None:
     """Where robots hear each other: a multicast group or a router's address, or None; BadInput for anything else.
 
+    A router is not to be reached over udp: who listens to what is said once, and where that is lost, a robot is never
+    heard. In a group nobody needs to be told.
+
     via: the scenario's radio.via.
     """
     if locator is None:
@@ -106,9 +109,10 @@ def check_radio(locator: str | None, option: str, via: str) -> str | None:
         raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or drop the option")
     address = locator.partition("#")[0]
     port = address.rpartition(":")[2]
-    if not (is_group(locator) or _LOCATOR.fullmatch(locator)) or not 0 < int(port) < 65536:
+    reliable = _LOCATOR.fullmatch(locator) and not locator.startswith("udp/")
+    if not (is_group(locator) or reliable) or not 0 < int(port) < 65536:
         raise BadInput(
             f"{option} {locator!r}: nothing that robots could hear each other by; write a multicast group, such as "
-            "udp/224.0.0.225:7448#iface=wlan0, or the address of a router, udp/HOST:PORT or tcp/HOST:PORT"
+            "udp/224.0.0.225:7448#iface=wlan0, or the address of a router, tcp/HOST:PORT"
         )
     return locator

@@ -50,14 +50,22 @@ def test_groups_that_robots_can_hear_each_other_by(radio: str) -> None:
 
 
 def test_a_router_is_a_radio_too_and_none_is_none() -> None:
-    assert check_radio("udp/10.0.0.1:7448", "--radio", "direct") == "udp/10.0.0.1:7448"
-    assert not is_group("udp/10.0.0.1:7448")
+    assert check_radio("tcp/10.0.0.1:7448", "--radio", "direct") == "tcp/10.0.0.1:7448"
+    assert not is_group("tcp/10.0.0.1:7448")
     assert check_radio(None, "--radio", "ether") is None
 
 
 @pytest.mark.parametrize(
     "radio",
-    ["", "224.0.0.225:7448", "tcp/224.0.0.225:1#iface=a", "udp/224.0.0.225:0", "udp/h:1#iface=a", "tcp/g:99999"],
+    [
+        "",
+        "224.0.0.225:7448",
+        "tcp/224.0.0.225:1#iface=a",
+        "udp/224.0.0.225:0",
+        "udp/10.0.0.1:7448",
+        "udp/h:1#iface=a",
+        "tcp/g:99999",
+    ],
 )
 def test_other_radios_are_bad_input(radio: str) -> None:
     with pytest.raises(BadInput, match="--radio"):

@@ -116,7 +116,9 @@ def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> Non
 
 def test_robots_that_hear_each_other_by_a_router_of_their_own(hand: Hand) -> None:
     hand.write({**SCENARIO, "duration": 15, "pace": 3, "radio": {"via": "direct"}})
-    radio = hand.router.replace("tcp/", "udp/")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        radio = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     hand.start_router()
     hand.start("radio", "fogwatch.router", "--listen", radio)
     hand.start_world("--radio", radio)
@@ -133,8 +135,8 @@ def test_robots_that_hear_each_other_by_a_router_of_their_own(hand: Hand) -> Non
 
 
 def test_a_radio_that_nobody_asked_for_is_bad_input(hand: Hand) -> None:
-    hand.start_world("--radio", "udp/127.0.0.1:7448")
-    hand.start_agent("anna", "--radio", "udp/127.0.0.1:7448")
+    hand.start_world("--radio", "tcp/127.0.0.1:7448")
+    hand.start_agent("anna", "--radio", "tcp/127.0.0.1:7448")
     assert [hand.code(name) for name in ("world", "anna")] == [2, 2]
     assert "radio.via is ether" in hand.said("world")
 

@@ -1,0 +1,384 @@
+#!/usr/bin/env python3
+"""A fleet of several machines on one: each robot in a network namespace of its own, with direct radio between them.
+
+    sudo .venv/bin/python deploy/testbed.py examples/direct-radio.yaml --out runs/bed --loss 0.3 --cut r2:20:10
+
+Each robot has two wires to a hub, where the router and the world run. One stands for its body: a veth pair, over which
+the world tells it where it is and takes its commands. The other is its radio: a pair of TAP devices between which this
+script carries Ethernet frames, or loses them on their way to the robot, with a probability that you choose. Robots hear
+each other by a multicast group, one datagram a position, or by a router that is reached over TCP. A cut takes both
+wires of a robot down for a while.
+
+Needs Linux, root, iproute2, util-linux and /dev/net/tun, and fogwatch with its extra `sim`. Namespaces and processes
+are gone when it ends; those of one that was killed are cleared up by the next. The run folder gets what any run leaves,
+and network.json: what each radio wire has carried and lost, and when links were down.
+
+Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown, 4 not possible here, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import fcntl
+import json
+import os
+import select
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+from patrol.errors import BadInput
+from patrol.random import draw
+from patrol.scenario import Scenario, load_scenario
+
+IMPOSSIBLE = 4
+BODY, RADIO = "10.77.0", "10.78.0"
+"""The first three numbers of the addresses on bodies' and radios' wires; they exist inside the namespaces only."""
+HUB = 254
+GROUP, BODY_PORT, RADIO_PORT = "224.0.0.225", 7447, 7448
+MOST_ROBOTS = 100
+GRACE_S = 3.0
+
+_TUN = Path("/dev/net/tun")
+_TUNSETIFF, _IFF_TAP, _IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
+_LONGEST = 65536
+
+
+class Impossible(Exception):
+    """This machine or user cannot do that; one line says why."""
+
+
+@dataclass
+class Wire:
+    """A radio's wire, between two TAP devices. The hub's end comes first. Counts are of frames towards the robot."""
+
+    robot: int
+    ends: tuple[int, int]
+    passed: int = 0
+    lost: int = 0
+
+    def carry(self, end: int, loss: float, seed: int) -> None:
+        """Carry one frame that has come out at an end to the other one, or lose it."""
+        frame = os.read(end, _LONGEST)
+        hub, robot = self.ends
+        if end == robot:
+            other = hub
+        else:
+            other = robot
+            if draw(seed, self.robot, self.passed + self.lost) < loss:
+                self.lost += 1
+                return
+            self.passed += 1
+        with contextlib.suppress(OSError):  # that end is down
+            os.write(other, frame)
+
+
+class Relay:
+    """Carries all radio wires' frames, on a thread of its own. loss: the share lost on the way to each robot."""
+
+    def __init__(self, loss: float, seed: int) -> None:
+        self.wires: list[Wire] = []
+        self._loss = loss
+        self._seed = seed
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        """Carry from now on."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Carry no more, and let the devices go."""
+        self._over.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        for wire in self.wires:
+            for end in wire.ends:
+                os.close(end)
+        self.wires.clear()
+
+    def _run(self) -> None:
+        wire_of = {end: wire for wire in self.wires for end in wire.ends}
+        while not self._over.is_set():
+            for end in select.select(list(wire_of), [], [], 0.1)[0]:
+                with contextlib.suppress(OSError):  # an end that is down
+                    wire_of[end].carry(end, self._loss, self._seed)
+
+
+@dataclass
+class Bed:
+    """Namespaces, wires and processes, and how they end."""
+
+    scenario: Scenario
+    out: Path
+    relay: Relay
+    mark: str = f"fogwatch-{os.getpid()}"
+    names: dict[int, str] = field(default_factory=dict)
+    processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+
+    @property
+    def hub(self) -> str:
+        """The namespace where router and world run."""
+        return f"{self.mark}-hub"
+
+    def space(self, robot: int) -> str:
+        """A robot's namespace."""
+        return f"{self.mark}-{robot}"
+
+    def build(self) -> None:
+        """Make all namespaces and wires."""
+        self._namespace(self.hub)
+        for bridge, network in (("body", BODY), ("radio", RADIO)):
+            # A bridge that looks for listeners would lose groups until a querier is there, and there is none.
+            ip("-n", self.hub, "link", "add", bridge, "type", "bridge", "mcast_snooping", "0")
+            ip("-n", self.hub, "address", "add", f"{network}.{HUB}/24", "dev", bridge)
+            ip("-n", self.hub, "link", "set", bridge, "up")
+        for spec in self.scenario.roster:
+            self.names[spec.number] = spec.name
+            self._namespace(self.space(spec.number))
+            self._wire_body(spec.number)
+            self._wire_radio(spec.number)
+        self.relay.start()
+
+    def clear(self) -> None:
+        """End all processes, then take all namespaces away, and with them their devices."""
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            for process in self.processes.values():
+                if process.poll() is None:
+                    process.send_signal(number)
+            until = time.monotonic() + GRACE_S
+            for process in self.processes.values():
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(max(until - time.monotonic(), 0.0))
+        self.relay.stop()
+        for space in namespaces(self.mark):
+            ip("netns", "delete", space)
+
+    def start(self, name: str, space: str, module: str, *arguments: str) -> None:
+        """Start a process of fogwatch in a namespace. It dies with this one."""
+        logs = self.out / "logs"
+        logs.mkdir(parents=True, exist_ok=True)
+        mortal = ["setpriv", "--pdeathsig", "KILL"]
+        command = ["ip", "netns", "exec", space, *mortal, sys.executable, "-P", "-m", module, *arguments]
+        with (logs / f"{name}.log").open("ab") as log:
+            self.processes[name] = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    def cut(self, robot: int, *, down: bool) -> None:
+        """Take both wires of a robot down, or up again, at the hub's end."""
+        for kind in ("body", "radio"):
+            ip("-n", self.hub, "link", "set", f"{kind}{robot}", "down" if down else "up")
+
+    def ticks(self) -> int:
+        """How many ticks the world has done."""
+        table = self.out / "ticks.csv"
+        return max(table.read_bytes().count(b"\n") - 1, 0) if table.exists() else 0
+
+    def _namespace(self, space: str) -> None:
+        ip("netns", "add", space)
+        silence = "for f in /proc/sys/net/ipv6/conf/*/disable_ipv6; do echo 1 > $f; done"
+        subprocess.run(["ip", "netns", "exec", space, "sh", "-c", silence], check=False, capture_output=True)
+        ip("-n", space, "link", "set", "lo", "up")
+
+    def _wire_body(self, robot: int) -> None:
+        here, there = f"body{robot}", "body"
+        peer = ["peer", "name", there, "netns", self.space(robot)]
+        ip("-n", self.hub, "link", "add", here, "type", "veth", *peer)
+        self._connect(here, "body", robot, there, BODY)
+
+    def _wire_radio(self, robot: int) -> None:
+        ends: list[int] = []
+        for space, device in ((self.hub, f"radio{robot}"), (self.space(robot), "radio")):
+            temporary = f"fw{os.getpid()}-{len(ends)}"
+            ends.append(_tap(temporary))
+            ip("link", "set", temporary, "netns", space, "name", device)
+        self.relay.wires.append(Wire(robot, (ends[0], ends[1])))
+        self._connect(f"radio{robot}", "radio", robot, "radio", RADIO)
+
+    def _connect(self, here: str, bridge: str, robot: int, there: str, network: str) -> None:
+        ip("-n", self.hub, "link", "set", here, "master", bridge, "up")
+        ip("-n", self.space(robot), "address", "add", f"{network}.{robot}/24", "dev", there)
+        ip("-n", self.space(robot), "link", "set", there, "up")
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A robot's wires are down from a simulated time on, for so long (s)."""
+
+    robot: int
+    at: float
+    lasts: float
+
+
+def ip(*arguments: str) -> str:
+    """Run iproute2's ip; what it prints. Raises Impossible when it refuses."""
+    done = subprocess.run(["ip", *arguments], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise Impossible(f"ip {' '.join(arguments)}: {done.stderr.strip() or done.returncode}")
+    return done.stdout
+
+
+def namespaces(mark: str) -> list[str]:
+    """The namespaces there are whose names begin with a mark and a dash."""
+    return [words[0] for line in ip("netns", "list").splitlines() if (words := line.split())[0].startswith(f"{mark}-")]
+
+
+def clear_up_after_others() -> None:
+    """Take away namespaces of test beds that were killed before they could."""
+    for space in namespaces("fogwatch"):
+        owner = space.split("-")[1]
+        if owner.isdigit() and not Path("/proc", owner).exists():
+            ip("netns", "delete", space)
+
+
+def check_rights() -> None:
+    """Raise Impossible where this cannot work."""
+    if sys.platform != "linux":
+        raise Impossible("network namespaces are Linux's")
+    if os.geteuid() != 0:
+        raise Impossible("making network namespaces needs root")
+    for program, package in (("ip", "iproute2"), ("setpriv", "util-linux")):
+        if shutil.which(program) is None:
+            raise Impossible(f"{package}'s {program} is not installed")
+    trial = f"fogwatch-{os.getpid()}-trial"
+    ip("netns", "add", trial)
+    try:
+        os.close(_tap(f"fw{os.getpid()}-t"))
+        ip("netns", "exec", trial, "true")
+    finally:
+        ip("netns", "delete", trial)
+
+
+def run(bed: Bed, by: str, cuts: Sequence[Cut], scenario: Path) -> int:
+    """Run the fleet to its end; the world's exit code."""
+    router = f"tcp/{BODY}.{HUB}:{BODY_PORT}"
+    bed.start("router", bed.hub, "fogwatch.router", "--listen", router)
+    radio = f"udp/{GROUP}:{RADIO_PORT}#iface=radio"
+    if by == "tcp":
+        radio = f"tcp/{RADIO}.{HUB}:{RADIO_PORT}"
+        bed.start("radio-router", bed.hub, "fogwatch.router", "--listen", radio)
+    common = ["--router", router, "--radio", radio, "--fleet", "bed", "--scenario", str(scenario)]
+    bed.start("world", bed.hub, "worldsim", *common, "--out", str(bed.out))
+    for number, name in bed.names.items():
+        bed.start(f"robot-{name}", bed.space(number), "agent", *common, "--robot", name)
+    world = bed.processes["world"]
+    done = []
+    switches = [(cut.at, True, cut.robot) for cut in cuts] + [(cut.at + cut.lasts, False, cut.robot) for cut in cuts]
+    for at, down, robot in sorted(switches):
+        while world.poll() is None and bed.ticks() * bed.scenario.step < at:
+            time.sleep(0.02)
+        bed.cut(robot, down=down)
+        done.append({"robot": bed.names[robot], "link": "down" if down else "up", "tick": bed.ticks()})
+        print(f"tick {done[-1]['tick']}: {bed.names[robot]}'s link is {done[-1]['link']}", flush=True)
+    code = world.wait()
+    wires = {bed.names[wire.robot]: {"passed": wire.passed, "lost": wire.lost} for wire in bed.relay.wires}
+    network = {"by": by, "wires": wires, "cuts": done}
+    (bed.out / "network.json").write_text(f"{json.dumps(network, indent=2)}\n", encoding="utf-8")
+    return code
+
+
+def report(out: Path, log: Path) -> Iterator[str]:
+    """What came of it, line by line."""
+    if not (out / "summary.json").exists():
+        yield f"there is no summary; the world said:\n{log.read_text(encoding='utf-8', errors='replace')}"
+        return
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    network = json.loads((out / "network.json").read_text(encoding="utf-8"))
+    for name, wire in network["wires"].items():
+        total = wire["passed"] + wire["lost"]
+        yield f"{name}: radio wire lost {wire['lost']} of {total} frames towards it ({_share(wire['lost'], total)})"
+    for link, counts in summary["direct"]["links"].items():
+        yield f"{link}: heard {counts['heard']} of {counts['sent']} ({_share(counts['heard'], counts['sent'])})"
+    yield f"mean MFoW {summary['mfow_mean_s']:.1f} s; verdict {summary['verdict']['outcome']}; {out}"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Build, run, report, clear; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenario", type=Path, help="with radio.via direct and the pace of a clock")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="run folder, new or empty")
+    parser.add_argument("--by", choices=("group", "tcp"), default="group", help="multicast group, or a router")
+    parser.add_argument("--loss", type=float, default=0.0, metavar="P", help="share lost on each radio's wire, 0 to 1")
+    parser.add_argument("--seed", type=int, default=1, metavar="K", help="of what is lost (default: %(default)s)")
+    parser.add_argument(
+        "--cut", action="append", default=[], metavar="ROBOT:AT:FOR", help="take a robot's wires down, simulated s"
+    )
+    options = parser.parse_args(arguments)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        scenario, cuts = _check(options)
+        check_rights()
+        clear_up_after_others()
+        bed = Bed(scenario, options.out, Relay(options.loss, options.seed))
+        try:
+            bed.build()
+            code = run(bed, options.by, cuts, options.scenario)
+        finally:
+            bed.clear()
+    except BadInput as bad:
+        print(f"testbed: {bad}", file=sys.stderr)
+        return 2
+    except Impossible as impossible:
+        print(f"testbed: not possible here: {impossible}", file=sys.stderr)
+        return IMPOSSIBLE
+    except KeyboardInterrupt:
+        return 130
+    for line in report(options.out, options.out / "logs" / "world.log"):
+        print(line)
+    return code
+
+
+def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut]]:
+    scenario = load_scenario(options.scenario)
+    if scenario.radio.via != "direct":
+        raise BadInput(
+            f"{options.scenario}: radio.via = {scenario.radio.via}: the wires would carry nothing; set direct"
+        )
+    if len(scenario.roster) > MOST_ROBOTS:
+        raise BadInput(f"{options.scenario}: {len(scenario.roster)} robots; a test bed has at most {MOST_ROBOTS}")
+    if not 0.0 <= options.loss <= 1.0:
+        raise BadInput(f"--loss {options.loss:g}: expected a share from 0 to 1")
+    if options.out.exists() and any(options.out.iterdir()):
+        raise BadInput(f"--out {options.out}: not empty; choose another folder")
+    numbers = {spec.name: spec.number for spec in scenario.roster}
+    cuts = []
+    for text in options.cut:
+        name, _, times = text.partition(":")
+        try:
+            at, lasts = (float(word) for word in times.split(":"))
+        except ValueError:
+            raise BadInput(f"--cut {text}: expected ROBOT:AT:FOR, such as r2:20:10") from None
+        if name not in numbers:
+            raise BadInput(f"--cut {text}: no robot of {options.scenario} is called {name}")
+        cuts.append(Cut(numbers[name], at, lasts))
+    return scenario, cuts
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{100.0 * part / whole:.1f} %" if whole else "none"
+
+
+def _tap(name: str) -> int:
+    """Make a TAP device; the descriptor that frames go in and come out by, on whose end the device ends."""
+    try:
+        device = os.open(_TUN, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK)
+        fcntl.ioctl(device, _TUNSETIFF, struct.pack("16sH", name.encode(), _IFF_TAP | _IFF_NO_PI))
+    except OSError as error:
+        raise Impossible(f"{_TUN}: {error.strerror}") from None
+    return device
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,166 @@
+"""The test bed: what it refuses, and a fleet in network namespaces, where those are to be had (`make test-network`)."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from patrol.journal import TickRecord, read_journal
+
+TESTBED = Path(__file__).parents[2] / "deploy" / "testbed.py"
+IMPOSSIBLE = 4
+SCENARIO: dict[str, Any] = {
+    "name": "bed",
+    "terrain": {"builtin": "open"},
+    "point": 0.5,
+    "duration": 40.0,
+    "pace": 2.0,
+    "watchdog": 1.0,
+    "robots": {"count": 3, "model": "holonomic", "speed": 2.0},
+    "radio": {"via": "direct"},
+}
+TICKS = 80
+ROBOTS = ("r1", "r2", "r3")
+STARTING = 0.2
+"""Share of the frames that a busy machine may lose: before all have found each other, and when nobody reads in time."""
+
+
+@dataclass
+class Ran:
+    """What a run of the test bed has left."""
+
+    code: int
+    said: str
+    folder: Path
+
+    def file(self, name: str) -> Any:
+        return json.loads((self.folder / name).read_text(encoding="utf-8"))
+
+    @property
+    def ticks(self) -> list[TickRecord]:
+        return list(read_journal(self.folder / "journal").ticks)
+
+
+Bed = Callable[..., Ran]
+
+
+@pytest.fixture
+def bed(tmp_path: Path) -> Iterator[Bed]:
+    """Runs a scenario in the test bed; skips where that is not possible."""
+
+    def run(scenario: Mapping[str, Any], *arguments: str) -> Ran:
+        path, out = tmp_path / "scenario.yaml", tmp_path / "run"
+        path.write_text(json.dumps(scenario), encoding="utf-8")
+        command = [sys.executable, "-P", str(TESTBED), str(path), "--out", str(out), *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode == IMPOSSIBLE:
+            pytest.skip(done.stderr.strip())
+        return Ran(done.returncode, done.stdout + done.stderr, out)
+
+    yield run
+    spaces = subprocess.run(["ip", "netns", "list"], capture_output=True, text=True, check=False).stdout
+    assert "fogwatch-" not in spaces, "namespaces are left"
+
+
+def decided(ticks: Sequence[TickRecord], place: int) -> list[int]:
+    """The ticks in which the robot at that place of the roster has decided in time."""
+    return [tick.k for tick in ticks if tick.robots[place].decision_ms is not None]
+
+
+@pytest.mark.parametrize(
+    ("changes", "arguments", "says"),
+    [
+        ({"radio": {"via": "ether"}}, (), "radio.via = ether"),
+        ({"pace": "lockstep"}, (), "pace is lockstep"),
+        ({}, ("--loss", "1.5"), "--loss 1.5"),
+        ({}, ("--cut", "r2:soon"), "--cut r2:soon: expected ROBOT:AT:FOR"),
+        ({}, ("--cut", "r9:1:2"), "no robot of"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(
+    changes: Mapping[str, Any], arguments: Sequence[str], says: str, bed: Bed
+) -> None:
+    ran = bed({**SCENARIO, **changes}, *arguments)
+    assert ran.code == 2
+    assert says in ran.said
+    assert not ran.folder.exists()
+
+
+@pytest.mark.network
+@pytest.mark.parametrize("by", ["group", "tcp"])
+def test_robots_on_a_network_hear_each_other(by: str, bed: Bed) -> None:
+    ran = bed(SCENARIO, "--by", by)
+    assert ran.code == 0, ran.said
+    summary = ran.file("summary.json")
+    assert summary["direct"]["unsaid"] == []
+    assert set(summary["direct"]["links"]) == {f"{a} to {b}" for a in ROBOTS for b in ROBOTS if a != b}
+    for link, counts in summary["direct"]["links"].items():
+        assert counts["heard"] >= (1.0 - STARTING) * counts["sent"] > 0.7 * TICKS, link
+    assert summary["messages"]["frames"] >= 0.7 * 3 * TICKS, "the world overhears them"
+    assert summary["messages"]["rejected"] == 0
+
+
+@pytest.mark.network
+def test_a_robot_that_is_cut_off_halts_and_comes_back_while_the_others_go_on(bed: Bed) -> None:
+    ran = bed(SCENARIO, "--cut", "r2:10:8")
+    assert ran.code == 0, ran.said
+    down, up = (switch["tick"] for switch in ran.file("network.json")["cuts"])
+    ticks = ran.ticks
+    quiet = ticks[down + 4 : up]  # the watchdog takes two ticks; the tick in which the link went, two more
+    places = {(tick.robots[1].x, tick.robots[1].y) for tick in quiet}
+    assert len(places) == 1, "it has not halted"
+    assert not [tick.k for tick in quiet if 2 in dict(tick.frames)], "its position was heard"
+    assert not set(decided(ticks, 1)) & {tick.k for tick in quiet}
+    for place in (0, 2):
+        going_on = [k for k in decided(ticks, place) if down <= k < up]
+        assert len(going_on) >= 0.7 * (up - down), f"{ROBOTS[place]} stood still too"
+    back = [k for k in decided(ticks, 1) if k > up]
+    assert back, "it has not come back"
+    assert back[0] - up <= 5.0 / 0.25, "it took more than 5 s of wall time"
+    after = ticks[back[0] + 3 :]
+    assert len({(tick.robots[1].x, tick.robots[1].y) for tick in after}) > 0.7 * len(after)
+    assert [tick.k for tick in after if 2 in dict(tick.frames)]
+    links = ran.file("summary.json")["direct"]["links"]
+    lost = {link: counts["sent"] - counts["heard"] for link, counts in links.items()}
+    for link in ("r1 to r2", "r3 to r2"):
+        assert lost[link] >= 0.7 * (up - down), "it has heard what it cannot have heard"
+    assert lost["r1 to r3"] <= STARTING * TICKS
+
+
+@pytest.mark.network
+def test_a_lossy_network_loses_its_share_and_the_fleet_patrols_on(bed: Bed) -> None:
+    loss = 0.3
+    ran = bed(SCENARIO, "--loss", str(loss))
+    assert ran.code == 0, ran.said
+    for wire in ran.file("network.json")["wires"].values():
+        carried = wire["passed"] + wire["lost"]
+        assert wire["lost"] / carried == pytest.approx(loss, abs=5.0 * (loss * (1.0 - loss) / carried) ** 0.5)
+    summary = ran.file("summary.json")
+    sent = summary["messages"]["sent"]
+    assert sent >= 0.7 * 6 * TICKS
+    deviation = (loss * (1.0 - loss) / sent) ** 0.5
+    assert summary["direct"]["heard_share"] == pytest.approx(1.0 - loss, abs=5.0 * deviation + STARTING)
+    links = next(check for check in summary["verdict"]["checks"] if check["name"] == "links add up")
+    assert links["ok"]
+    assert not links["judged"]
+    ticks = ran.ticks
+    for place, name in enumerate(ROBOTS):
+        assert len(decided(ticks, place)) >= 0.7 * TICKS
+        assert summary["robots"][name]["distance_m"] > 20.0
+    assert ticks[-1].seen > 2 * ticks[0].seen
+
+
+@pytest.mark.network
+def test_a_reliable_link_turns_loss_into_delay(bed: Bed) -> None:
+    """What is heard over TCP says nothing of the loss beneath: nearly all of it comes, some of it late."""
+    ran = bed(SCENARIO, "--by", "tcp", "--loss", "0.3")
+    assert ran.code == 0, ran.said
+    assert min(wire["lost"] for wire in ran.file("network.json")["wires"].values()) > 0
+    assert ran.file("summary.json")["direct"]["heard_share"] > 0.85
