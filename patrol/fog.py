@@ -38,6 +38,16 @@ class Fog:
         self._sum = 0
         self._box = np.zeros(4, dtype=np.int64)
 
+    @classmethod
+    def resumed(cls, patrolled: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Fog:
+        """A fog that goes on from a copy of another one's ``last_seen``, int32 (h, w), of the same patrolled area."""
+        fog = cls(patrolled)
+        fog.last_seen = np.array(last_seen, dtype=np.int32, order="C")
+        counted = fog.last_seen[fog.patrolled.view(np.bool_)]
+        fog._histogram = np.bincount(counted + 1, minlength=1024).astype(np.int64)
+        fog._sum = int(np.maximum(counted, 0).sum(dtype=np.int64))
+        return fog
+
     def observe(self, view: View, tick: int) -> Box | None:
         """Take in one robot's footprint at ``tick``; return the box of the points that changed, if any did."""
         if tick + 2 > self._histogram.size:

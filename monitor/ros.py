@@ -1,0 +1,100 @@
+"""The ROS 2 messages of a recording, as CDR bytes with their definitions; no ROS is needed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+
+GRID = "nav_msgs/msg/OccupancyGrid"
+POSE = "geometry_msgs/msg/PoseStamped"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+NUMBER = "std_msgs/msg/Float64"
+LOG = "rcl_interfaces/msg/Log"
+FRAME = "map"
+
+INFO, WARN, ERROR = 20, 30, 40
+"""Levels of a Log."""
+
+UNKNOWN = -1
+"""A grid's points that do not count."""
+
+
+class Encoder:
+    """Messages by type name; times are ns since the run began. BadInput where rosbags is missing."""
+
+    def __init__(self) -> None:
+        try:
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError:
+            raise BadInput("recordings need rosbags; install it with: pip install 'fogwatch[monitor]'") from None
+        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._types = self._store.types
+
+    def definition(self, kind: str) -> bytes:
+        """The message definition of a type and of all types in it, as a ros2msg schema holds it."""
+        text, _ = self._store.generate_msgdef(kind, ros_version=2)
+        return text.encode()
+
+    def number(self, value: float) -> bytes:
+        """A std_msgs/Float64."""
+        return self._bytes(NUMBER, data=float(value))
+
+    def log(self, at: int, level: int, name: str, text: str) -> bytes:
+        """An rcl_interfaces/Log."""
+        said: dict[str, Any] = {"level": level, "name": name, "msg": text, "file": "", "function": "", "line": 0}
+        return self._bytes(LOG, stamp=self._time(at), **said)
+
+    def pose(self, at: int, x: float, y: float, heading: float) -> bytes:
+        """A geometry_msgs/PoseStamped in the map's frame."""
+        pose = self._make("geometry_msgs/msg/Pose", position=self._point(x, y), orientation=self._turn(heading))
+        return self._bytes(POSE, header=self._header(at), pose=pose)
+
+    def transforms(self, at: int, bodies: Sequence[tuple[str, float, float, float]]) -> bytes:
+        """A tf2_msgs/TFMessage: (frame, x, y, heading) of each body, in the map's frame."""
+        header = self._header(at)
+        kind, vector = "geometry_msgs/msg/TransformStamped", "geometry_msgs/msg/Vector3"
+        stamped = []
+        for name, x, y, heading in bodies:
+            shift = self._make(vector, x=x, y=y, z=0.0)
+            transform = self._make("geometry_msgs/msg/Transform", translation=shift, rotation=self._turn(heading))
+            stamped.append(self._make(kind, header=header, child_frame_id=name, transform=transform))
+        return self._bytes(TRANSFORMS, transforms=stamped)
+
+    def grid(self, at: int, point: float, origin: tuple[float, float], values: NDArray[np.int8]) -> bytes:
+        """A nav_msgs/OccupancyGrid of int8 (h, w), row 0 lowest: 0 to 100, or UNKNOWN."""
+        height, width = values.shape
+        corner = self._make("geometry_msgs/msg/Pose", position=self._point(*origin), orientation=self._turn(0.0))
+        info = self._make(
+            "nav_msgs/msg/MapMetaData",
+            map_load_time=self._time(0),
+            resolution=point,
+            width=width,
+            height=height,
+            origin=corner,
+        )
+        return self._bytes(GRID, header=self._header(at), info=info, data=np.ascontiguousarray(values).ravel())
+
+    def _bytes(self, kind: str, **fields: Any) -> bytes:
+        return bytes(self._store.serialize_cdr(self._make(kind, **fields), kind))
+
+    def _make(self, kind: str, **fields: Any) -> Any:
+        return self._types[kind](**fields)
+
+    def _time(self, at: int) -> Any:
+        return self._make("builtin_interfaces/msg/Time", sec=at // 1_000_000_000, nanosec=at % 1_000_000_000)
+
+    def _header(self, at: int) -> Any:
+        return self._make("std_msgs/msg/Header", stamp=self._time(at), frame_id=FRAME)
+
+    def _point(self, x: float, y: float) -> Any:
+        return self._make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
+
+    def _turn(self, heading: float) -> Any:
+        half = 0.5 * heading
+        return self._make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))

@@ -1,0 +1,254 @@
+"""A run as its folder tells it: the journal's ticks as arrays, next to the scenario, its terrain and the summary.
+
+Everything is in roster order. A journal that was cut off, or one that is still being written, gives what is in it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+from patrol.journal import Journal, read_journal
+from patrol.pose import Pose
+from patrol.prepare import Prepared, prepare
+from patrol.records import MAX_TICKS, Event, Status, TickRecord
+from patrol.scenario import load_scenario
+
+JOURNAL = "journal"
+SCENARIO = "scenario.yaml"
+SUMMARY = "summary.json"
+SILENT = ""
+"""The state of a robot that did not report one."""
+
+_MCAP = b"\x89MCAP0\r\n"
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """What became of frames, by directed link: index 0 are senders that are no robot, then the roster.
+
+    delivered: int64 (n + 1, n + 1), source by destination. dropped: the same by cause. late: the most ticks that a
+    frame took. delivered_in, dropped_in: int64 (ticks,), over all links.
+    """
+
+    delivered: NDArray[np.int64]
+    dropped: Mapping[str, NDArray[np.int64]]
+    late: int
+    delivered_in: NDArray[np.int64]
+    dropped_in: NDArray[np.int64]
+
+    @property
+    def lost(self) -> NDArray[np.int64]:
+        """int64 (n + 1, n + 1): dropped for any cause."""
+        return sum(self.dropped.values(), np.zeros_like(self.delivered))
+
+    def share(self) -> NDArray[np.float64]:
+        """float64 (n, n): the delivered share of what each robot sent each other one; NaN where nothing was sent."""
+        delivered, lost = self.delivered[1:, 1:], self.lost[1:, 1:]
+        sent = delivered + lost
+        return np.where(sent > 0, delivered / np.maximum(sent, 1), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run.
+
+    poses: float64 (ticks, n, 3), true ones at the beginning of each tick. status: uint8 (ticks, n). bumped: bool
+    (ticks, n). states: int16 (ticks, n), indices of `labels`. goals: float64 (ticks, n, 2), m, NaN without one.
+    decision_ms: float64 (ticks, n), NaN without one. mfow: int64 (ticks,); fog_mean: float64 (ticks,); both in ticks.
+    seen: int64 (ticks,), points seen so far. positions: frames that carry the sender's own position, over all ticks.
+    rejected: frames that robots say they refused. summary: of summary.json, None where there is none.
+    """
+
+    folder: Path
+    journal: Journal
+    prepared: Prepared
+    poses: NDArray[np.float64]
+    status: NDArray[np.uint8]
+    bumped: NDArray[np.bool_]
+    states: NDArray[np.int16]
+    labels: tuple[str, ...]
+    goals: NDArray[np.float64]
+    decision_ms: NDArray[np.float64]
+    mfow: NDArray[np.int64]
+    fog_mean: NDArray[np.float64]
+    seen: NDArray[np.int64]
+    links: Links
+    positions: int
+    rejected: int
+    events: tuple[Event, ...]
+    ended: str | None
+    truncated: bool
+    summary: Mapping[str, Any] | None
+    index: Mapping[int, int] = field(default_factory=dict)
+    """A robot's place in the roster, by its number."""
+
+    @property
+    def ticks(self) -> int:
+        """How many there are."""
+        return len(self.mfow)
+
+    @property
+    def step(self) -> float:
+        """Seconds of a tick."""
+        return self.prepared.scenario.step
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The robots' names."""
+        return tuple(robot.name for robot in self.journal.header.robots)
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The robots' numbers."""
+        return tuple(robot.number for robot in self.journal.header.robots)
+
+    @property
+    def title(self) -> str:
+        """The scenario's name."""
+        return self.prepared.scenario.name
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """float64 (ticks,): when each tick was, s."""
+        return np.arange(self.ticks) * self.step
+
+    def alive(self, k: int) -> list[tuple[int, Pose]]:
+        """(number, true pose) of the robots that take part in tick k, in roster order."""
+        living = np.flatnonzero(self.status[k] == Status.ALIVE).tolist()
+        return [(self.numbers[place], Pose(*self.poses[k, place].tolist())) for place in living]
+
+
+def open_run(folder: Path) -> Run:
+    """Read a run folder; BadInput where that is not possible, or where no tick is done yet."""
+    if folder.is_file():
+        with folder.open("rb") as file:
+            recording = file.read(len(_MCAP)) == _MCAP
+        kind = "is a recording; look at it with `fogwatch recording`, and" if recording else "is a file;"
+        raise BadInput(f"{folder}: {kind} name the run's folder here")
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: no such folder; name a run's, such as runs/yards-20260101-120000")
+    for name, what in ((JOURNAL, "no run's folder, or one whose ticks have not begun"), (SCENARIO, "no run's folder")):
+        if not (folder / name).is_file():
+            raise BadInput(f"{folder}: holds no file {name}; it is {what}")
+    journal = read_journal(folder / JOURNAL)
+    prepared = prepare(load_scenario(folder / SCENARIO))
+    facts, terrain = journal.header.terrain, prepared.terrain
+    if (facts.width, facts.height) != (terrain.width, terrain.height):
+        raise BadInput(
+            f"{folder}: the journal's terrain has {facts.width} x {facts.height} points and that of {SCENARIO} "
+            f"{terrain.width} x {terrain.height}; they are not of one run"
+        )
+    if [robot.number for robot in journal.header.robots] != [spec.number for spec in prepared.scenario.roster]:
+        raise BadInput(f"{folder}: the journal has other robots than {SCENARIO}; they are not of one run")
+    return read_run(folder, journal, prepared, _summary(folder / SUMMARY))
+
+
+def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mapping[str, Any] | None = None) -> Run:
+    """A journal's ticks as arrays; BadInput when it holds none."""
+    index = {robot.number: place for place, robot in enumerate(journal.header.robots)}
+    rows = _Rows(index)
+    for record in journal.ticks:
+        rows.take(record)
+    if not rows.mfow:
+        raise BadInput(f"{journal.path}: holds no whole tick; there is nothing to show yet")
+    last = np.array([rows.rejected.get(number, 0) for number in index])
+    return Run(
+        folder=folder,
+        journal=journal,
+        prepared=prepared,
+        poses=np.array(rows.poses, dtype=np.float64),
+        status=np.array(rows.status, dtype=np.uint8),
+        bumped=np.array(rows.bumped, dtype=np.bool_),
+        states=np.array(rows.states, dtype=np.int16),
+        labels=tuple(rows.labels),
+        goals=np.array(rows.goals, dtype=np.float64),
+        decision_ms=np.array(rows.decision_ms, dtype=np.float64),
+        mfow=np.array(rows.mfow, dtype=np.int64),
+        fog_mean=np.array(rows.fog_mean, dtype=np.float64),
+        seen=np.array(rows.seen, dtype=np.int64),
+        links=rows.links(),
+        positions=rows.positions,
+        rejected=int(last.sum()),
+        events=journal.events,
+        ended=None if journal.end is None else journal.end.reason,
+        truncated=journal.truncated,
+        summary=summary,
+        index=index,
+    )
+
+
+class _Rows:
+    """What is collected from tick records, one by one."""
+
+    def __init__(self, index: Mapping[int, int]) -> None:
+        self._index = index
+        self.poses: list[list[tuple[float, float, float]]] = []
+        self.status: list[list[int]] = []
+        self.bumped: list[list[bool]] = []
+        self.states: list[list[int]] = []
+        self.labels: dict[str, int] = {SILENT: 0}
+        self.goals: list[list[tuple[float, float]]] = []
+        self.decision_ms: list[list[float]] = []
+        self.mfow: list[int] = []
+        self.fog_mean: list[float] = []
+        self.seen: list[int] = []
+        self.positions = 0
+        self.rejected: dict[int, int] = {}
+        self._delivered_in: list[int] = []
+        self._dropped_in: list[int] = []
+        side = len(index) + 1
+        self._delivered = np.zeros((side, side), dtype=np.int64)
+        self._dropped: dict[str, NDArray[np.int64]] = {}
+        self._late = 0
+
+    def take(self, record: TickRecord) -> None:
+        robots, nan = record.robots, float("nan")
+        self.poses.append([(robot.x, robot.y, robot.heading) for robot in robots])
+        self.status.append([int(robot.status) for robot in robots])
+        self.bumped.append([robot.bumped for robot in robots])
+        self.states.append([self.labels.setdefault(robot.state, len(self.labels)) for robot in robots])
+        self.goals.append([robot.goal or (nan, nan) for robot in robots])
+        self.decision_ms.append([nan if robot.decision_ms is None else robot.decision_ms for robot in robots])
+        self.rejected.update({robot.number: robot.rejected for robot in robots if robot.rejected is not None})
+        self.mfow.append(record.mfow)
+        self.fog_mean.append(record.fog_mean)
+        self.seen.append(record.seen)
+        self.positions += len({source for source, _ in record.frames if source in self._index})
+        self._delivered_in.append(len(record.deliveries))
+        self._dropped_in.append(len(record.dropped))
+        self._count(self._delivered, record.deliveries)
+        if record.deliveries:
+            earliest = min(sequence & MAX_TICKS for _, _, sequence in record.deliveries)
+            self._late = max(self._late, record.k - earliest)
+        causes: dict[str, list[tuple[int, int, int]]] = {}
+        for source, destination, sequence, cause in record.dropped:
+            causes.setdefault(cause, []).append((source, destination, sequence))
+        for cause, frames in causes.items():
+            self._count(self._dropped.setdefault(cause, np.zeros_like(self._delivered)), frames)
+
+    def links(self) -> Links:
+        delivered_in = np.array(self._delivered_in, dtype=np.int64)
+        dropped_in = np.array(self._dropped_in, dtype=np.int64)
+        dropped = dict(sorted(self._dropped.items()))
+        return Links(self._delivered, dropped, self._late, delivered_in, dropped_in)
+
+    def _count(self, counts: NDArray[np.int64], frames: Sequence[tuple[int, int, int]]) -> None:
+        for source, destination, _ in frames:
+            counts[self._index.get(source, -1) + 1, self._index.get(destination, -1) + 1] += 1
+
+
+def _summary(path: Path) -> Mapping[str, Any] | None:
+    """summary.json, if it is there and whole; a run that was killed has none."""
+    try:
+        says = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return says if isinstance(says, dict) else None
