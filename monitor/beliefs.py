@@ -19,7 +19,7 @@ from patrol.fog import Fog
 from patrol.footprint import Footprint, View
 from patrol.message import Rejected, decode
 from patrol.pose import Pose
-from patrol.records import MAX_TICKS, Status, TickRecord, frame_sequence
+from patrol.records import Status, TickRecord, frame_sequence, sent_at
 
 SAMPLES = 200
 """Ticks at which beliefs are held against the truth, evenly over the run."""
@@ -149,7 +149,7 @@ class BeliefWatcher:
         for source, destination, sequence in record.deliveries:
             if destination not in wanted:
                 continue
-            ago = record.k - (sequence & MAX_TICKS)
+            ago = record.k - sent_at(sequence)
             sent = self._past[-1 - ago] if 0 <= ago < len(self._past) else {}
             frame = sent.get((source, sequence))
             if frame is not None:

@@ -3,7 +3,7 @@
 CDR messages with ros2msg schemas, in chunks with checksums; times count from the run's beginning.
 
     /map                 nav_msgs/OccupancyGrid       once: 100 where the terrain is impassable, 0 elsewhere
-    /fog                 nav_msgs/OccupancyGrid       key frames: 0 just seen, 100 at the scale's age or more, -1 uncounted
+    /fog                 nav_msgs/OccupancyGrid       key frames: 0 just seen, 100 as old as the scale, -1 not counted
     /tf                  tf2_msgs/TFMessage           each tick: all bodies that are there
     /<robot>/pose        geometry_msgs/PoseStamped    each tick that the robot's body is there
     /<robot>/decision_ms std_msgs/Float64             wall time of a decision
@@ -18,7 +18,6 @@ The file's metadata names the scenario, its hash and the scale; the resolved sce
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
@@ -109,7 +108,7 @@ class Recorder:
         self._number("/mfow", run.mfow[k] * run.step, at)
         self._number("/fog_mean", run.fog_mean[k] * run.step, at)
         self._number("/seen_share", run.seen[k] / self._area, at)
-        self._number("/alive", np.count_nonzero(run.status[k] == Status.ALIVE), at)
+        self._number("/alive", int(np.count_nonzero(run.status[k] == Status.ALIVE)), at)
         delivered, dropped = int(run.links.delivered_in[k]), int(run.links.dropped_in[k])
         if delivered + dropped:
             self._number("/delivered_share", delivered / (delivered + dropped), at)
@@ -124,9 +123,9 @@ class Recorder:
         if run.ended is None:
             self._write("/rosout", ros.LOG, self._ros.log(at, ros.WARN, "run", "the journal ends here, cut off"), at)
         try:
-            self._writer.finish()
+            self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()
-            os.replace(self._part, self._out)
+            self._part.replace(self._out)
         except OSError as error:
             self.abandon()
             raise BadInput(f"{self._out}: cannot be written ({error.strerror}); choose another file") from None
@@ -201,7 +200,7 @@ def key_frame_ticks(run: Run) -> int:
 def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
     """int8 (h, w): 0 just seen to 100 at `scale` ticks of age or more, -1 where points do not count."""
     ages = fog.age(k)
-    shown = np.minimum(np.rint(ages * (100.0 / scale)), 100.0).astype(np.int8)
+    shown: NDArray[np.int8] = np.minimum(np.rint(ages * (100.0 / scale)), 100.0).astype(np.int8)
     shown[fog.patrolled == 0] = ros.UNKNOWN
     return shown
 

@@ -18,7 +18,7 @@ from patrol.errors import BadInput
 from patrol.journal import Journal, read_journal
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
-from patrol.records import MAX_TICKS, Event, Status, TickRecord
+from patrol.records import Event, Status, TickRecord, sent_at
 from patrol.scenario import load_scenario
 
 JOURNAL = "journal"
@@ -53,7 +53,7 @@ class Links:
         """float64 (n, n): the delivered share of what each robot sent each other one; NaN where nothing was sent."""
         delivered, lost = self.delivered[1:, 1:], self.lost[1:, 1:]
         sent = delivered + lost
-        return np.where(sent > 0, delivered / np.maximum(sent, 1), np.nan)
+        return np.where(sent > 0, delivered / np.maximum(sent, 1), np.nan).astype(np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class Run:
     @property
     def times(self) -> NDArray[np.float64]:
         """float64 (ticks,): when each tick was, s."""
-        return np.arange(self.ticks) * self.step
+        return np.arange(self.ticks, dtype=np.float64) * self.step
 
     def alive(self, k: int) -> list[tuple[int, Pose]]:
         """(number, true pose) of the robots that take part in tick k, in roster order."""
@@ -226,7 +226,7 @@ class _Rows:
         self._dropped_in.append(len(record.dropped))
         self._count(self._delivered, record.deliveries)
         if record.deliveries:
-            earliest = min(sequence & MAX_TICKS for _, _, sequence in record.deliveries)
+            earliest = min(sent_at(sequence) for _, _, sequence in record.deliveries)
             self._late = max(self._late, record.k - earliest)
         causes: dict[str, list[tuple[int, int, int]]] = {}
         for source, destination, sequence, cause in record.dropped:
