@@ -70,7 +70,7 @@ class Wishes:
 
     port: of the router, or None for a free one. begin: called when the ticks are about to begin. stop: asked from then
     on whether to end early; urgent: whether to end by force. Before that KeyboardInterrupt ends everything. draw:
-    whether to draw the final fog.
+    whether to draw the final fog. recording, report: whether to write them when the run is over.
     """
 
     out: Path | None = None
@@ -81,6 +81,8 @@ class Wishes:
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
     draw: bool = True
+    recording: bool = False
+    report: bool = False
 
 
 def run(
@@ -90,6 +92,8 @@ def run(
     in_process: bool = True,
     progress: Callable[[Metrics], None] | None = None,
     overrides: Mapping[str, object] | None = None,
+    recording: bool = False,
+    report: bool = False,
 ) -> Result:
     """Run a scenario to its end.
 
@@ -97,6 +101,8 @@ def run(
     loaded scenario. out: folder for what the run leaves, new or empty; ``runs/<name>-<time>`` unless given.
     in_process: in this process, or as one process per robot over Zenoh; both give the same trace. progress: called
     with the run so far, at most ten times a second. overrides: values by dotted field, ``{"patrol.dilatation": 0}``.
+    recording, report: write recording.mcap and report.html into the run folder as well; `fogwatch record` and
+    `fogwatch report` make them at any later time, so that a loop over many runs need not wait for them.
 
     Raises BadInput, one line that says what is wrong; `fogwatch.launcher.Failed` when processes could not be brought
     to run; KeyboardInterrupt after leaving everything in order.
@@ -108,7 +114,8 @@ def run(
     else:
         loaded = open_scenario(str(scenario), overrides)
     show = Silent() if progress is None else _Calling(progress)
-    return execute(loaded, Wishes(None if out is None else Path(out), in_process, show=show))
+    where = None if out is None else Path(out)
+    return execute(loaded, Wishes(where, in_process, show=show, recording=recording, report=report))
 
 
 def execute(scenario: Scenario, wishes: Wishes) -> Result:
@@ -265,17 +272,37 @@ def _result(
     summary: Mapping[str, Any],
     wishes: Wishes,
 ) -> Result:
-    """Write the summary and the picture."""
+    """Write the summary and what is derived from the journal."""
+    from patrol.journal import Journal
     from worldsim.record import INTERRUPTED
 
+    asked = wishes.stop()
     folder.write_summary(summary)
     step = prepared.scenario.step
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
     if wishes.draw and len(mfow_s) and not wishes.urgent():
         wishes.show.say("drawing the final fog ...")
         _draw(folder, prepared, wishes)
+    if len(mfow_s) and isinstance(journal, Journal) and (wishes.recording or wishes.report):
+        from fogwatch.derived import derive
+
+        wishes.show.say(f"writing {' and '.join(_derived(wishes))} ...")
+        derive(
+            journal,
+            prepared,
+            summary,
+            folder.recording if wishes.recording else None,
+            folder.report if wishes.report else None,
+            # An interrupted run is told of as well; only who asks once more has no time for that.
+            hurry=lambda: wishes.urgent() or (wishes.stop() and not asked),
+            say=wishes.show.say,
+        )
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
     return Result(summary, folder.path, mfow_s, verdict, interrupted)
+
+
+def _derived(wishes: Wishes) -> list[str]:
+    return ["the recording"] * wishes.recording + ["the report"] * wishes.report
 
 
 def _draw(folder: RunFolder, prepared: Prepared, wishes: Wishes) -> None:

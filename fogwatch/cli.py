@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fogwatch import cli_chaos, cli_experiment, cli_key, cli_map, cli_paper, cli_scenario, cli_sweep
+from fogwatch import cli_chaos, cli_experiment, cli_eyes, cli_key, cli_map, cli_paper, cli_scenario, cli_sweep
 from patrol.errors import BadInput
 from patrol.lifeline import heed
 from patrol.scenario import BUILTINS, open_scenario, parse_overrides
@@ -35,6 +35,8 @@ app.add_typer(cli_map.app, name="map")
 app.add_typer(cli_key.app, name="key")
 app.command()(cli_sweep.sweep)
 app.command()(cli_chaos.chaos)
+for command in (cli_eyes.report, cli_eyes.compare, cli_eyes.record, cli_eyes.recording):
+    app.command(rich_help_panel=cli_eyes.PANEL)(command)
 app.add_typer(cli_paper.app, name="paper")
 app.add_typer(cli_experiment.app, name="experiment")
 
@@ -74,6 +76,8 @@ def run(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Run folder, new or empty.")] = None,
     in_process: Annotated[bool, typer.Option("--in-process", help="One process, without Zenoh: same trace.")] = False,
     port: Annotated[int | None, typer.Option(metavar="N", help="TCP port of the router (default: a free one).")] = None,
+    recording: Annotated[bool, typer.Option("--recording/--no-recording", help="Write recording.mcap.")] = True,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print the run folder and nothing else.")] = False,
 ) -> int:
     """Run a fleet, each robot a process of its own, and judge the run.
@@ -108,7 +112,17 @@ def run(
         ending.patience = 1  # the first ends the run in order, the second at once
 
     show = make_show(quiet)
-    wishes = Wishes(out, in_process, port, show, begin, lambda: bool(ending), lambda: ending.times > 1)
+    wishes = Wishes(
+        out,
+        in_process,
+        port,
+        show,
+        begin=begin,
+        stop=lambda: bool(ending),
+        urgent=lambda: ending.times > 1,
+        recording=recording,
+        report=report,
+    )
     try:
         result = execute(scenario, wishes)
     except Failed as failed:

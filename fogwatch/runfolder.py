@@ -6,6 +6,8 @@
     ticks.csv      one line a tick
     summary.json   what it adds up to, and the verdict
     fog.png        the final fog and the robots' paths
+    recording.mcap the same for Foxglove, Lichtblick, Rerun and PlotJuggler
+    report.html    what happened, on one page
     logs/          what each process printed, if there was more than one
 
 A fleet's key is a secret and is not copied: the scenario goes on naming its file.
@@ -61,6 +63,16 @@ class RunFolder:
     def picture(self) -> Path:
         """The final fog."""
         return self.path / "fog.png"
+
+    @property
+    def recording(self) -> Path:
+        """For robot viewers."""
+        return self.path / "recording.mcap"
+
+    @property
+    def report(self) -> Path:
+        """What happened, on one page."""
+        return self.path / "report.html"
 
     @property
     def static(self) -> Path:

@@ -47,7 +47,7 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
         except BadInput:
             key, untested = None, True
         beliefs = BeliefWatcher(run, footprint, key)
-    along = [visits, *([beliefs] if beliefs else []), *watchers]
+    along: list[Watcher] = [visits, *([beliefs] if beliefs else []), *watchers]
     wrong = play(run, along, footprint)
     bands = bands_of(run.events, run.step, run.ticks * run.step)
     return Analysis(run, bands, visits.result(), beliefs.result() if beliefs else None, untested, wrong)

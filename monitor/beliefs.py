@@ -27,8 +27,8 @@ SAMPLES = 200
 WORK = 400_000
 """Footprints taken in for beliefs, at most; a fleet for which that is too few is told by some of its robots."""
 
-FRESH = frozenset({"restart", "restarted", "join", "joined"})
-"""Events after which a robot's mind knows nothing."""
+GONE = frozenset({"dead", "lost", "left"})
+"""Events at which a robot's mind ends; one that comes back knows nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class BeliefWatcher:
         self._past: deque[dict[tuple[int, int], bytes]] = deque(maxlen=run.links.late + 1)
         self._fresh: dict[int, set[int]] = defaultdict(set)
         for event in run.events:
-            if event.robot is not None and event.kind in FRESH:
+            if event.robot is not None and event.kind in GONE:
                 self._fresh[event.k].add(event.robot)
         self._sampled = set(np.unique(np.linspace(0, run.ticks - 1, SAMPLES).astype(np.int64)).tolist())
         self._ticks: list[int] = []

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor import ros
+from monitor.mcapfile import METADATA
 from monitor.runs import SCENARIO, Run
 from patrol.errors import BadInput
 from patrol.fog import Fog
@@ -149,7 +150,7 @@ class Recorder:
             "ticks": str(run.ticks),
             "robots": " ".join(run.names),
         }
-        self._writer.add_metadata("fogwatch", facts)
+        self._writer.add_metadata(METADATA, facts)
         with suppress(OSError):
             text = (run.folder / SCENARIO).read_bytes()
             self._writer.add_attachment(0, 0, SCENARIO, "application/yaml", text)

@@ -54,7 +54,9 @@ def drawings(analysis: Analysis) -> list[Drawing]:
             "fog-worst",
             "Worst fog",
             "The longest that each point waited; purple was never seen." if visits.never.any() else "The longest wait.",
-            lambda: mapcharts.fog_chart(terrain, visits.worst * step, counted, visits.never, "worst fog (s)"),
+            lambda: mapcharts.fog_chart(
+                terrain, visits.worst.astype(np.float64) * step, counted, visits.never, "worst fog (s)"
+            ),
         ),
         draw(
             "gaps",
