@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -13,23 +12,14 @@ from agent.kernels.dilate import carry, dilate
 from agent.posts import Posts
 from patrol.fog import Box, Fog
 from patrol.footprint import Footprint
+from patrol.hearsay import Hearsay
 from patrol.inbox import Inbox
-from patrol.message import CONTACT, Position
+from patrol.message import CONTACT
 from patrol.pose import Pose
 from patrol.terrain import BoolGrid
-from patrol.window import Window
 
 AGELESS = 2**31 - 1
 """Dilated last-seen tick of what is no ground: nothing there has an age."""
-
-
-@dataclass(frozen=True, slots=True)
-class Peer:
-    """Another robot: its newest sequence, its pose (m, rad) there, and the tick at which that was heard."""
-
-    sequence: int
-    pose: Pose
-    tick: int
 
 
 class Belief:
@@ -53,8 +43,8 @@ class Belief:
         """
         self.fog = Fog(patrolled)
         self.inbox = inbox
-        self.peers: dict[int, Peer] = {}
-        self._looks: dict[int, Window] = {}
+        self._hearsay = Hearsay()
+        self.peers = self._hearsay.peers
         self.contacts = Contacts()
         self._footprint = footprint
         self._posts = posts
@@ -72,8 +62,7 @@ class Belief:
     def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
         """Take in the own pose (as encoded on the wire) and what was heard at ``tick``; ``step`` in s.
 
-        A position counts at the tick it arrives: robots' clocks need not agree. A late one, which is older than the
-        newest of its sender's, counts as many ticks before that one's as their sequences are apart, and moves nobody.
+        What a position tells of is said in `patrol.hearsay`.
         """
         boxes = [self.fog.observe(self._footprint.visible(own), tick)]
         for frame in frames:
@@ -81,7 +70,8 @@ class Belief:
             if position is not None and position.robot == CONTACT:
                 self.contacts.report(position, tick)
             elif position is not None:
-                boxes += self._hear(position, tick)
+                looks = self._hearsay.hear(position, tick)
+                boxes += [self.fog.observe(self._footprint.visible(pose), at) for at, pose in looks]
         for box in boxes:
             if box is not None and self._spreads:
                 self._refresh(box, tick)
@@ -96,21 +86,6 @@ class Belief:
             for number, peer in sorted(self.peers.items())
             if tick - peer.tick > patience
         ]
-
-    def _hear(self, position: Position, tick: int) -> Iterator[Box | None]:
-        newest = self.peers.get(position.robot)
-        if newest is not None and position.sequence < newest.sequence:
-            tick = newest.tick - (newest.sequence - position.sequence)
-        else:
-            self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
-        # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
-        places = [(position.pose.x, position.pose.y), *position.past]
-        looks = self._looks.setdefault(position.robot, Window())
-        for ago, (x, y) in enumerate(places):
-            # One look counts once, however often it is told of: with a quality below 1 it leaves a rest of age.
-            if ago <= min(tick, position.sequence) and looks.use(position.sequence - ago):
-                pose = Pose(x, y, position.pose.heading)
-                yield self.fog.observe(self._footprint.visible(pose), tick - ago)
 
     def _refresh(self, box: Box, tick: int) -> None:
         """Dilate anew wherever a point of ``box``, or a post that sees one, is within the window."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 
-from agent.belief import Peer
 from agent.ground import Disc
+from patrol.hearsay import Peer
 from patrol.pose import Pose
 from patrol.random import Purpose, draw
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.behaviours.surround import Errand, Surround
-from agent.belief import Belief, Peer
+from agent.belief import Belief
 from agent.contacts import Place
 from agent.decision import Decision, State
 from agent.direction import bearings_by_force, bearings_by_vector
@@ -32,6 +32,7 @@ from agent.steering import CarSteering, HolonomicSteering
 from agent.unstuck import Unstuck
 from patrol.fields import StaticFields
 from patrol.footprint import Footprint, sensor_footprint
+from patrol.hearsay import Peer
 from patrol.inbox import inbox_of
 from patrol.message import MAX_CONTACTS, Position, encode
 from patrol.pose import TAU, Command, Drive, Pose, Velocity

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief import Peer
 from agent.ground import Disc
+from patrol.hearsay import Peer
 from patrol.passages import narrow_passages
 from patrol.pose import TAU, Pose
 from patrol.scenario import PatrolSpec

@@ -28,6 +28,7 @@ class _Impatience:
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
         """Ask."""
+        del k, fog, views
         if self._hurry():
             raise _Hurry
 

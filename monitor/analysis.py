@@ -24,7 +24,7 @@ class Analysis:
     """A run and what came out of it.
 
     beliefs: None where they are exact by construction. untested: the fleet's key cannot be read, so beliefs take
-    frames without a test of their tags. wrong_from: the first tick whose replayed MFoW is not the journal's, which
+    frames without a test of their tags. wrong_from: the first tick whose replayed fog is not as measured, which
     means that the scenario, its map or the journal is not what the run had.
     """
 

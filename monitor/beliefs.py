@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observer import Listener, as_sent, inbox_of
+from monitor.observer import Listener, as_sent
 from monitor.runs import Run
 from patrol.fog import Fog
 from patrol.footprint import Footprint, View
+from patrol.inbox import inbox_of
 from patrol.message import Rejected, decode
 from patrol.pose import Pose
 from patrol.records import Status, TickRecord, frame_sequence, sent_at
@@ -111,6 +112,10 @@ class BeliefWatcher:
         if k in self._sampled:
             self._compare(k, fog)
 
+    def believed(self, number: int) -> Fog:
+        """What a chosen robot believes now."""
+        return self._listeners[number].fog
+
     def result(self) -> BeliefErrors:
         """What was found."""
         shape = (len(self._ticks), len(self._robots))
@@ -120,7 +125,7 @@ class BeliefWatcher:
 
     def _listener(self, number: int) -> Listener:
         prepared = self._run.prepared
-        inbox = inbox_of(prepared.scenario, prepared.terrain, number, self._key)
+        inbox = inbox_of(prepared.scenario, number, prepared.terrain.bounds, self._key)
         return Listener(self._footprint, prepared.fields[number].patrolled, inbox, self._run.step)
 
     def _alive(self, k: int, number: int) -> bool:

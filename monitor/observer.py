@@ -10,7 +10,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from patrol.fog import Fog
-from patrol.inbox import Inbox
+from patrol.hearsay import Hearsay
+from patrol.inbox import Inbox, inbox_of
 from patrol.message import CONTACT, Position
 from patrol.pose import Pose
 
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
     from patrol.footprint import Footprint
     from patrol.prepare import Prepared
-    from patrol.scenario import Scenario
-    from patrol.terrain import Terrain
 
 NOBODY = -1
 """The own number of a listener that is no robot."""
@@ -41,8 +40,8 @@ class Listener:
     def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_], inbox: Inbox, step: float) -> None:
         self.fog = Fog(patrolled)
         self.inbox = inbox
-        self.heard: dict[int, tuple[Position, int]] = {}
-        """By robot: its newest position believed, and the tick it came at."""
+        self._hearsay = Hearsay()
+        self.peers = self._hearsay.peers
         self._footprint = footprint
         self._step = step
 
@@ -56,14 +55,8 @@ class Listener:
             position = self.inbox.accept(frame, tick * self._step)
             if position is None or position.robot == CONTACT:
                 continue
-            before = self.heard.get(position.robot)
-            self.heard[position.robot] = (position, tick)
-            self.look(tick, position.pose)
-            # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
-            missed = len(position.past) if before is None else position.sequence - before[0].sequence - 1
-            for ago, (x, y) in enumerate(position.past[: max(0, missed)], start=1):
-                if ago <= tick:
-                    self.look(tick - ago, Pose(x, y, position.pose.heading))
+            for at, pose in self._hearsay.hear(position, tick):
+                self.look(at, pose)
 
 
 class Observer:
@@ -72,7 +65,7 @@ class Observer:
     def __init__(self, prepared: Prepared, footprint: Footprint, key: bytes | None = None) -> None:
         """key: of the fleet's tags, or None where frames carry none or they cannot be checked."""
         scenario = prepared.scenario
-        inbox = inbox_of(scenario, prepared.terrain, NOBODY, key)
+        inbox = inbox_of(scenario, NOBODY, prepared.terrain.bounds, key)
         self.believed = Listener(footprint, prepared.patrolled, inbox, scenario.step)
         self.truth = Fog(prepared.patrolled)
         self._footprint = footprint
@@ -85,9 +78,3 @@ class Observer:
         """Everyone alive, (number, true pose), looks around once, in that order."""
         for number, pose in poses:
             self.truth.observe(self._footprint.visible(as_sent(number, pose)), tick)
-
-
-def inbox_of(scenario: Scenario, terrain: Terrain, own: int, key: bytes | None) -> Inbox:
-    """The checks of one listener of a fleet; own: its robot number, or NOBODY."""
-    fastest = max(spec.speed for spec in scenario.roster)
-    return Inbox(own, [spec.number for spec in scenario.roster], terrain.bounds, fastest, key, scenario.step)

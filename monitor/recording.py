@@ -77,7 +77,7 @@ class Recorder:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._sequence: dict[int, int] = {}
-        self._tokens = _tokens(run.names)
+        self._tokens = tokens_of(run.names)
         self._scale_s = scale_of(run)
         self._every = key_frame_ticks(run)
         self._counted = run.prepared.patrolled
@@ -206,7 +206,7 @@ def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
     return shown
 
 
-def _tokens(names: Sequence[str]) -> list[str]:
+def tokens_of(names: Sequence[str]) -> list[str]:
     """Names as ROS takes them in topics, told apart."""
     tokens: list[str] = []
     for name in names:

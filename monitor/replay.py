@@ -42,7 +42,7 @@ class Watcher(Protocol):
 
 
 def play(run: Run, watchers: Sequence[Watcher], footprint: Footprint | None = None) -> int | None:
-    """Go through all ticks; returns the first whose MFoW is not the one that the journal has, which is wrong."""
+    """Go through all ticks; returns the first whose fog is not as the journal measured it, which must not be."""
     footprint = footprint or sensor_footprint(run.prepared.scenario, run.prepared.terrain)
     fog = Fog(run.prepared.patrolled)
     wrong = None
@@ -54,9 +54,14 @@ def play(run: Run, watchers: Sequence[Watcher], footprint: Footprint | None = No
             fog.observe(view, k)
         for watcher in watchers:
             watcher.after(k, fog)
-        if wrong is None and fog.mfow(k) != run.mfow[k]:
+        if wrong is None and not _as_measured(run, k, fog):
             wrong = k
     return wrong
+
+
+def _as_measured(run: Run, k: int, fog: Fog) -> bool:
+    same = fog.mfow(k) == run.mfow[k] and fog.seen == run.seen[k]
+    return bool(same and abs(fog.mean(k) - run.fog_mean[k]) < 1e-6)
 
 
 def views_at(run: Run, k: int, footprint: Footprint) -> list[View]:

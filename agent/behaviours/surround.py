@@ -27,12 +27,12 @@ from numpy.typing import NDArray
 
 from agent.assignment import assign
 from agent.behaviours.ring import FARTHEST, Spot, spots_around, spread
-from agent.belief import Peer
 from agent.contacts import Place
 from agent.ground import Ground
 from agent.kernels.wave import SETTLED, STATUS
 from agent.paths.wave import Wave
 from patrol.footprint import Footprint
+from patrol.hearsay import Peer
 from patrol.pose import Pose
 
 if TYPE_CHECKING:

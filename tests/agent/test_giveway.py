@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agent.belief import Peer
 from agent.giveway import LONGEST_S, PATIENCE, SHORTEST_S, GiveWay
+from patrol.hearsay import Peer
 from patrol.pose import Pose
 
 RADII = {1: 0.3, 2: 0.3, 3: 0.3}

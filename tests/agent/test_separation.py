@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.belief import Peer
 from agent.claims import share_table
 from agent.field import Field
 from agent.fuzzy import FuzzySectors
@@ -20,6 +19,7 @@ from agent.paths.window import FAR, Window
 from agent.posts import Posts
 from agent.separation import artificial_obstacles, critical_areas, numbered, occupied_areas, repel
 from patrol.fields import StaticFields
+from patrol.hearsay import Peer
 from patrol.passages import narrow_passages
 from patrol.pose import Pose
 from patrol.scenario import PatrolSpec

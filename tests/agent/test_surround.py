@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from agent.assignment import assign
 from agent.behaviours.ring import FARTHEST, Spot, spots_around, spread
 from agent.behaviours.surround import Errand, Surround
-from agent.belief import Peer
 from agent.contacts import SAME, Contacts
 from agent.ground import Ground
 from patrol.fields import compute_fields
 from patrol.footprint import Footprint
+from patrol.hearsay import Peer
 from patrol.message import Position
 from patrol.pose import TAU, Pose
 from patrol.scenario import load_scenario

@@ -1,0 +1,127 @@
+"""Short runs, quiet and with faults, and what their worlds and minds held at chosen ticks."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from agent.mind import Mind
+from experiments.inprocess import InProcessFleet, mind_maker
+from monitor.runs import Run, open_run
+from patrol.footprint import sensor_footprint
+from patrol.journal import JournalWriter, TickRecord, read_journal
+from patrol.phases import FIRST_INCARNATION
+from patrol.prepare import prepare
+from patrol.scenario import dump_scenario, load_scenario
+from worldsim.loop import run_ticks
+from worldsim.record import Recorder, header_of
+from worldsim.summary import summarise
+from worldsim.verdict import judge
+from worldsim.world import World
+
+QUIET: dict[str, Any] = {
+    "name": "short",
+    "terrain": {"builtin": "yards"},
+    "point": 1.0,
+    "duration": 40,
+    "robots": {"count": 3, "model": "holonomic"},
+}
+
+FAULTS: list[dict[str, Any]] = [
+    {"kind": "loss", "rate": 0.5, "at": 3, "for": 12},
+    {"kind": "delay", "delay": {"uniform": [0.0, 2.0]}, "at": 10, "for": 10},
+    {"kind": "spoof", "by": "stranger", "as": "r1", "payload": {"offset": [2.0, 1.0]}, "at": 5, "for": 15},
+    {"kind": "drift", "who": "r2", "bias": [1.5, 0.0], "at": 12, "for": 6},
+    {"kind": "pause", "who": "r3", "at": 18, "for": 4},
+    {"kind": "kill", "who": "r1", "at": 22},
+    {"kind": "restart", "who": "r1", "at": 28},
+]
+
+
+@dataclass
+class Seen:
+    """A run in its folder, and by tick what the world's fog and the minds' beliefs held after it."""
+
+    folder: Path
+    truth: dict[int, NDArray[np.int32]] = field(default_factory=dict)
+    beliefs: dict[tuple[int, int], NDArray[np.int32]] = field(default_factory=dict)
+
+    def open(self) -> Run:
+        return open_run(self.folder)
+
+
+def run_of(folder: Path, scenario: Mapping[str, Any]) -> Seen:
+    """Run a scenario in this process, watching its world and its minds in each tick."""
+    loaded = load_scenario(scenario)
+    (folder / "scenario.yaml").write_text(dump_scenario(loaded), encoding="utf-8")
+    prepared = prepare(loaded)
+    footprint = sensor_footprint(loaded, prepared.terrain)
+    world = World(prepared, footprint=footprint)
+    make, minds = mind_maker(prepared, footprint), dict[int, Mind]()
+
+    def made(number: int, incarnation: int) -> Mind:
+        minds[number] = make(number, incarnation)
+        return minds[number]
+
+    fleet = InProcessFleet({number: made(number, FIRST_INCARNATION) for number in world.living}, made)
+    seen = Seen(folder)
+    with JournalWriter(folder / "journal", header_of(world, "2026-01-02T03:04:05+00:00")) as writer:
+        recorder = Recorder(writer)
+
+        def on_tick(record: TickRecord) -> None:
+            recorder.tick(record)
+            seen.truth[record.k] = world.truth.fog.last_seen.copy()
+            for number in world.living:
+                seen.beliefs[record.k, number] = minds[number].belief.fog.last_seen.copy()
+
+        recorder.end(run_ticks(world, fleet, on_tick, recorder.event, hands=fleet))
+    journal = read_journal(folder / "journal")
+    summary = summarise(journal, judge(journal, {}, prepared), 1.0)
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    return seen
+
+
+@pytest.fixture(scope="session")
+def quiet(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run in which nothing goes wrong; nobody writes into its folder."""
+    return run_of(tmp_path_factory.mktemp("quiet"), QUIET)
+
+
+@pytest.fixture(scope="session")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run with losses, delays, forged frames, a drift, a pause, a death and a restart."""
+    return run_of(tmp_path_factory.mktemp("faulty"), {**QUIET, "name": "faulty", "faults": FAULTS})
+
+
+@pytest.fixture(scope="session")
+def hazy(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run whose sensors leave a part of each point's age."""
+    return run_of(tmp_path_factory.mktemp("hazy"), {**QUIET, "name": "hazy", "sensor": {"quality": 0.6}})
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Callable[[Seen], Path]:
+    """A copy of a run's folder, to change."""
+
+    def copy(seen: Seen) -> Path:
+        folder = tmp_path / seen.folder.name
+        shutil.copytree(seen.folder, folder)
+        return folder
+
+    return copy
+
+
+def cut(folder: Path, share: float) -> None:
+    """Leave a part of the journal, and no summary: the run was killed."""
+    journal = folder / "journal"
+    whole = journal.read_bytes()
+    journal.write_bytes(whole[: int(len(whole) * share)])
+    (folder / "summary.json").unlink(missing_ok=True)

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monitor.observer import NOBODY, Listener, Observer
+from patrol.footprint import sensor_footprint
+from patrol.inbox import inbox_of
+from patrol.message import Position, encode
+from patrol.pose import Pose
+from patrol.prepare import Prepared, prepare
+from patrol.records import FORGED
+from patrol.scenario import load_scenario
+
+OPEN = {
+    "name": "field",
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "robots": {"count": 2, "model": "holonomic", "starts": [[10.0, 10.0], [60.0, 50.0]]},
+}
+
+
+@pytest.fixture(scope="module")
+def field() -> Prepared:
+    return prepare(load_scenario(OPEN))
+
+
+def listener(prepared: Prepared) -> Listener:
+    footprint = sensor_footprint(prepared.scenario, prepared.terrain)
+    inbox = inbox_of(prepared.scenario, NOBODY, prepared.terrain.bounds, None)
+    return Listener(footprint, prepared.patrolled, inbox, prepared.scenario.step)
+
+
+@pytest.mark.parametrize("which", ["quiet", "hazy"])
+def test_who_hears_everything_knows_the_truth(which: str, request: pytest.FixtureRequest) -> None:
+    seen = request.getfixturevalue(which)
+    run = seen.open()
+    observer = Observer(run.prepared, sensor_footprint(run.prepared.scenario, run.prepared.terrain))
+    for record in run.journal.ticks:
+        observer.witness(record.k, run.alive(record.k))
+        observer.hear(record.k, [frame for _, frame in record.frames])
+        assert np.array_equal(observer.truth.last_seen, seen.truth[record.k])
+    assert np.array_equal(observer.believed.fog.last_seen, observer.truth.last_seen)
+    assert observer.believed.inbox.rejected == 0
+    assert sorted(observer.believed.peers) == [1, 2, 3]
+
+
+def test_forged_frames_are_counted_and_change_nothing(faulty: Any) -> None:
+    run = faulty.open()
+    footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
+    honest, all_of_it = (Observer(run.prepared, footprint) for _ in range(2))
+    forged = 0
+    for record in run.journal.ticks:
+        # A listener next to every robot hears the genuine frame of a robot before anybody's forgery of it.
+        frames = sorted(record.frames, key=lambda sent: sent[0] == FORGED)
+        forged += sum(source == FORGED for source, _ in frames)
+        honest.hear(record.k, [frame for source, frame in frames if source != FORGED])
+        all_of_it.hear(record.k, [frame for _, frame in frames])
+    assert forged > 0
+    assert all_of_it.believed.inbox.rejected - honest.believed.inbox.rejected == forged
+
+
+def test_a_trail_fills_what_was_missed(field: Prepared) -> None:
+    poses = [Pose(10.0 + 2.0 * k, 10.0, 0.0) for k in range(4)]
+    positions = [Position.of(1, k, 0.5 * k, pose) for k, pose in enumerate(poses)]
+    back = ((-200, 0), (-200, 0))
+    trailing = encode(Position.of(1, 3, 1.5, poses[3], back))
+    whole, gappy = listener(field), listener(field)
+    for k, position in enumerate(positions):
+        whole.hear(k, [encode(position)])
+    gappy.hear(0, [encode(positions[0])])
+    gappy.hear(3, [trailing])
+    assert np.array_equal(whole.fog.last_seen, gappy.fog.last_seen)
+
+
+def test_noise_and_strangers_are_dropped(field: Prepared) -> None:
+    hears = listener(field)
+    stranger = encode(Position.of(9, 0, 0.0, Pose(10.0, 10.0, 0.0)))
+    outside = encode(Position.of(1, 0, 0.0, Pose(-500.0, 10.0, 0.0)))
+    hears.hear(0, [b"", b"\xff" * 30, stranger, outside])
+    assert hears.inbox.rejected == 4
+    assert hears.fog.seen == 0
+    assert not hears.peers

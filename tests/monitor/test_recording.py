@@ -1,0 +1,207 @@
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_ros2.decoder import DecoderFactory
+
+from monitor.mcapfile import look
+from monitor.recording import Recorder, grid_values, key_frame_ticks, scale_of, tokens_of
+from monitor.replay import play
+from monitor.runs import Run, open_run
+from patrol.errors import BadInput
+from patrol.fog import Fog
+
+
+def record(run: Run, out: Path) -> Path:
+    recorder = Recorder(run, out)
+    assert play(run, [recorder]) is None
+    recorder.close()
+    return out
+
+
+def decoded(path: Path) -> dict[str, list[tuple[float, Any]]]:
+    """By topic (time in s, message), read by mcap's own reader with its checksums tested."""
+    found: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, message, value in reader.iter_decoded_messages():
+            assert message.log_time == message.publish_time
+            found[channel.topic].append((message.log_time / 1e9, value))
+    return found
+
+
+def test_a_recording_says_what_the_run_was(faulty: Any, tmp_path: Path) -> None:
+    run = faulty.open()
+    topics = decoded(record(run, tmp_path / "out.mcap"))
+    terrain, step = run.prepared.terrain, run.step
+    each = {f"/{name}/{what}" for name in run.names for what in ("pose", "decision_ms")}
+    scalars = {"/mfow", "/fog_mean", "/seen_share", "/alive", "/delivered_share"}
+    assert set(topics) == {"/map", "/fog", "/tf", "/rosout"} | each | scalars
+
+    [(_, walls)] = topics["/map"]
+    assert (walls.info.width, walls.info.height) == (terrain.width, terrain.height)
+    assert walls.info.resolution == pytest.approx(terrain.point)
+    assert (walls.info.origin.position.x, walls.info.origin.position.y) == terrain.origin
+    assert np.array_equal(np.array(walls.data).reshape(terrain.shape) == 0, terrain.passable)
+
+    assert [value.data for _, value in topics["/mfow"]] == (run.mfow * step).tolist()
+    assert [value.data for _, value in topics["/alive"]] == (run.status == 1).sum(axis=1).tolist()
+    assert [at for at, _ in topics["/fog"]] == [0.0, 10.0, 20.0, 30.0, 39.5]
+    wanted = np.zeros(0)
+    for at, grid in topics["/fog"]:
+        k = round(at / step)
+        fog = Fog.resumed(run.prepared.patrolled, faulty.truth[k])
+        wanted = grid_values(fog, k, scale_of(run) / step)
+        assert np.array_equal(np.array(grid.data).reshape(terrain.shape), wanted)
+        assert grid.header.frame_id == "map"
+    assert wanted[~run.prepared.patrolled].max() == wanted.min() == -1
+    assert wanted.max() <= 100
+
+    poses = topics["/r2/pose"]
+    assert len(poses) == run.ticks
+    for k, (at, stamped) in enumerate(poses):
+        place, turn = stamped.pose.position, stamped.pose.orientation
+        assert at == k * step == stamped.header.stamp.sec + stamped.header.stamp.nanosec / 1e9
+        heading = 2.0 * math.atan2(turn.z, turn.w)
+        assert (place.x, place.y) == tuple(run.poses[k, 1, :2])
+        assert math.remainder(heading - run.poses[k, 1, 2], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+    assert [t.child_frame_id for t in topics["/tf"][5][1].transforms] == list(run.names)
+    assert len(topics["/r1/decision_ms"]) == np.count_nonzero(~np.isnan(run.decision_ms[:, 0]))
+
+    said = [(at, log.name, log.msg, log.level) for at, log in topics["/rosout"]]
+    assert said[0][1] == "recording"
+    assert len(said) == 1 + len(run.events)
+    (dead,) = [log for log in said if log[2].startswith("dead")]
+    assert dead[0] == 22.0
+    assert dead[1] == "r1"
+    assert dead[3] == 30
+
+
+def test_metadata_scenario_and_chunks(quiet: Any, tmp_path: Path) -> None:
+    run = quiet.open()
+    with record(run, tmp_path / "out.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        (facts,) = reader.iter_metadata()
+        (scenario,) = reader.iter_attachments()
+        assert reader.get_header().profile == "ros2"
+    assert summary is not None
+    assert summary.chunk_indexes
+    assert all(index.compression == "zstd" for index in summary.chunk_indexes)
+    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+    assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+    assert facts.metadata["scenario_hash"] == run.journal.header.scenario_hash
+    assert float(facts.metadata["fog_scale_s"]) == scale_of(run)
+    assert facts.metadata["ended"] == "completed"
+    assert scenario.data == (run.folder / "scenario.yaml").read_bytes()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.77])
+def test_a_run_that_was_killed_is_recorded_as_far_as_it_got(
+    quiet: Any, copied: Callable[..., Path], share: float
+) -> None:
+    folder = copied(quiet)
+    journal = folder / "journal"
+    whole = journal.read_bytes()
+    journal.write_bytes(whole[: int(len(whole) * share)])
+    run = open_run(folder)
+    assert 0 < run.ticks < 80
+    topics = decoded(record(run, folder / "out.mcap"))
+    assert len(topics["/mfow"]) == run.ticks
+    assert "cut off" in topics["/rosout"][-1][1].msg
+
+
+def test_names_that_ros_does_not_take_are_told_apart() -> None:
+    assert tokens_of(["r1", "a-b", "a_b", "7of9"]) == ["r1", "a_b", "a_b_2", "robot_7of9"]
+
+
+def test_grids_are_fewer_in_a_long_run_of_a_large_map(quiet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = quiet.open()
+    assert key_frame_ticks(run) == 20
+    monkeypatch.setattr("monitor.recording.GRID_MEMORY", 2 * run.prepared.patrolled.size)
+    assert key_frame_ticks(run) == 40
+
+
+def test_nothing_half_written_is_left(quiet: Any, tmp_path: Path) -> None:
+    run = quiet.open()
+    recorder = Recorder(run, tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()
+    recorder.abandon()
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(BadInput, match="cannot be written"):
+        Recorder(run, tmp_path / "none" / "out.mcap")
+
+
+def test_a_recording_is_looked_at(quiet: Any, tmp_path: Path) -> None:
+    run = quiet.open()
+    contents = look(record(run, tmp_path / "out.mcap"))
+    assert not contents.why_cut
+    assert contents.facts["scenario"] == "short"
+    assert contents.messages["/mfow"] == run.ticks
+    assert (contents.begin_s, contents.end_s) == (0.0, 39.5)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.999])
+def test_a_recording_that_was_cut_off_is_saved(
+    faulty: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: float
+) -> None:
+    from functools import partial
+
+    import mcap.writer
+
+    monkeypatch.setattr(mcap.writer, "Writer", partial(mcap.writer.Writer, chunk_size=8192))
+    whole = record(faulty.open(), tmp_path / "out.mcap")
+    torn, saved = tmp_path / "torn.mcap", tmp_path / "saved.mcap"
+    torn.write_bytes(whole.read_bytes()[: int(whole.stat().st_size * share)])
+    contents = look(torn, saved)
+    assert contents.why_cut
+    assert look(torn).messages == contents.messages
+    again = look(saved)
+    assert not again.why_cut
+    assert again.messages == contents.messages
+    assert again.facts == contents.facts
+    assert len(decoded(saved)["/mfow"]) == contents.messages["/mfow"] > 0
+    with pytest.raises(BadInput, match="is there already"):
+        look(torn, saved)
+
+
+def test_damage_anywhere_is_found_or_harmless(quiet: Any, tmp_path: Path) -> None:
+    """A flipped byte in a chunk is found by its checksum; wherever it is, nothing but BadInput is raised."""
+    whole = record(quiet.open(), tmp_path / "out.mcap").read_bytes()
+    damaged = tmp_path / "damaged.mcap"
+    found = 0
+    for place in range(10, len(whole), len(whole) // 40):
+        damaged.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
+        try:
+            found += bool(look(damaged).why_cut)
+        except BadInput:
+            found += 1
+    assert found > 25
+
+
+def test_foreign_files_are_refused(quiet: Any, tmp_path: Path) -> None:
+    foreign = tmp_path / "foreign.mcap"
+    with foreign.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "somebody")
+        writer.finish()  # type: ignore[no-untyped-call]
+    for path, words in (
+        (foreign, "not one of fogwatch"),
+        (quiet.folder / "journal", "is no MCAP file"),
+        (tmp_path / "none.mcap", "cannot be read"),
+    ):
+        with pytest.raises(BadInput, match=words):
+            look(path, tmp_path / "saved.mcap")
+    assert not (tmp_path / "saved.mcap").exists()
+    empty = tmp_path / "empty.mcap"
+    empty.write_bytes(b"")
+    with pytest.raises(BadInput, match="no MCAP file"):
+        look(empty)
