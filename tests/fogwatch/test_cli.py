@@ -39,7 +39,8 @@ def test_a_run_in_one_process_from_a_built_in_terrain(
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("open-")
     files = {path.name for path in folder.iterdir()}
-    assert files == {"scenario.yaml", "journal", "ticks.csv", "summary.json", "fog.png"}
+    derived = {"fog.png", "recording.mcap", "report.html"}
+    assert files == {"scenario.yaml", "journal", "ticks.csv", "summary.json"} | derived
     shown = capsys.readouterr()
     for words in ("MFoW        mean", "coverage", "messages", "r2", "verdict     valid", str(folder)):
         assert words in shown.out
