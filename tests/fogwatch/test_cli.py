@@ -13,7 +13,8 @@ import pytest
 
 from fogwatch.cli import main
 
-COARSE = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
+SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
+COARSE = [*SHORT, "--no-recording", "--no-report"]
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callab
 def test_a_run_in_one_process_from_a_built_in_terrain(
     fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert fogwatch("run", "open", "--robots", "2", "--in-process", *COARSE) == 0
+    assert fogwatch("run", "open", "--robots", "2", "--in-process", *SHORT) == 0
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("open-")
     files = {path.name for path in folder.iterdir()}
