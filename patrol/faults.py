@@ -119,7 +119,7 @@ class Resume(Fault):
 
 
 class Join(Fault):
-    """Robots that were not there until now appear at their starts."""
+    """Robots that are not there, or have left, appear at their starts; who joins first of all is absent until then."""
 
     kind: Literal["join"] = Field(description=KIND)
     who: Who = Field(description=WHO)

@@ -1,8 +1,8 @@
 """The nemesis: random faults, drawn into a concrete timeline when a scenario is loaded.
 
 In each interval one fault begins, at a drawn tick and of a drawn kind, and lasts for 0.3 to 2 intervals. All have ended
-before the quiet window at the end of the run: who was killed is started again, who was paused goes on. Only who has
-left does not come back. A robot suffers one process fault at a time, and there is always one that suffers none.
+before the quiet window at the end of the run: who was killed is started again, who was paused goes on, and who left
+joins again. A robot suffers one process fault at a time, and there is always one that suffers none.
 """
 
 from __future__ import annotations
@@ -163,22 +163,22 @@ class _Robots:
     def __init__(self, names: Sequence[str], spared: set[str]) -> None:
         self.names = list(names)
         self._spared = spared
-        self._busy: list[tuple[str, int, float]] = []
+        self._busy: list[tuple[str, int, int]] = []
 
-    def free(self, begin: int, end: float) -> list[str]:
+    def free(self, begin: int, end: int) -> list[str]:
         """Those who suffer none from one tick to another, both included."""
         busy = {name for name, first, last in self._busy if first <= end and begin <= last}
         return [name for name in self.names if name not in busy and name not in self._spared]
 
-    def take(self, dice: Dice, begin: int, end: float, most: int | None = None, leave: int = 1) -> list[str]:
-        """Some who shall suffer one from one tick to another, but not the last ones free then; none when none can.
+    def take(self, dice: Dice, begin: int, end: int, leave: int = 1) -> list[str]:
+        """Some who shall suffer one from one tick to another; none when none can.
 
-        most: of them. leave: how many of the free are left alone.
+        leave: how many of those that are free then are left alone.
         """
         free = self.free(begin, end)
         if len(free) <= leave:
             return []
-        chosen = dice.some(free, most or len(free) - leave)
+        chosen = dice.some(free, len(free) - leave)
         self._busy += [(name, begin, end) for name in chosen]
         return chosen
 
@@ -229,8 +229,8 @@ def _join(dice: Dice, robots: _Robots, when: _When) -> Found:
 
 
 def _leave(dice: Dice, robots: _Robots, when: _When) -> Found:
-    who = robots.take(dice, when.begin, math.inf, most=1)
-    return [{**when.at, "who": who}] if who else []
+    who = robots.take(dice, when.begin, when.end)
+    return [{**when.at, "who": who}, {"kind": "join", **when.healed, "who": who}] if who else []
 
 
 def _links(dice: Dice, robots: _Robots) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from patrol.faults import (
     Join,
     Kill,
     Lasting,
+    Leave,
     OnLinks,
     Partition,
     Pause,
@@ -97,8 +98,7 @@ class Timeline:
         self._of_number = {number: name for name, number in self._names.items()}
         asked = [*((0, fault) for fault in scenario.faults), *extra]
         self.entries = tuple(self._entry(index, k, fault) for index, (k, fault) in enumerate(asked))
-        given = self.entries[: len(scenario.faults)]
-        self.starts_absent = frozenset(n for entry in given if isinstance(entry.fault, Join) for n in entry.who)
+        self.starts_absent = _absent_at_first(self.entries[: len(scenario.faults)])
         self.needs_hands = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
         self._acts = self._all_acts()
         self._changes, self._active = self._all_active()
@@ -235,6 +235,15 @@ def size_of(who: str | Some, robots: int) -> int:
         return max(1, math.floor((who.fraction or 0.0) * robots + 0.5))
     sizes = {"one": 1, "minority": max((robots - 1) // 2, min(robots - 1, 1)), "half": max(robots // 2, 1)}
     return sizes.get(who, robots)
+
+
+def _absent_at_first(entries: Sequence[Entry]) -> frozenset[int]:
+    """The robots that join before they have left."""
+    comes: dict[int, bool] = {}
+    for entry in sorted(entries, key=lambda entry: entry.begin):
+        for number in entry.who if isinstance(entry.fault, Join | Leave) else ():
+            comes.setdefault(number, isinstance(entry.fault, Join))
+    return frozenset(number for number, joins in comes.items() if joins)
 
 
 def _lasts(entry: Entry) -> bool:

@@ -28,7 +28,8 @@ kinds = st.lists(st.sampled_from(list(KINDS)), min_size=1, max_size=17, unique=T
 def test_what_is_drawn_is_a_scenario_with_those_kinds(seed: int, robots: int, chosen: list[str], step: float) -> None:
     found = scenario(robots, step, kinds=chosen, seed=seed)
     assert found.nemesis is None
-    allowed = {*chosen, *(["restart"] if "kill" in chosen else []), *(["pause"] if "resume" in chosen else [])}
+    healing = {"kill": "restart", "resume": "pause", "leave": "join"}
+    allowed = {*chosen, *(healing[kind] for kind in chosen if kind in healing)}
     assert {fault.kind for fault in found.faults} <= allowed
     assert all(fault.at <= 200.0 + 1e-6 for fault in found.faults)
     again = load_scenario(as_mapping(found))

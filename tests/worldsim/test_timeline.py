@@ -168,6 +168,16 @@ def test_who_joins_is_absent_from_the_beginning() -> None:
     assert line.acts(40) == (Act("join", 4, "f1"), Act("join", 5, "f1"))
 
 
+def test_who_leaves_before_it_joins_was_there() -> None:
+    line = timeline(
+        {"kind": "join", "who": ["r4", "r5"], "at": 20},
+        {"kind": "leave", "who": ["r1", "r4"], "at": 10},
+        {"kind": "leave", "who": "r5", "at": 30},
+        {"kind": "join", "who": "r1", "at": 40},
+    )
+    assert line.starts_absent == {5}
+
+
 def test_faults_asked_for_later_follow_on() -> None:
     given_faults = scenario({"kind": "silence", "who": "one"}, {"kind": "kill", "who": "one", "at": 20})
     asked = [
@@ -223,7 +233,7 @@ BEFORE = {
     "restart": {"alive", "dead"},
     "pause": {"alive"},
     "resume": {"paused"},
-    "join": {"absent"},
+    "join": {"absent", "left"},
     "leave": {"alive"},
 }
 
@@ -239,6 +249,6 @@ def test_a_nemesis_makes_sense_leaves_somebody_and_heals(seed: int, robots: int,
             assert status[act.number] in BEFORE[act.kind], act
             status[act.number] = AFTER[act.kind]
         assert "alive" in status.values()
-    assert set(status.values()) <= {"alive", "left"}
+    assert set(status.values()) == {"alive"}
     assert line.healed is not None
     assert line.healed * step <= 60.0 + 1e-6
