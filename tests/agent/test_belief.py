@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -174,3 +176,44 @@ def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
     belief.update(0, Pose(1.0, 19.0, 0.0), [frame(2, 60, 15.0, 5.0), frame(2, 3, 15.0, 5.0)], STEP)
     assert belief.fog.last_seen.min() == -1
     assert belief.inbox.rejected == 0
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6), loss=st.sampled_from([0.0, 0.3, 0.6]), late=st.booleans(), length=st.integers(0, 4))
+def test_trails_and_late_frames_together_give_what_each_heard_look_gives(
+    seed: int, loss: float, late: bool, length: int
+) -> None:
+    """Whatever is lost, late or told twice, the fog is that of the looks that were told of at all, each at its tick."""
+    rng = np.random.default_rng(seed)
+    open_ground = np.ones((40, 50), dtype=np.bool_)
+    belief, footprint = belief_on(open_ground, 0)
+    expected = Fog(open_ground)
+    own = Pose(1.0, 19.0, 0.0)
+    places = [(4.0 + 0.5 * k, 5.0 + 3.0 * (k % 2)) for k in range(30)]
+    arrivals: dict[int, list[int]] = {}
+    for k in range(30):
+        # The first frame is the quickest, so that all others can be dated by it.
+        delay = int(rng.integers(0, 6)) if late and k else 0
+        if k == 0 or rng.random() >= loss:
+            arrivals.setdefault(k + delay, []).append(k)
+    looks: set[int] = set()
+    newest = heard_at = 0
+    for tick in range(40):
+        expected.observe(footprint.visible(own), tick)
+        frames = []
+        for k in sorted(arrivals.get(tick, [])):
+            past = [places[k - ago] for ago in range(min(length, k) + 1)]
+            trail = tuple(
+                (round(100 * (old[0] - new[0])), round(100 * (old[1] - new[1]))) for new, old in pairwise(past)
+            )
+            frames.append(frame(2, k, *places[k], trail=trail))
+            if k > newest:
+                newest, heard_at = k, tick
+            for ago in range(min(length, k) + 1):
+                if k - ago not in looks:
+                    looks.add(k - ago)
+                    at = heard_at - (newest - k) - ago
+                    expected.observe(footprint.visible(Pose(*places[k - ago], 0.0)), at)
+        belief.update(tick, own, frames, STEP)
+    assert belief.inbox.rejected == 0
+    assert np.array_equal(belief.fog.last_seen, expected.last_seen)
