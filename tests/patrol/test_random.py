@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 import math
+import statistics
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.random import Purpose, draw, mix
+from patrol.random import Purpose, draw, gauss, mix
 
 GOLDEN = 0x9E3779B97F4A7C15
 MASK = 2**64 - 1
@@ -86,3 +87,12 @@ def test_one_bit_in_changes_half_of_the_bits_out() -> None:
 def test_a_run_of_draws_can_be_asked_for_in_any_order() -> None:
     forwards = [draw(1, Purpose.ETHER, n) for n in range(50)]
     assert [draw(1, Purpose.ETHER, n) for n in reversed(range(50))] == forwards[::-1]
+
+
+def test_normal_draws_are_normal_and_repeat() -> None:
+    values = [gauss(7, Purpose.SENSES, k) for k in range(20_000)]
+    assert statistics.mean(values) == pytest.approx(0.0, abs=0.03)
+    assert statistics.stdev(values) == pytest.approx(1.0, abs=0.03)
+    beyond = sum(abs(value) > 1.959964 for value in values) / len(values)
+    assert beyond == pytest.approx(0.05, abs=0.006)
+    assert gauss(7, Purpose.SENSES, 3) == values[3]
