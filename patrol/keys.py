@@ -87,10 +87,10 @@ def check_locator(locator: str, option: str) -> str:
 
 
 def is_group(locator: str) -> bool:
-    """Whether a locator is a multicast group, ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``."""
+    """Whether a locator is an IPv4 multicast group, ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``."""
     found = _GROUP.fullmatch(locator)
     try:
-        return found is not None and ipaddress.ip_address(found[1].strip("[]")).is_multicast
+        return found is not None and ipaddress.IPv4Address(found[1]).is_multicast
     except ValueError:
         return False
 

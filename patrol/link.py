@@ -22,6 +22,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import zenoh
 
 from patrol.errors import BadInput
+from patrol.group import GroupDown, open_group
 from patrol.keys import is_group
 
 LEASE_S = 60.0
@@ -39,16 +40,7 @@ TELL_S = (1.0, 5.0)
 RADIO_LEASE_S = 2.0
 """The same for a link that carries nothing but positions."""
 
-_JOIN_MS = 500
-"""How often members of a multicast group say that they are there; whoever is not known is not heard."""
-
-_CLIENT: dict[str, object] = {
-    "mode": "client",
-    "connect/timeout_ms": -1,
-    "connect/exit_on_failure": False,
-    "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
-    "listen/endpoints": [],
-}
+_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
 _ROOM = 256
 _SOCKET = 65536
 
@@ -136,6 +128,22 @@ class Mailbox(Generic[T]):
             if waiting:
                 self._ready.append(key)
             return key, message
+
+
+class Air(Protocol):
+    """What positions travel by: a `Link`, or a `patrol.group.Group`."""
+
+    def broadcast(self, key: str) -> Post:
+        """What a direct radio sends with: at once, to all others, and lost rather than late."""
+        ...
+
+    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
+        """Let messages under a key expression into a mailbox."""
+        ...
+
+    def close(self) -> bool:
+        """Close it; False when that takes too long."""
+        ...
 
 
 class Link:
@@ -243,22 +251,12 @@ def open_link(
     waiting: called as `TELL_S` says, with the seconds waited, while no router answers. Raises LinkDown when none has
     after wait_s, or when `stopped` says so.
     """
-    return _open(client_config(router), router, wait_s, waiting, stopped)
-
-
-def open_radio(
-    radio: str,
-    wait_s: float,
-    waiting: Callable[[float], None] = lambda _waited: None,
-    stopped: Callable[[], bool] = lambda: False,
-) -> Link:
-    """Join a link for positions alone: a multicast group, which needs no router, or a router as in `open_link`."""
-    return _open(radio_config(radio), radio, wait_s, waiting, stopped)
+    return _open(client_config(router, LEASE_S), router, wait_s, waiting, stopped)
 
 
 def open_links(
     router: str, radio: str | None, wait_s: float, say: Callable[[str], None], stopped: Callable[[], bool]
-) -> tuple[Link, Link] | None:
+) -> tuple[Link, Air] | None:
     """The link to the router and the one for positions, the same unless `radio` says where; None when told to stop.
 
     say: takes a line now and then while somebody is waited for. Raises BadInput when nobody has answered after wait_s.
@@ -276,8 +274,12 @@ def open_links(
     if radio is None:
         return link, link
     try:
-        return link, open_radio(radio, wait_s, waiting_for(f"a router at {radio}"), stopped)
-    except LinkDown as down:
+        if is_group(radio):
+            return link, open_group(radio)
+        # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
+        config = client_config(radio, RADIO_LEASE_S)
+        return link, _open(config, radio, wait_s, waiting_for(f"a router at {radio}"), stopped)
+    except (LinkDown, GroupDown) as down:
         link.close()
         if stopped():
             return None
@@ -330,22 +332,19 @@ def _first_line(error: Exception) -> str:
     return system[1] if system else text
 
 
-def client_config(router: str) -> zenoh.Config:
+def client_config(router: str, lease_s: float) -> zenoh.Config:
     """A client of one router, that waits for it and finds back to it."""
-    return _config({**_CLIENT, "connect/endpoints": [router], "transport/link/tx/lease": round(LEASE_S * 1000)})
-
-
-def radio_config(radio: str) -> zenoh.Config:
-    """A member of a multicast group, or a client that is given up after `RADIO_LEASE_S` without a sign of life.
-
-    A reliable link that has been cut delivers on its return what is long out of date; with a short lease it is a new
-    link by then.
-    """
-    lease = {"transport/link/tx/lease": round(RADIO_LEASE_S * 1000)}
-    if not is_group(radio):
-        return _config({**_CLIENT, "connect/endpoints": [radio], **lease})
-    here = {"listen/endpoints": [radio], "connect/endpoints": [], "transport/multicast/join_interval": _JOIN_MS}
-    return _config({"mode": "peer", **here, **lease})
+    return _config(
+        {
+            "mode": "client",
+            "connect/endpoints": [router],
+            "connect/timeout_ms": -1,
+            "connect/exit_on_failure": False,
+            "connect/retry": _RETRY,
+            "listen/endpoints": [],
+            "transport/link/tx/lease": round(lease_s * 1000),
+        }
+    )
 
 
 def router_config(listen: str) -> zenoh.Config:

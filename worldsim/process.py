@@ -23,7 +23,7 @@ from patrol.lifeline import Ending, heed
 if TYPE_CHECKING:
     from patrol.journal import Event, TickRecord
     from patrol.keys import FleetKeys
-    from patrol.link import Link
+    from patrol.link import Air, Link
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
     from worldsim.direct import Ear
@@ -140,7 +140,7 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
     return seats
 
 
-def _ear(link: Link, air: Link, keys: FleetKeys, scenario: Scenario) -> Ear:
+def _ear(link: Link, air: Air, keys: FleetKeys, scenario: Scenario) -> Ear:
     """Overhear what robots tell each other on the air, and what they say of it over the fleet's link."""
     from patrol.eyes import read_traffic
     from patrol.link import Mailbox

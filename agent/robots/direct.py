@@ -1,4 +1,4 @@
-"""A direct radio: robots hear each other over Zenoh, and no world carries or counts their frames.
+"""A direct radio: robots hear each other over a network, and no world carries or counts their frames.
 
 Frames go out under the sender's own key and are dropped where a queue is full: a position is worth nothing late. What
 arrives between two decisions is heard at the second of them; where more has come from a sender than there is room for,
@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 
 from patrol.eyes import Traffic
 from patrol.keys import FleetKeys, robot_of
-from patrol.link import Link, Mailbox, Post
+from patrol.link import Air, Mailbox, Post
 from patrol.message import MAX_FRAME, MAX_FRAMES
 
 ROOM = 4 * MAX_FRAMES
@@ -58,12 +58,10 @@ class DirectRadio:
         return Traffic(incarnation, self.sent, heard, self._mailbox.refused.total(), final)
 
 
-def tune_in(
-    link: Link, keys: FleetKeys, own: str, numbers: Mapping[str, int], until: Callable[[], bool]
-) -> DirectRadio:
+def tune_in(air: Air, keys: FleetKeys, own: str, numbers: Mapping[str, int], until: Callable[[], bool]) -> DirectRadio:
     """Put a robot on the air. numbers: of all robots of the fleet by name; until: as for `DirectRadio`."""
     others = {keys.position(name): number for name, number in numbers.items() if name != own}
     mailbox: Mailbox[bytes] = Mailbox(others, bytes, MAX_FRAME, ROOM)
-    radio = DirectRadio(mailbox, link.broadcast(keys.position(own)), others, until)
-    link.subscribe(keys.position("*"), mailbox)
+    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, until)
+    air.subscribe(keys.position("*"), mailbox)
     return radio

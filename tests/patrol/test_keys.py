@@ -43,7 +43,7 @@ def test_other_addresses_are_bad_input(locator: str) -> None:
         check_locator(locator, "--router")
 
 
-@pytest.mark.parametrize("radio", ["udp/224.0.0.225:7448", "udp/239.1.2.3:1#iface=wlan0", "udp/[ff02::7]:7448"])
+@pytest.mark.parametrize("radio", ["udp/224.0.0.225:7448", "udp/239.1.2.3:1#iface=wlan0"])
 def test_groups_that_robots_can_hear_each_other_by(radio: str) -> None:
     assert is_group(radio)
     assert check_radio(radio, "--radio", "direct") == radio
