@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from patrol.errors import BadInput
-from patrol.scenario import dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
+from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
 
 app = typer.Typer(help="Show, check and describe scenario files.", no_args_is_help=True)
 
@@ -30,7 +31,7 @@ def show(what: What, settings: Settings = None) -> None:
 
 @app.command()
 def check(what: What, settings: Settings = None) -> None:
-    """Say whether the scenario can run: every value, the terrain, and room for every robot."""
+    """Say whether the scenario can run: every value, the terrain, room for every robot; and what goes wrong when."""
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
     from patrol.prepare import prepare  # here: needs the simulator's libraries, which `show` does without
@@ -42,7 +43,26 @@ def check(what: What, settings: Settings = None) -> None:
     typer.echo(f"  {len(scenario.roster)} robots, {told} of them from a given start, the others placed at random")
     typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, in points of {scenario.point:g} m")
     typer.echo(f"  {scenario.duration:g} s in {scenario.ticks} ticks of {scenario.step:g} s")
+    for line in _faults(scenario):
+        typer.echo(f"  {line}")
     typer.echo(f"  scenario hash {digest}")
+
+
+def _faults(scenario: Scenario) -> Iterator[str]:
+    """What goes wrong, when and for whom: the faults as they are resolved."""
+    if not scenario.faults:
+        return
+    from worldsim.timeline import Timeline
+
+    timeline, step = Timeline(scenario), scenario.step
+    count = "1 fault" if len(timeline.entries) == 1 else f"{len(timeline.entries)} faults"
+    healed = "to the end" if timeline.healed is None else f"healed at {timeline.healed * step:g} s"
+    yield f"{count}, {healed}"
+    for entry in timeline.entries:
+        begin = f"{entry.begin * step:g}"
+        to = "end" if entry.end is None else f"{entry.end * step:g} s"
+        when = f"{begin} s" if entry.end == entry.begin else f"{begin} to {to}"
+        yield f"  {entry.id:<10} {entry.fault.kind:<10} {when:<16} {timeline.describe(entry)}"
 
 
 @app.command()

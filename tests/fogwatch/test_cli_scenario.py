@@ -39,6 +39,21 @@ def test_check_says_what_would_run() -> None:
         assert fact in told
 
 
+def test_check_tells_the_faults_as_they_are_resolved() -> None:
+    faults = (
+        "faults=[{kind: kill, at: 60, who: r2}, {kind: loss, at: 10, for: 5.2, rate: 0.5}, {kind: range, reach: 9}]"
+    )
+    told = output("check", "open", "--set", "point=0.5", "--set", faults).splitlines()
+    assert [line.rstrip() for line in told[4:8]] == [
+        "  3 faults, to the end",
+        "    f1         kill       60 s             r2",
+        "    f2         loss       10 to 15 s       all to all, rate 0.5",
+        "    f3         range      0 to end         all, reach 9",
+    ]
+    healed = output("check", "open", "--set", "point=0.5", "--set", "faults=[{kind: pause, who: r1, at: 9, for: 1}]")
+    assert "  1 fault, healed at 10 s\n" in healed
+
+
 def test_check_finds_what_the_file_alone_does_not_show() -> None:
     with pytest.raises(BadInput):
         output("check", "open", "--set", "point=0.5", "--set", "robots={count: 1, starts: [[-20, 20]]}")
