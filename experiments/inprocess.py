@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from patrol.keyfile import fleet_key
 from patrol.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
 from worldsim.loop import run_ticks
-from worldsim.record import INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
+from worldsim.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
 from worldsim.summary import Totals, summarise
 from worldsim.verdict import Judge, Verdict, judge
 from worldsim.world import Reply, Report, World
@@ -168,6 +168,7 @@ def run_in_process(
     keep: bool = True,
     verify_fog: bool = True,
     look: Callable[[World, Mapping[int, Mind]], None] | None = None,
+    baseline_s: float | None = None,
 ) -> Outcome:
     """Run a scenario to its end, or until `stop` (asked between ticks) says so.
 
@@ -176,7 +177,8 @@ def run_in_process(
     events: take each tick's record and each event, after they are recorded. threads: minds that step at once.
     verify_fog: without `keep`, whether the verdict recomputes the fog (see `worldsim.verdict.Judge`); it always does
     where there are records to read again. look: called after each tick with the world and the minds by robot number,
-    to compare what is with what they believe; it must change nothing.
+    to compare what is with what they believe; it must change nothing. baseline_s: what `fault_free_mfow` gives, for the
+    verdict to judge recovery by.
 
     Raises BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
     """
@@ -195,7 +197,7 @@ def run_in_process(
     begun = time.perf_counter()
     if journal is None and not keep:
         memory = MemoryJournal(header, keep)
-        judging = Judge(memory, {}, prepared, verify_fog=verify_fog)
+        judging = Judge(memory, {}, prepared, verify_fog=verify_fog, baseline_s=baseline_s)
         totals = Totals(header)
         _run(world, fleet, memory, (judging.tick, totals.tick, *watchers), events, stop)
         verdict = judging.verdict()
@@ -209,8 +211,16 @@ def run_in_process(
             _run(world, fleet, writer, watchers, events, stop)
         record = read_journal(journal)
     wall_s = time.perf_counter() - begun
-    verdict = judge(record, {}, prepared)
+    verdict = judge(record, {}, prepared, baseline_s=baseline_s)
     return Outcome(record, summarise(record, verdict, wall_s), verdict)
+
+
+def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False) -> float | None:
+    """The mean MFoW (s) of the same scenario without its faults; None when `stop` has ended that run."""
+    calm = replace(prepared, scenario=prepared.scenario.model_copy(update={"faults": ()}))
+    outcome = run_in_process(calm, keep=False, verify_fog=False, stop=stop)
+    completed = outcome.journal.end is not None and outcome.journal.end.reason == COMPLETED
+    return float(outcome.summary["mfow_mean_s"]) if completed else None
 
 
 def _run(

@@ -70,7 +70,8 @@ class Wishes:
 
     port: of the router, or None for a free one. begin: called when the ticks are about to begin. stop: asked from then
     on whether to end early; urgent: whether to end by force. Before that KeyboardInterrupt ends everything. draw:
-    whether to draw the final fog. recording, report: whether to write them when the run is over.
+    whether to draw the final fog. recording, report: whether to write them when the run is over. recovery: whether to
+    run the scenario without its faults too, in one process, to judge recovery by.
     """
 
     out: Path | None = None
@@ -83,6 +84,7 @@ class Wishes:
     draw: bool = True
     recording: bool = False
     report: bool = False
+    recovery: bool = False
 
 
 def run(
@@ -94,6 +96,7 @@ def run(
     overrides: Mapping[str, object] | None = None,
     recording: bool = False,
     report: bool = False,
+    recovery: bool = False,
 ) -> Result:
     """Run a scenario to its end.
 
@@ -102,7 +105,8 @@ def run(
     in_process: in this process, or as one process per robot over Zenoh; both give the same trace. progress: called
     with the run so far, at most ten times a second. overrides: values by dotted field, ``{"patrol.dilatation": 0}``.
     recording, report: write recording.mcap and report.html into the run folder as well; `fogwatch record` and
-    `fogwatch report` make them at any later time, so that a loop over many runs need not wait for them.
+    `fogwatch report` make them at any later time, so that a loop over many runs need not wait for them. recovery: run
+    a scenario with faults without them too, so that the verdict can judge recovery.
 
     Raises BadInput, one line that says what is wrong; `fogwatch.launcher.Failed` when processes could not be brought
     to run; KeyboardInterrupt after leaving everything in order.
@@ -115,7 +119,8 @@ def run(
         loaded = open_scenario(str(scenario), overrides)
     show = Silent() if progress is None else _Calling(progress)
     where = None if out is None else Path(out)
-    return execute(loaded, Wishes(where, in_process, show=show, recording=recording, report=report))
+    wishes = Wishes(where, in_process, show=show, recording=recording, report=report, recovery=recovery)
+    return execute(loaded, wishes)
 
 
 def execute(scenario: Scenario, wishes: Wishes) -> Result:
@@ -152,6 +157,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
     points = int(np.count_nonzero(prepared.patrolled))
     watcher = Watcher(names, points, scenario.step, scenario.ticks, time.monotonic)
     _begin(wishes)
+    baseline_s = _baseline(prepared, wishes)
     with closing(TicksTable(folder.ticks, scenario.step)) as table:
 
         def on_tick(record: TickRecord) -> None:
@@ -171,6 +177,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
             events=on_event,
             stop=wishes.stop,
             threads=min(len(names), os.cpu_count() or 1, MOST_THREADS),
+            baseline_s=baseline_s,
         )
     return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, wishes)
 
@@ -216,7 +223,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
         journal = read_journal(folder.journal)
     except BadInput as bad:
         raise Failed(str(bad)) from None
-    verdict = judge(journal, exit_codes, prepared)
+    verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(prepared, wishes))
     wall_s = journal.end.notes.get("wall_s") if journal.end else None
     summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
     return _result(folder, prepared, journal, verdict, summary, wishes)
@@ -227,6 +234,17 @@ def _announce(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> None:
     count = len(scenario.roster)
     robots = "1 robot" if count == 1 else f"{count} robots"
     wishes.show.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
+
+
+def _baseline(prepared: Prepared, wishes: Wishes) -> float | None:
+    """The fault-free mean MFoW (s), where it is wanted and one process can tell; that run needs no others."""
+    scenario = prepared.scenario
+    if not wishes.recovery or not scenario.faults or scenario.radio.via != "ether" or wishes.stop():
+        return None
+    from experiments.inprocess import fault_free_mfow
+
+    wishes.show.say("running it without its faults, to judge recovery by ...")
+    return fault_free_mfow(prepared, wishes.stop)
 
 
 def _check_memory(robots: int) -> None:

@@ -78,6 +78,9 @@ def run(
     port: Annotated[int | None, typer.Option(metavar="N", help="TCP port of the router (default: a free one).")] = None,
     recording: Annotated[bool, typer.Option("--recording/--no-recording", help="Write recording.mcap.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
+    recovery: Annotated[
+        bool, typer.Option("--recovery", help="Run it without its faults too, to judge recovery by.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print the run folder and nothing else.")] = False,
 ) -> int:
     """Run a fleet, each robot a process of its own, and judge the run.
@@ -122,6 +125,7 @@ def run(
         urgent=lambda: ending.times > 1,
         recording=recording,
         report=report,
+        recovery=recovery,
     )
     try:
         result = execute(scenario, wishes)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from agent.mind import Mind
-from experiments.inprocess import InProcessFleet, Outcome, mind_maker, run_in_process
+from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, mind_maker, run_in_process
 from patrol.errors import BadInput
 from patrol.journal import Event, TickRecord, read_journal
 from patrol.prepare import prepare
@@ -149,3 +149,19 @@ def test_a_restarted_mind_is_a_new_one() -> None:
     assert not fleet.arrived(1)
     fleet.start(1, 2)
     assert fleet._minds[1] is not first
+
+
+def test_recovery_is_judged_by_the_run_without_faults() -> None:
+    faults = [{"kind": "silence", "who": "all", "at": 5, "for": 10}]
+    wide = {"range": 200, "line_of_sight": False}
+    mapping = {"terrain": {"builtin": "open"}, "point": 2.0, "duration": 30, "sensor": wide, "faults": faults}
+    prepared = prepare(load_scenario(mapping))
+    calm = run_in_process(load_scenario({**mapping, "faults": []}))
+    baseline_s = fault_free_mfow(prepared)
+    assert baseline_s == calm.summary["mfow_mean_s"]
+    for keep in (True, False):
+        outcome = run_in_process(prepared, keep=keep, baseline_s=baseline_s)
+        (check,) = [check for check in outcome.verdict.checks if check.name == "recovery"]
+        assert (check.ok, check.judged) == (True, True)
+        assert check.detail.startswith("every point was seen again in 0 s; ")
+    assert fault_free_mfow(prepared, stop=lambda: True) is None

@@ -52,6 +52,16 @@ def test_seeds_make_the_difference(tmp_path: Path) -> None:
     assert first == third != second
 
 
+def test_recovery_is_judged_where_that_is_wanted(tmp_path: Path) -> None:
+    silence = [{"kind": "silence", "who": "all", "at": 2, "for": 5}]
+    mapping = {**SMALL, "faults": silence, "sensor": {"range": 200, "line_of_sight": False}}
+    for recovery in (True, False):
+        result = fogwatch.run(mapping, out=tmp_path / f"{recovery}", recovery=recovery)
+        (check,) = [check for check in result.verdict.checks if check.name == "recovery"]
+        assert check.judged is recovery
+        assert result.verdict.valid
+
+
 def test_progress_is_told(tmp_path: Path) -> None:
     told: list[Metrics] = []
     fogwatch.run(SMALL, out=tmp_path / "run", progress=told.append)
