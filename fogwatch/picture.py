@@ -133,7 +133,8 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     for index, facts in enumerate(journal.header.robots):
         colour = PATHS[index % len(PATHS)]
         _draw_path(axes, run.tracks[facts.number], recent, colour)
-        _draw_body(axes, run.last[facts.number], facts, colour)
+        if run.last[facts.number].status not in (Status.ABSENT, Status.LEFT):
+            _draw_body(axes, run.last[facts.number], facts, colour)
         if index < MOST_NAMES:
             keys.append(Key(colour, f"{facts.name}{_fate(run.last[facts.number].status)}", "-"))
     if len(journal.header.robots) > MOST_NAMES:

@@ -104,6 +104,22 @@ def test_an_interrupted_run_lets_the_paused_go(pace: str | float, start: Callabl
     assert run.summary()["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
 
 
+def test_a_run_can_be_interrupted_while_a_robot_is_started(start: Callable[..., Run]) -> None:
+    run = start(
+        {**COARSE, "duration": 100_000, "robots": 2 * [{}], "faults": [{"kind": "restart", "who": "r1", "at": 5}]}
+    )
+    run.until(lambda: "r1" in run.children())
+    first = run.children()["r1"]
+    run.until(lambda: run.children().get("r1", first) != first)
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
+    assert not run.children()
+    summary = run.summary()
+    assert summary["ended"] == "interrupted"
+    assert summary["exit_codes"]["r1"] == -9
+    assert [check for check in summary["verdict"]["checks"] if not check["ok"]] == []
+
+
 def test_a_killed_launcher_leaves_no_paused_process_behind(start: Callable[..., Run]) -> None:
     faults = [{"kind": "pause", "who": "r1", "at": 3}, {"kind": "restart", "who": "r2", "at": 4}]
     run = start({**COARSE, "duration": 100_000, "robots": 2 * [{}], "faults": faults})

@@ -54,6 +54,15 @@ def test_the_replayed_fog_is_the_worlds(tmp_path: Path, sensor: dict[str, Any]) 
     assert [len(track) for track in final.tracks.values()] == [60, 60]
 
 
+def test_robots_that_come_and_go_are_drawn(tmp_path: Path) -> None:
+    faults = [{"kind": "leave", "who": "r1", "at": 5}, {"kind": "join", "who": "r2", "at": 10}]
+    prepared = run(tmp_path, faults=faults)
+    final = replay(read_journal(tmp_path / "journal"), prepared)
+    assert [int(np.isfinite(track[:, 0]).sum()) for track in final.tracks.values()] == [10, 40]
+    run_picture(tmp_path, tmp_path / "fog.png", prepared)
+    assert min(size_of(tmp_path / "fog.png")) > 100
+
+
 def test_a_run_is_drawn_from_its_folder(tmp_path: Path) -> None:
     prepared = run(tmp_path)
     run_picture(tmp_path, tmp_path / "fog.png")
