@@ -27,7 +27,7 @@ ROOM = 64
 MAX_TRAFFIC = 1024
 """Bytes of the longest telemetry, for each robot of the fleet."""
 
-LAST_WORDS_S = 0.5
+LAST_WORDS_S = 2.0
 """How long the world waits for what robots have to say when they leave."""
 
 
