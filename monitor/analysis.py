@@ -81,7 +81,6 @@ def measures(run: Run) -> list[Measure]:
     area = float(np.count_nonzero(run.prepared.patrolled))
     delivered, lost = int(run.links.delivered.sum()), int(run.links.lost.sum())
     settled = run.seen[-1] == area and run.ticks * step >= 4.0 * bound > 0.0
-    moves = np.hypot(*np.moveaxis(np.diff(run.poses[:, :, :2], axis=0), 2, 0))
     decisions = run.decision_ms[~np.isnan(run.decision_ms)]
     return [
         Measure("mean MFoW", mean, "s", f"lower bound {bound:.1f} s" if bound else ""),
@@ -93,7 +92,7 @@ def measures(run: Run) -> list[Measure]:
             "delivered", 100.0 * delivered / (delivered + lost) if delivered + lost else None, "%", "of all frames"
         ),
         Measure("collisions", float(run.bumped.sum()), "", "moves cancelled"),
-        Measure("driven", float(np.nansum(moves)), "m", "all robots"),
+        Measure("driven", float(run.driven.sum()), "m", "all robots"),
         Measure("decision, median", float(np.median(decisions)) if len(decisions) else None, "ms"),
         Measure(
             "robots at the end", float(np.count_nonzero(run.status[-1] == Status.ALIVE)), "", f"of {len(run.names)}"

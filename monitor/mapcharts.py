@@ -77,8 +77,7 @@ def paths_chart(run: Run) -> Figure:
         axes.tick_params(labelbottom=False, labelleft=False, length=0)
         _ground(axes, terrain)
         _path(axes, run, place, 0.8)
-        moves = np.hypot(*np.diff(run.poses[:, place, :2], axis=0).T)
-        axes.set_title(f"{run.names[place]}: {np.nansum(moves):.0f} m", color=INK)
+        axes.set_title(f"{run.names[place]}: {run.driven[place]:.0f} m", color=INK)
     return made
 
 

@@ -7,7 +7,7 @@ megabyte, needs no script, and its figures are those that are also written as PN
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -160,25 +160,29 @@ def _verdict(run: Run) -> str:
     verdict = verdict_of(run)
     if verdict is None:
         return html.text("There is no summary.json with a verdict: nobody has judged this run.", "note")
-    rows = []
+    heads = ("", "check", "what was found")
+    apart: list[tuple[str, str, str]] = []
+    passed: list[tuple[str, str, str]] = []
     for check in verdict["checks"]:
-        ok, judged = bool(check.get("ok")), bool(check.get("judged", True))
-        word = html.badge("ok", "ok") if ok and judged else html.badge("not judged", "open")
-        rows.append(
-            (word if ok else html.badge("failed", "failed"), str(check.get("name")), str(check.get("detail", "")))
-        )
-    failed = [row for row in rows if "failed" in row[0]]
-    checks = html.table(("", "check", "what was found"), rows)
-    if failed:
-        return html.text(f"{len(failed)} of {len(rows)} checks failed.") + checks
-    return html.text(f"All {len(rows)} checks passed.") + html.folded("the checks", checks)
+        facts = (str(check.get("name")), str(check.get("detail", "")))
+        if not check.get("ok"):
+            apart.append((html.badge("failed", "failed"), *facts))
+        elif not check.get("judged", True):
+            apart.append((html.badge("not judged", "open"), *facts))
+        else:
+            passed.append((html.badge("ok", "ok"), *facts))
+    failed = sum(not check.get("ok") for check in verdict["checks"])
+    counts = [f"{len(passed)} checks passed", *([f"{failed} failed"] if failed else [])]
+    if len(apart) > failed:
+        counts.append(f"{len(apart) - failed} could not be judged")
+    shown = html.table(heads, apart) if apart else ""
+    return html.text(f"{', '.join(counts)}.") + shown + html.folded("checks passed", html.table(heads, passed))
 
 
 def _robots(run: Run) -> str:
     heads = ("robot", "at the end", "driven m", "dead end %", "collisions", "decision p50 ms", "p99 ms")
     doing = charts.state_codes(run)
     alive = (run.status == 1).sum(axis=0)
-    moves = np.nan_to_num(np.hypot(*np.moveaxis(np.diff(run.poses[:, :, :2], axis=0), 2, 0))).sum(axis=0)
     rows = []
     for place, name in enumerate(run.names[:MOST_ROBOTS]):
         times = run.decision_ms[:, place]
@@ -186,7 +190,9 @@ def _robots(run: Run) -> str:
         p50, p99 = (f"{np.percentile(times, part):.1f}" if len(times) else "-" for part in (50, 99))
         stuck = 100.0 * float((doing[:, place] == 1).sum()) / max(int(alive[place]), 1)
         end = charts.STATUS_WORDS[int(run.status[-1, place])]
-        rows.append((name, end, f"{moves[place]:.0f}", f"{stuck:.1f}", str(int(run.bumped[:, place].sum())), p50, p99))
+        rows.append(
+            (name, end, f"{run.driven[place]:.0f}", f"{stuck:.1f}", str(int(run.bumped[:, place].sum())), p50, p99)
+        )
     shown = html.table(heads, rows, numbers=range(2, 7))
     more = len(run.names) - MOST_ROBOTS
     return html.folded("numbers", shown, html.text(f"and {more} more" if more > 0 else "", "note"))
@@ -243,13 +249,18 @@ def _faults(analysis: Analysis) -> str:
     for band in analysis.bands:
         until = f"{band.end:g}" if band.lasts else ""
         facts = counted.get(band.id) if isinstance(counted, dict) else None
-        numbers = (
-            ", ".join(f"{name} {value}" for name, value in facts.items() if isinstance(value, int | float))
-            if isinstance(facts, dict)
-            else ""
-        )
+        numbers = _fault_counts(band.kind, facts) if isinstance(facts, dict) else ""
         rows.append((band.id, band.kind, f"{band.begin:g}", until, band.text, numbers))
     return html.table(("", "kind", "from s", "to s", "", "frames"), rows, numbers=(2, 3)) if rows else ""
+
+
+def _fault_counts(kind: str, facts: Mapping[str, Any]) -> str:
+    """What a fault of the radio did, as the summary counts it."""
+    if "frames" not in facts:
+        return ""
+    heads = [f"{facts['frames']} {'forged' if kind == 'spoof' else 'on its links'}"]
+    did = [f"{facts[name]} {name}" for name in ("dropped", "delayed", "duplicated") if facts.get(name)]
+    return ", ".join(heads + did)
 
 
 def _events(run: Run) -> str:

@@ -6,7 +6,8 @@ Everything is in roster order. A journal that was cut off, or one that is still 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -62,9 +63,10 @@ class Run:
 
     poses: float64 (ticks, n, 3), true ones at the beginning of each tick. status: uint8 (ticks, n). bumped: bool
     (ticks, n). states: int16 (ticks, n), indices of `labels`. goals: float64 (ticks, n, 2), m, NaN without one.
-    decision_ms: float64 (ticks, n), NaN without one. mfow: int64 (ticks,); fog_mean: float64 (ticks,); both in ticks.
-    seen: int64 (ticks,), points seen so far. positions: frames that carry the sender's own position, over all ticks.
-    rejected: frames that robots say they refused. summary: of summary.json, None where there is none.
+    decision_ms: float64 (ticks, n), NaN without one. driven: float64 (n,), m, along the commands obeyed. mfow: int64
+    (ticks,); fog_mean: float64 (ticks,); both in ticks. seen: int64 (ticks,), points seen so far. positions: frames
+    that carry the sender's own position, over all ticks. rejected: frames that robots say they refused. summary: of
+    summary.json, None where there is none.
     """
 
     folder: Path
@@ -77,6 +79,7 @@ class Run:
     labels: tuple[str, ...]
     goals: NDArray[np.float64]
     decision_ms: NDArray[np.float64]
+    driven: NDArray[np.float64]
     mfow: NDArray[np.int64]
     fog_mean: NDArray[np.float64]
     seen: NDArray[np.int64]
@@ -154,7 +157,8 @@ def open_run(folder: Path) -> Run:
 def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mapping[str, Any] | None = None) -> Run:
     """A journal's ticks as arrays; BadInput when it holds none."""
     index = {robot.number: place for place, robot in enumerate(journal.header.robots)}
-    rows = _Rows(index)
+    cars = {robot.number for robot in journal.header.robots if robot.model == "car"}
+    rows = _Rows(index, cars, prepared.scenario.step)
     for record in journal.ticks:
         rows.take(record)
     if not rows.mfow:
@@ -171,6 +175,7 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
         labels=tuple(rows.labels),
         goals=np.array(rows.goals, dtype=np.float64),
         decision_ms=np.array(rows.decision_ms, dtype=np.float64),
+        driven=np.array([rows.driven[number] for number in index], dtype=np.float64),
         mfow=np.array(rows.mfow, dtype=np.int64),
         fog_mean=np.array(rows.fog_mean, dtype=np.float64),
         seen=np.array(rows.seen, dtype=np.int64),
@@ -188,8 +193,11 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
 class _Rows:
     """What is collected from tick records, one by one."""
 
-    def __init__(self, index: Mapping[int, int]) -> None:
+    def __init__(self, index: Mapping[int, int], cars: Collection[int], step: float) -> None:
         self._index = index
+        self._cars = cars
+        self._step = step
+        self.driven = dict.fromkeys(index, 0.0)
         self.poses: list[list[tuple[float, float, float]]] = []
         self.status: list[list[int]] = []
         self.bumped: list[list[bool]] = []
@@ -217,6 +225,10 @@ class _Rows:
         self.states.append([self.labels.setdefault(robot.state, len(self.labels)) for robot in robots])
         self.goals.append([robot.goal or (nan, nan) for robot in robots])
         self.decision_ms.append([nan if robot.decision_ms is None else robot.decision_ms for robot in robots])
+        for robot in robots:
+            if not robot.bumped:
+                speed = abs(robot.c0) if robot.number in self._cars else math.hypot(robot.c0, robot.c1)
+                self.driven[robot.number] += speed * self._step
         self.rejected.update({robot.number: robot.rejected for robot in robots if robot.rejected is not None})
         self.mfow.append(record.mfow)
         self.fog_mean.append(record.fog_mean)
