@@ -79,7 +79,7 @@ def measures(run: Run) -> list[Measure]:
     step, header = run.step, run.journal.header
     mean, bound = float(run.mfow.mean()) * step, header.bound_s
     area = float(np.count_nonzero(run.prepared.patrolled))
-    delivered, lost = int(run.links.delivered.sum()), int(run.links.lost.sum())
+    delivered, lost = int(run.links.delivered[1:].sum()), int(run.links.lost[1:].sum())  # less the forged ones
     settled = run.seen[-1] == area and run.ticks * step >= 4.0 * bound > 0.0
     decisions = run.decision_ms[~np.isnan(run.decision_ms)]
     return [

@@ -96,12 +96,13 @@ def shown(drawing: Drawing | None, heading: bool = False) -> str:
 
 def side_by_side(*content: str) -> str:
     """Next to each other where there is room."""
-    return f'<div class="pair">{"".join(content)}</div>'
+    inside = "".join(content)
+    return f'<div class="pair">{inside}</div>' if inside else ""
 
 
 def links(items: Iterable[tuple[str, str]]) -> str:
     """(target, text): places on the page, or files beside it."""
-    return f"<nav>{''.join(f'<a href={chr(34)}{escape(to)}{chr(34)}>{escape(says)}</a>' for to, says in items)}</nav>"
+    return f"<nav>{' '.join(f'<a href={chr(34)}{escape(to)}{chr(34)}>{escape(says)}</a>' for to, says in items)}</nav>"
 
 
 def _class(kind: str) -> str:

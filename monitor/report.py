@@ -104,10 +104,10 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
     ]
     sections = [
         html.section("verdict", "Verdict", _verdict(run)),
-        html.section("fog", "Fog", html.shown(of["mfow"]), _pair(of, "fog-mean", "fog-worst")),
-        html.section("visits", "Time between visits", html.shown(of["gaps"])),
-        html.section("robots", "Robots", html.shown(of["states"]), _robots(run), html.shown(of["troubles"])),
-        html.section("paths", "Paths", html.shown(of["paths"])),
+        html.section("fog", "Fog", html.shown(of.get("mfow")), _pair(of, "fog-mean", "fog-worst")),
+        html.section("visits", "Time between visits", html.shown(of.get("gaps"))),
+        html.section("robots", "Robots", html.shown(of.get("states")), _robots(run), html.shown(of.get("troubles"))),
+        html.section("paths", "Paths", html.shown(of.get("paths"))),
         html.section("links", "Radio", html.shown(of.get("links")), html.shown(of.get("radio")), _links(run)),
         html.section("belief", "Belief error", _belief(analysis), html.shown(of.get("belief"))),
         html.section("decisions", "Decision times", html.shown(of.get("decisions"))),
@@ -203,8 +203,9 @@ def _links(run: Run) -> str:
     sent = run.links.delivered + lost
     if not sent.any():
         return html.text("Nobody sent anything to anybody.", "note")
-    total, arrived = int(sent.sum()), int(run.links.delivered.sum())
-    says = f"{arrived} of {total} frames arrived (a frame counts once per receiver)"
+    total, arrived = int(sent[1:].sum()), int(run.links.delivered[1:].sum())
+    forged = f", and {int(run.links.delivered[0].sum())} forged ones" if sent[0].any() else ""
+    says = f"{arrived} of {total} frames arrived (a frame counts once per receiver){forged}"
     late = f"; the latest {run.links.late * run.step:g} s after its tick" if run.links.late else ", each in its tick"
     causes = [(cause, str(int(counts.sum()))) for cause, counts in run.links.dropped.items()]
     parts = [html.text(f"{says}{late}. Robots refused {run.rejected}.")]
@@ -299,7 +300,7 @@ def _mismatch(analysis: Analysis) -> str:
 
 
 def _pair(of: dict[str, Drawing], *names: str) -> str:
-    return html.side_by_side(*(html.shown(of[name], heading=True) for name in names))
+    return html.side_by_side(*(html.shown(of.get(name), heading=True) for name in names))
 
 
 def _contents(sections: Sequence[str]) -> list[tuple[str, str]]:

@@ -163,7 +163,6 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
         rows.take(record)
     if not rows.mfow:
         raise BadInput(f"{journal.path}: holds no whole tick; there is nothing to show yet")
-    last = np.array([rows.rejected.get(number, 0) for number in index])
     return Run(
         folder=folder,
         journal=journal,
@@ -181,7 +180,7 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
         seen=np.array(rows.seen, dtype=np.int64),
         links=rows.links(),
         positions=rows.positions,
-        rejected=int(last.sum()),
+        rejected=rows.rejected,
         events=journal.events,
         ended=None if journal.end is None else journal.end.reason,
         truncated=journal.truncated,
@@ -209,7 +208,8 @@ class _Rows:
         self.fog_mean: list[float] = []
         self.seen: list[int] = []
         self.positions = 0
-        self.rejected: dict[int, int] = {}
+        self.rejected = 0
+        self._counted: dict[int, int] = {}
         self._delivered_in: list[int] = []
         self._dropped_in: list[int] = []
         side = len(index) + 1
@@ -229,7 +229,12 @@ class _Rows:
             if not robot.bumped:
                 speed = abs(robot.c0) if robot.number in self._cars else math.hypot(robot.c0, robot.c1)
                 self.driven[robot.number] += speed * self._step
-        self.rejected.update({robot.number: robot.rejected for robot in robots if robot.rejected is not None})
+        for robot in robots:
+            if robot.rejected is not None:
+                # A mind that is started anew counts from 0 again.
+                new = robot.rejected - self._counted.get(robot.number, 0)
+                self.rejected += new if new >= 0 else robot.rejected
+                self._counted[robot.number] = robot.rejected
         self.mfow.append(record.mfow)
         self.fog_mean.append(record.fog_mean)
         self.seen.append(record.seen)

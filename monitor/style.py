@@ -70,7 +70,7 @@ class Drawing:
         width = re.search(r'width="([\d.]+)pt"', text)
         text = re.sub(r' (?:width|height)="[\d.]+pt"', "", text, count=2)
         points = float(width.group(1)) if width else 600.0
-        label = f'<svg role="img" aria-label={quoteattr(self.heading)} style="max-width:{points * 1.45:.0f}px"'
+        label = f'<svg role="img" aria-label={quoteattr(self.heading)} style="{_size(points)}"'
         return text.replace("<svg", label, 1).strip()
 
     def save(self, folder: Path) -> list[Path]:
@@ -149,6 +149,11 @@ def draw(name: str, heading: str, caption: str, make: Callable[[], Figure]) -> D
     """Make a drawing in our style."""
     with drawn():
         return Drawing(name, heading, caption, make())
+
+
+def _size(points: float) -> str:
+    """How wide a figure of so many points may become on a page; on a phone it is scrolled rather than unreadable."""
+    return f"min-width:{min(600.0, points):.0f}px;max-width:{points * 1.45:.0f}px"
 
 
 def _svg(figure: Figure, *, transparent: bool) -> str:

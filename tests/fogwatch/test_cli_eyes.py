@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import fogwatch
+from fogwatch.cli import main
+from fogwatch.derived import derive
+from patrol.journal import read_journal
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
+
+SMALL = {
+    "name": "small",
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "duration": 15,
+    "robots": {"count": 2, "model": "holonomic"},
+    "patrol": {"dilatation": 0.0},
+}
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with a recording and a report; nobody changes it."""
+    return fogwatch.run(SMALL, out=tmp_path_factory.mktemp("run") / "small", recording=True, report=True).folder
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str | Path) -> int:
+        monkeypatch.setattr(sys, "argv", ["fogwatch", *map(str, arguments)])
+        return main()
+
+    return call
+
+
+def half(ran: Path, folder: Path, old: bool) -> Path:
+    """A run that was cut off in the middle; old: long ago."""
+    folder.mkdir()
+    (folder / "scenario.yaml").write_bytes((ran / "scenario.yaml").read_bytes())
+    whole = (ran / "journal").read_bytes()
+    (folder / "journal").write_bytes(whole[: 2 * len(whole) // 3])
+    if old:
+        os.utime(folder / "journal", (1.0e9, 1.0e9))
+    return folder
+
+
+def test_a_run_leaves_a_recording_and_a_report(ran: Path) -> None:
+    assert (ran / "recording.mcap").read_bytes()[1:5] == b"MCAP"
+    page = (ran / "report.html").read_text(encoding="utf-8")
+    assert ">valid</span>" in page
+    assert 'href="recording.mcap"' in page
+    assert not list(ran.glob("*.part"))
+
+
+def test_record_and_recording(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert command("record", ran, "--out", "a.mcap") == 0
+    assert "15 s, a grid every 10 s" in capsys.readouterr().out
+    assert (tmp_path / "a.mcap").read_bytes() == (ran / "recording.mcap").read_bytes()
+    assert command("recording", "a.mcap") == 0
+    said = capsys.readouterr().out
+    assert "small: 0 to 14.5 s" in said
+    assert "whole, checksums right" in said
+    (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:-200])
+    assert command("recording", "b.mcap") == 1
+    assert "cut off" in capsys.readouterr().out
+    assert command("recording", "b.mcap", "--repair", "c.mcap") == 0
+    assert command("recording", "c.mcap") == 0
+
+
+@pytest.mark.parametrize(("old", "words"), [(True, "was cut off"), (False, "is still going")])
+def test_what_can_be_shown_of_a_run_without_an_end(
+    ran: Path,
+    command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    old: bool,
+    words: str,
+) -> None:
+    folder = half(ran, tmp_path / "half", old)
+    assert command("record", folder) == 0
+    assert words in capsys.readouterr().err
+    assert (folder / "recording.mcap").exists()
+
+
+def test_report_and_compare(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = half(ran, tmp_path / "half", old=True)
+    assert command("report", folder, "--figures", "figures") == 0
+    shown = capsys.readouterr()
+    assert "was cut off" in shown.err
+    assert "figures: figures: mfow, states" in shown.out
+    assert (folder / "report.html").exists()
+    names = {path.stem for path in (tmp_path / "figures").iterdir()}
+    assert {"mfow", "fog-mean", "fog-worst", "gaps", "paths", "links", "decisions", "troubles"} <= names
+    assert command("compare", ran, folder, "--out", "both.html") == 0
+    shown = capsys.readouterr()
+    for line in ("small", "half", "mean MFoW", "not judged", "comparison: both.html"):
+        assert line in shown.out
+    assert "<svg" in (tmp_path / "both.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["report", "nowhere"], "no such folder"),
+        (["report", "."], "holds no file journal"),
+        (["record", "."], "holds no file journal"),
+        (["report", "RUN/recording.mcap"], "fogwatch recording"),
+        (["report", "RUN/journal"], "is a file"),
+        (["recording", "RUN/journal"], "is no MCAP file"),
+        (["compare", "RUN"], "one run cannot be compared"),
+        (["compare", "RUN", "nowhere"], "no such folder"),
+        (["record", "RUN", "--out", "none/a.mcap"], "cannot be written"),
+    ],
+)
+def test_bad_input_is_one_line(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    assert command(*(part.replace("RUN", str(ran)) for part in arguments)) == 2
+    shown = capsys.readouterr().err
+    assert words in shown
+    assert shown.count("\n") == 1
+
+
+def test_who_does_not_want_to_wait_gets_neither(ran: Path, tmp_path: Path) -> None:
+    said: list[str] = []
+    files = (tmp_path / "a.mcap", tmp_path / "report.html")
+    derive(
+        read_journal(ran / "journal"), prepare(load_scenario(SMALL)), {}, *files, hurry=lambda: True, say=said.append
+    )
+    assert not list(tmp_path.iterdir())
+    assert "not waited for" in said[-1]
+
+
+def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_path: Path) -> None:
+    said: list[str] = []
+    files = (tmp_path / "none" / "a.mcap", None)
+    derive(
+        read_journal(ran / "journal"), prepare(load_scenario(SMALL)), {}, *files, hurry=lambda: False, say=said.append
+    )
+    assert "cannot be written" in said[-1]
+
+
+def test_the_command_starts_without_what_only_reports_need() -> None:
+    import subprocess
+
+    heavy = ["matplotlib", "mcap", "rosbags", "monitor"]
+    program = f"import sys, fogwatch.cli; print([name for name in {heavy!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
