@@ -102,8 +102,9 @@ def test_robots_on_a_network_hear_each_other(by: str, bed: Bed) -> None:
     assert summary["direct"]["unsaid"] == []
     assert set(summary["direct"]["links"]) == {f"{a} to {b}" for a in ROBOTS for b in ROBOTS if a != b}
     for link, counts in summary["direct"]["links"].items():
-        assert counts["heard"] >= (1.0 - STARTING) * counts["sent"] > 0.7 * TICKS, link
-    assert summary["messages"]["frames"] >= 0.7 * 3 * TICKS, "the world overhears them"
+        assert counts["heard"] >= (1.0 - STARTING) * counts["sent"], link
+        assert counts["sent"] > 0.5 * TICKS, link
+    assert summary["messages"]["frames"] >= 0.5 * 3 * TICKS, "the world overhears them"
     assert summary["messages"]["rejected"] == 0
 
 
