@@ -1,4 +1,9 @@
-"""Reserved for watching a patrol from outside; it holds no code yet.
+"""The eyes: what a patrol looks like from outside, rebuilt from positions and from journals.
 
-What a run shows today comes from `fogwatch`: the live table, the final picture and the run folder.
+    observer    the fog of one who only listens, and beside it the truth
+    runs        a run folder as arrays; replay: its state at any tick; visits, beliefs: what adds up over a run
+    recording   an MCAP file for robot viewers (ros: its messages; mcapfile: one read again)
+    report      one page about a run (charts, mapcharts, style, html, faultbands, analysis); compare: several runs
+
+Nothing here decides anything, and nothing that decides reads it.
 """
