@@ -73,12 +73,19 @@ def chosen_robots(run: Run, work: int = WORK) -> tuple[int, ...]:
 class BeliefWatcher:
     """Goes along with `monitor.replay.play` and rebuilds beliefs from the journal's frames and deliveries."""
 
-    def __init__(self, run: Run, footprint: Footprint, key: bytes | None = None, work: int = WORK) -> None:
-        """key: of the fleet's tags; without it frames are believed untested."""
+    def __init__(
+        self,
+        run: Run,
+        footprint: Footprint,
+        key: bytes | None = None,
+        work: int = WORK,
+        robots: Sequence[int] | None = None,
+    ) -> None:
+        """key: of the fleet's tags; without it frames are believed untested. robots: whom to look at, by place."""
         self._run = run
         self._footprint = footprint
         self._key = key
-        self._robots = chosen_robots(run, work)
+        self._robots = chosen_robots(run, work) if robots is None else tuple(robots)
         self._wanted = [run.numbers[place] for place in self._robots]
         self._listeners = {number: self._listener(number) for number in self._wanted}
         self._records = iter(run.journal.ticks)
@@ -97,9 +104,14 @@ class BeliefWatcher:
 
     def after(self, k: int, fog: Fog) -> None:
         """Every chosen robot takes in what it heard in tick k; now and then the fogs are compared."""
+        if self.hear(k) and k in self._sampled:
+            self._compare(k, fog)
+
+    def hear(self, k: int) -> bool:
+        """Every chosen robot takes in what it heard in tick k, the next one; False where the journal ends."""
         record = next(self._records, None)
         if record is None:
-            return
+            return False
         self._past.append(_frames(record))
         heard = self._deliveries(record)
         for number in self._wanted:
@@ -109,8 +121,7 @@ class BeliefWatcher:
                 listener = self._listeners[number]
                 listener.look(k, self._own(k, number))
                 listener.hear(k, heard.get(number, ()))
-        if k in self._sampled:
-            self._compare(k, fog)
+        return True
 
     def believed(self, number: int) -> Fog:
         """What a chosen robot believes now."""

@@ -1,0 +1,164 @@
+"""Between one source and many viewers: one thread that reads the source and packs what each viewer needs next.
+
+A viewer is sent a frame, and the next one only when it says that it has drawn that: a slow or stopped browser skips
+frames and costs nothing. What is common to several viewers is packed once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from monitor.faultbands import bands_of
+from monitor.page import words
+from monitor.page.tiles import TileBook, layer_number, terrain_packet
+from monitor.source import Layer, Source, State
+
+FRAME_S = 1.0 / 30.0
+"""Wall time between two frames."""
+SELDOM_S = 0.5
+"""Wall time between two looks at links, charts and events."""
+WAIT_S = 0.1
+
+Message = str | bytes
+
+
+@dataclass(eq=False)
+class Viewer:
+    """One open page. layers: the fogs it shows. sent: the versions it has of each. ready: it has drawn all it got."""
+
+    loop: asyncio.AbstractEventLoop
+    outbox: asyncio.Queue[list[Message] | None] = field(default_factory=asyncio.Queue)
+    layers: tuple[Layer, ...] = ()
+    ready: bool = True
+    sent: dict[Layer, int] = field(default_factory=dict)
+    state: State | None = None
+    ticks: int = -1
+    events: int = 0
+    seldom: float = 0.0
+    links_k: int = -1
+
+    def post(self, messages: list[Message] | None) -> None:
+        """Hand over messages, from any thread; None: there will be no more."""
+        with suppress(RuntimeError):  # the loop has been closed
+            self.loop.call_soon_threadsafe(self.outbox.put_nowait, messages)
+
+
+class Hub:
+    """Reads a source in a thread of its own, from start() to close()."""
+
+    def __init__(self, source: Source, now: Callable[[], float] = time.monotonic) -> None:
+        self.source = source
+        self.static = source.static()
+        self.terrain = terrain_packet(self.static.passable, self.static.patrolled)
+        self.failure: BaseException | None = None
+        self._now = now
+        self._by_number = {layer_number(layer): layer for layer in self.static.layers}
+        self._lock = threading.Lock()
+        self._viewers: list[Viewer] = []
+        self._books: dict[Layer, TileBook] = {}
+        self._state: State | None = None
+        self._words = ""
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="hub", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._ending.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self.source.close()
+
+    def enter(self, viewer: Viewer) -> None:
+        """A page was opened; it is shown the best fog until it asks for another."""
+        viewer.layers = self.static.layers[:1]
+        with self._lock:
+            self._viewers.append(viewer)
+
+    def leave(self, viewer: Viewer) -> None:
+        """A page was closed."""
+        with self._lock:
+            self._viewers.remove(viewer)
+
+    def show(self, viewer: Viewer, numbers: list[int]) -> None:
+        """The page shows these fogs from now on; those that there are not are left out."""
+        viewer.layers = tuple(self._by_number[number] for number in numbers[:2] if number in self._by_number)
+
+    def _run(self) -> None:
+        try:
+            while not self._ending.is_set():
+                begun = self._now()
+                self._turn()
+                self._ending.wait(max(FRAME_S - (self._now() - begun), 0.0))
+        except BaseException as error:
+            self.failure = error
+            raise
+        finally:
+            with self._lock:
+                for viewer in self._viewers:
+                    viewer.post(None)
+
+    def _turn(self) -> None:
+        state = self.source.wait(WAIT_S)
+        if state is not None:
+            self._state, self._words = state, words.state_words(state)
+        if self._state is None:
+            return
+        with self._lock:
+            ready = [viewer for viewer in self._viewers if viewer.ready]
+        for layer in dict.fromkeys(layer for viewer in ready for layer in viewer.layers):
+            now = self.source.last_seen(layer)
+            if now is not None:
+                book = self._books.setdefault(layer, TileBook(layer_number(layer), now.shape))
+                book.take(now, self._state.k)
+        for viewer in ready:
+            if messages := self._news(viewer, self._state):
+                viewer.ready = False
+                viewer.post(messages)
+
+    def _news(self, viewer: Viewer, state: State) -> list[Message]:
+        """What a viewer does not have yet; empty when it has everything."""
+        messages: list[Message] = []
+        for layer in viewer.layers:
+            book = self._books.get(layer)
+            if book is None:
+                continue
+            packet = book.packet(viewer.sent.get(layer, 0), state.k)
+            viewer.sent[layer] = book.version
+            if packet is not None:
+                messages.append(packet)
+        now = self._now()
+        if now >= viewer.seldom:
+            viewer.seldom = now + SELDOM_S
+            self._seldom(viewer, state, messages)
+        if messages or viewer.state is not state:
+            viewer.state = state
+            messages.append(self._words)
+        return messages
+
+    def _seldom(self, viewer: Viewer, state: State, messages: list[Message]) -> None:
+        events = self.source.events(viewer.events)
+        if events:
+            messages.append(words.events_words(events, viewer.events))
+            viewer.events += len(events)
+            bands = bands_of(self.source.events(0), self.static.step, self._end_s(state))
+            messages.append(words.bands_words(bands))
+        series = self.source.series(viewer.ticks)
+        if len(series.ticks):
+            viewer.ticks = int(series.ticks[-1])
+            messages.append(words.series_words(series))
+        if state.links is not None and state.k != viewer.links_k:
+            viewer.links_k = state.k
+            messages.append(words.links_words(state.links, state.k))
+
+    def _end_s(self, state: State) -> float:
+        """Up to when a fault that has not ended is drawn: to the end of the run, if there is one."""
+        return (state.k if self.static.ticks is None else self.static.ticks) * self.static.step

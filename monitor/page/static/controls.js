@@ -1,0 +1,193 @@
+// What a viewer may ask for: pause, step and pace; a replay's place; and faults of a fleet that is running.
+
+import { $ } from "./panes.js";
+import { clock } from "./store.js";
+
+const PACES = [0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
+const FASTEST = "as fast as it goes";
+const SETTLED_MS = 250;
+const ALIVE = 1, PAUSED = 2;
+const AWAY = [0, 5];
+
+export class Controls {
+  /** ask(control): a promise of the answer. */
+  constructor(store, ask, map) {
+    this.store = store;
+    this.ask = ask;
+    this.map = map;
+    this.seeking = 0;
+    this.silenced = new Map();
+    this.loss = null;
+    this.lossTimer = 0;
+    $("play").addEventListener("click", () => this.#turn());
+    $("step").addEventListener("click", () => this.#do({ do: "step" }));
+    $("pace").addEventListener("change", () => this.#pace($("pace").value));
+    $("seek").addEventListener("input", () => this.seek(Number($("seek").value)));
+    $("controls").addEventListener("submit", (event) => event.preventDefault());
+    for (const [id, kind] of [["kill", "kill"], ["restart", "restart"], ["pauseone", "pause"], ["resumeone", "resume"]]) {
+      $(id).addEventListener("click", () => this.#fault({ kind, who: this.#who() }));
+    }
+    $("silence").addEventListener("click", () => this.#silence());
+    $("loss").addEventListener("input", () => this.#lossMoved());
+    $("join").addEventListener("click", () => this.#join());
+    $("intruder").addEventListener("click", () => this.aim(!this.map.aiming));
+    $("who").addEventListener("change", () => this.renew());
+  }
+
+  /** A new source: show what can be asked of it. */
+  reset() {
+    const { facts } = this.store;
+    const can = (what) => facts.controls.includes(what);
+    $("transport").hidden = !can("pause");
+    $("step").hidden = !can("step");
+    $("pace").parentElement.hidden = !can("pace");
+    const backwards = can("seek") ? PACES.toReversed().map((pace) => -pace) : [];
+    const options = [...backwards, ...PACES].map((pace) => new Option(`${pace < 0 ? "−" : ""}${Math.abs(pace)} ×`, String(pace)));
+    if (!can("seek")) options.push(new Option(FASTEST, "null"));
+    $("pace").replaceChildren(...options);
+    $("timeline").hidden = !can("seek");
+    $("seek").max = String((facts.ticks ?? 1) - 1);
+    $("tab-faults").hidden = !facts.live;
+    $("controls").hidden = !can("fault");
+    $("lookonly").hidden = can("fault");
+    $("lookonly").textContent = facts.mayAsk
+      ? "This fleet takes no faults: there is no world to play them."
+      : "This page may only look. Open the address as it was printed, key included, to ask for something.";
+    $("who").replaceChildren(...facts.robots.map((robot, place) => new Option(robot.name, String(place))));
+    $("intruder").hidden = !can("intruder");
+    this.silenced.clear();
+    this.loss = null;
+  }
+
+  /** A new state. */
+  renew() {
+    const { facts, state } = this.store;
+    if (!state) return;
+    $("play").textContent = state.running ? "pause" : "go";
+    $("play").disabled = Boolean(state.ended);
+    $("step").disabled = Boolean(state.ended);
+    const pace = String(state.pace);
+    if (document.activeElement !== $("pace") && $("pace").value !== pace) {
+      if (![...$("pace").options].some((option) => option.value === pace)) $("pace").add(new Option(`${pace} ×`, pace));
+      $("pace").value = pace;
+    }
+    if (!$("timeline").hidden) {
+      if (performance.now() > this.seeking) $("seek").value = String(state.k);
+      $("of").textContent = `${clock(state.time)} of ${clock((facts.ticks - 1) * facts.step)}`;
+      $("seek").setAttribute("aria-valuetext", clock(state.time));
+    }
+    if (!facts.live) return;
+    const status = state.robots[Number($("who").value)]?.[0];
+    $("kill").disabled = ![ALIVE, PAUSED].includes(status);
+    $("pauseone").disabled = status !== ALIVE;
+    $("resumeone").disabled = status !== PAUSED;
+    $("restart").disabled = AWAY.includes(status);
+    $("silence").setAttribute("aria-pressed", String(this.silenced.has(this.#who())));
+    $("silence").disabled = AWAY.includes(status);
+    $("join").disabled = !state.robots.some(([one]) => AWAY.includes(one));
+  }
+
+  /** A robot was chosen on the map or in the list. */
+  picked(place) {
+    if (place >= 0) $("who").value = String(place);
+    this.renew();
+  }
+
+  seek(k) {
+    if (!this.store.facts.controls.includes("seek")) return;
+    this.seeking = performance.now() + 400;
+    this.#do({ do: "seek", k });
+  }
+
+  /** Aim at where an intruder is to stand, or do so no more. */
+  aim(on) {
+    this.map.aiming = on;
+    $("intruder").setAttribute("aria-pressed", String(on));
+    $("canvas").classList.toggle("aim", on);
+    if (on) this.#say("click on the map where the intruder is to stand");
+  }
+
+  place(x, y) {
+    this.aim(false);
+    this.#do({ do: "intruder", place: [Math.round(x * 100) / 100, Math.round(y * 100) / 100], stay: null }, "an intruder stands there");
+  }
+
+  /** Whether a key was for us. */
+  key(key) {
+    const can = (what) => this.store.facts?.controls.includes(what);
+    const paces = [...$("pace").options].map((option) => option.value);
+    const at = paces.indexOf($("pace").value);
+    if (key === " " && can("pause")) this.#turn();
+    else if (key === "." && can("step")) this.#do({ do: "step" });
+    else if ((key === "," || key === "/") && can("seek")) this.#pace(String((key === "," ? -1 : 1) * Math.abs(this.store.state.pace)));
+    else if (key === "]" && can("pace")) this.#pace(paces[Math.min(at + 1, paces.length - 1)]);
+    else if (key === "[" && can("pace")) this.#pace(paces[Math.max(at - 1, 0)]);
+    else return false;
+    return true;
+  }
+
+  #who() {
+    return this.store.facts.robots[Number($("who").value)]?.name;
+  }
+
+  #turn() {
+    this.#do({ do: this.store.state?.running ? "pause" : "go" });
+  }
+
+  #pace(value) {
+    this.#do({ do: "pace", factor: value === "null" ? null : Number(value) });
+  }
+
+  #fault(fault) {
+    return this.#do({ do: "fault", fault }, `${fault.kind} ${typeof fault.who === "string" ? fault.who : ""}: asked for`);
+  }
+
+  async #silence() {
+    const who = this.#who(), before = this.silenced.get(who);
+    if (before) {
+      if (await this.#heal(before)) this.silenced.delete(who);
+    } else {
+      const id = `silence-${who}-${Date.now().toString(36)}`;
+      if (await this.#fault({ kind: "silence", id, who, direction: "both" })) this.silenced.set(who, id);
+    }
+    this.renew();
+  }
+
+  #lossMoved() {
+    $("lossvalue").textContent = `${$("loss").value} %`;
+    clearTimeout(this.lossTimer);
+    this.lossTimer = setTimeout(() => this.#setLoss(Number($("loss").value) / 100), SETTLED_MS);
+  }
+
+  async #setLoss(rate) {
+    if (this.loss) {
+      const before = this.loss;
+      this.loss = null;
+      await this.#heal(before);
+    }
+    if (rate > 0) {
+      const id = `loss-${Date.now().toString(36)}`;
+      if (await this.#fault({ kind: "loss", id, rate })) this.loss = id;
+    }
+  }
+
+  #heal(id) {
+    return this.#do({ do: "heal", id }, "healed");
+  }
+
+  #join() {
+    const { facts, state } = this.store;
+    const place = state.robots.findIndex(([status]) => AWAY.includes(status));
+    if (place >= 0) this.#fault({ kind: "join", who: facts.robots[place].name });
+  }
+
+  async #do(control, text = "") {
+    const answer = await this.ask(control);
+    this.#say(answer.done ? answer.text || text : answer.text || "refused");
+    return answer.done;
+  }
+
+  #say(text) {
+    $("answer").textContent = text;
+  }
+}

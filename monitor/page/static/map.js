@@ -1,0 +1,402 @@
+// The map: the fog's image under robots with heading, trail, goal and footprint; zoom, pan, hover and clicks.
+
+import { SERIES, themed } from "./colours.js";
+import { FogImage } from "./fogimage.js";
+import { NEVER, seconds, standing } from "./store.js";
+
+const LEAST = 5;
+const RAYS = 120;
+const PASSABLE = 1;
+
+export class MapView {
+  /** told: {hover(text, x, y), click(x, y), pick(place)} */
+  constructor(canvas, store, told) {
+    this.canvas = canvas;
+    this.store = store;
+    this.told = told;
+    this.context = canvas.getContext("2d", { alpha: false });
+    this.zoom = 1;
+    this.centre = null;
+    this.shown = { kind: "ages", layers: [0], oldest: 100 };
+    this.selected = -1;
+    this.aiming = false;
+    this.dirtyFog = true;
+    this.pointers = new Map();
+    this.hovered = null;
+    this.#listen();
+  }
+
+  reset() {
+    const { width, height } = this.store.facts;
+    this.fog = new FogImage(width, height);
+    this.colours = themed();
+    this.terrainDone = false;
+    this.fit();
+  }
+
+  restyle() {
+    this.colours = themed();
+    this.terrainDone = false;
+    this.dirtyFog = true;
+  }
+
+  fit() {
+    const { width, height, point, origin } = this.store.facts;
+    this.centre = [origin[0] + (width * point) / 2, origin[1] + (height * point) / 2];
+    this.zoom = 1;
+  }
+
+  /** Screen pixels of a metre. */
+  get scale() {
+    const { width, height, point } = this.store.facts;
+    return this.zoom * Math.min(this.canvas.width / (width * point), this.canvas.height / (height * point)) * 0.985;
+  }
+
+  toScreen(x, y) {
+    const scale = this.scale;
+    return [this.canvas.width / 2 + (x - this.centre[0]) * scale, this.canvas.height / 2 - (y - this.centre[1]) * scale];
+  }
+
+  toWorld(px, py) {
+    const scale = this.scale;
+    return [this.centre[0] + (px - this.canvas.width / 2) / scale, this.centre[1] - (py - this.canvas.height / 2) / scale];
+  }
+
+  /** The index of a place's point, or -1. */
+  pointAt(x, y) {
+    const { width, height, point, origin } = this.store.facts;
+    const col = Math.floor((x - origin[0]) / point), row = Math.floor((y - origin[1]) / point);
+    return col >= 0 && row >= 0 && col < width && row < height ? row * width + col : -1;
+  }
+
+  draw() {
+    const { canvas, context, store } = this;
+    const ratio = window.devicePixelRatio || 1;
+    const wide = Math.round(canvas.clientWidth * ratio), high = Math.round(canvas.clientHeight * ratio);
+    if (canvas.width !== wide || canvas.height !== high) {
+      canvas.width = wide;
+      canvas.height = high;
+    }
+    this.ratio = ratio;
+    const well = getComputedStyle(canvas.parentElement).backgroundColor;
+    context.fillStyle = well;
+    context.fillRect(0, 0, wide, high);
+    if (!store.facts || !store.terrain) return;
+    this.#paintFog();
+    const { width, height, point, origin } = store.facts;
+    const [left, top] = this.toScreen(origin[0], origin[1] + height * point);
+    context.imageSmoothingEnabled = this.scale * point < 2;
+    context.drawImage(this.fog.canvas, left, top, width * point * this.scale, height * point * this.scale);
+    this.#scaleBar();
+    if (store.state) this.#robots();
+    this.#hover();
+  }
+
+  #paintFog() {
+    const { store, fog, shown } = this;
+    if (!this.terrainDone) {
+      fog.base(store.terrain);
+      this.terrainDone = true;
+      this.dirtyFog = true;
+    }
+    if (!this.dirtyFog || !store.state) return;
+    const [first, second] = shown.layers.map((number) => store.layers.get(number));
+    const k = store.state.k;
+    if (shown.kind === "difference" && first && second) fog.difference(first, second, k, shown.oldest);
+    else if (shown.kind === "ages" && first) fog.ages(first, k, shown.oldest);
+    this.dirtyFog = false;
+  }
+
+  #robots() {
+    const { context: c, store } = this;
+    const robots = store.state.robots, facts = store.facts.robots;
+    c.lineJoin = c.lineCap = "round";
+    robots.forEach((robot, place) => this.#footprint(robot, facts[place], place));
+    robots.forEach((robot, place) => this.#trail(place));
+    robots.forEach((robot, place) => this.#goal(robot, place));
+    robots.forEach((robot, place) => this.#body(robot, facts[place], place));
+    for (const [x, y] of store.state.intruders) this.#intruder(x, y);
+  }
+
+  #footprint([status, , pose], facts, place) {
+    const few = this.store.facts.robots.length <= 24;
+    if (!pose || status !== 1 || !(few || place === this.selected)) return;
+    const c = this.context, scale = this.scale;
+    const { point, width, height, origin } = this.store.facts;
+    const terrain = this.store.terrain;
+    const half = (facts.angle * Math.PI) / 360, whole = facts.angle >= 360;
+    c.beginPath();
+    for (let i = 0; i <= RAYS; i++) {
+      const angle = whole ? (i / RAYS) * 2 * Math.PI : pose[2] - half + (i / RAYS) * 2 * half;
+      const dx = Math.cos(angle), dy = Math.sin(angle);
+      let reach = 0;
+      for (; reach < facts.range; reach += point) {
+        const col = Math.floor((pose[0] + dx * reach - origin[0]) / point);
+        const row = Math.floor((pose[1] + dy * reach - origin[1]) / point);
+        if (col < 0 || row < 0 || col >= width || row >= height) break;
+        if (!(terrain[row * width + col] & PASSABLE)) break;
+      }
+      const [x, y] = this.toScreen(pose[0] + dx * Math.min(reach, facts.range), pose[1] + dy * Math.min(reach, facts.range));
+      if (i) c.lineTo(x, y);
+      else if (whole) c.moveTo(x, y);
+      else {
+        c.moveTo(...this.toScreen(pose[0], pose[1]));
+        c.lineTo(x, y);
+      }
+    }
+    c.closePath();
+    const chosen = place === this.selected;
+    c.lineWidth = (chosen ? 2 : 1) * this.ratio;
+    c.strokeStyle = chosen ? "rgb(255 255 255 / 90%)" : "rgb(20 24 30 / 40%)";
+    if (scale > 0) c.stroke();
+  }
+
+  #trail(place) {
+    const trail = this.store.trails[place];
+    if (!trail || trail.length < 2) return;
+    const c = this.context;
+    c.beginPath();
+    trail.forEach(([x, y], i) => (i ? c.lineTo(...this.toScreen(x, y)) : c.moveTo(...this.toScreen(x, y))));
+    c.strokeStyle = "rgb(255 255 255 / 55%)";
+    c.lineWidth = (place === this.selected ? 4 : 3) * this.ratio;
+    c.stroke();
+    c.strokeStyle = SERIES[place % SERIES.length];
+    c.lineWidth = (place === this.selected ? 2.4 : 1.4) * this.ratio;
+    c.stroke();
+  }
+
+  #goal([status, , pose, goal], place) {
+    if (!goal || !pose || status !== 1) return;
+    const c = this.context, r = this.ratio;
+    const [x0, y0] = this.toScreen(pose[0], pose[1]), [x, y] = this.toScreen(goal[0], goal[1]);
+    for (const [colour, wide] of [["rgb(255 255 255 / 70%)", 3.4], [SERIES[place % SERIES.length], 1.6]]) {
+      c.strokeStyle = colour;
+      c.lineWidth = wide * r;
+      c.setLineDash([4 * r, 4 * r]);
+      c.beginPath();
+      c.moveTo(x0, y0);
+      c.lineTo(x, y);
+      c.stroke();
+      c.setLineDash([]);
+      c.beginPath();
+      c.moveTo(x - 4 * r, y);
+      c.lineTo(x + 4 * r, y);
+      c.moveTo(x, y - 4 * r);
+      c.lineTo(x, y + 4 * r);
+      c.stroke();
+    }
+  }
+
+  #body(robot, facts, place) {
+    const [status, , pose] = robot;
+    if (!pose) return;
+    const c = this.context, r = this.ratio;
+    const [x, y] = this.toScreen(pose[0], pose[1]);
+    const size = Math.max(facts.radius * this.scale, LEAST * r);
+    const gone = status === 3 || status === 4;
+    const how = standing(robot);
+    if (place === this.selected) ring(c, x, y, size + 5 * r, this.colours.accent, 3 * r);
+    c.beginPath();
+    c.arc(x, y, size, 0, 2 * Math.PI);
+    c.fillStyle = gone ? "#2b2f36" : SERIES[place % SERIES.length];
+    c.fill();
+    c.lineWidth = 2 * r;
+    c.strokeStyle = "#ffffff";
+    c.stroke();
+    ring(c, x, y, size + 1.6 * r, "rgb(0 0 0 / 55%)", r);
+    c.strokeStyle = "#ffffff";
+    c.lineWidth = Math.max(2 * r, size * 0.18);
+    const arm = size * 0.62;
+    if (gone) {
+      line(c, x - arm, y - arm, x + arm, y + arm);
+      line(c, x - arm, y + arm, x + arm, y - arm);
+    } else if (status === 2) {
+      line(c, x - size * 0.3, y - arm, x - size * 0.3, y + arm);
+      line(c, x + size * 0.3, y - arm, x + size * 0.3, y + arm);
+    } else {
+      const reach = size * 1.55;
+      c.strokeStyle = "rgb(0 0 0 / 60%)";
+      c.lineWidth += 2 * r;
+      line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
+      c.strokeStyle = "#ffffff";
+      c.lineWidth -= 2 * r;
+      line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
+    }
+    if (how.kind === "warn" && status === 1) {
+      c.setLineDash([3 * r, 3 * r]);
+      ring(c, x, y, size + 4 * r, "#ffffff", 2 * r);
+      c.setLineDash([]);
+    }
+    if (this.store.facts.robots.length <= 24 || place === this.selected) {
+      c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
+      c.textAlign = "center";
+      c.textBaseline = "bottom";
+      c.lineWidth = 3 * r;
+      c.strokeStyle = "rgb(255 255 255 / 90%)";
+      c.fillStyle = "#14171b";
+      const above = y - size - 5 * r;
+      c.strokeText(facts.name, x, above);
+      c.fillText(facts.name, x, above);
+    }
+  }
+
+  #intruder(px, py) {
+    const c = this.context, r = this.ratio, size = 8 * r;
+    const [x, y] = this.toScreen(px, py);
+    c.beginPath();
+    c.moveTo(x, y - size);
+    c.lineTo(x + size * 0.9, y + size * 0.7);
+    c.lineTo(x - size * 0.9, y + size * 0.7);
+    c.closePath();
+    c.fillStyle = "#ffffff";
+    c.fill();
+    c.lineWidth = 2 * r;
+    c.strokeStyle = "#c1121f";
+    c.stroke();
+    line(c, x, y - size * 0.3, x, y + size * 0.15);
+  }
+
+  #scaleBar() {
+    const c = this.context, r = this.ratio, most = (120 * r) / this.scale;
+    const power = 10 ** Math.floor(Math.log10(most));
+    const length = [5, 2, 1].map((step) => step * power).find((step) => step <= most);
+    const right = this.canvas.width - 14 * r, y = this.canvas.height - 14 * r, left = right - length * this.scale;
+    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", 5], ["#14171b", 2]]) {
+      c.strokeStyle = colour;
+      c.lineWidth = wide * r;
+      line(c, left, y, right, y);
+    }
+    c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
+    c.textAlign = "right";
+    c.textBaseline = "bottom";
+    c.lineWidth = 3 * r;
+    c.strokeStyle = "rgb(255 255 255 / 85%)";
+    c.fillStyle = "#14171b";
+    c.strokeText(`${length} m`, right, y - 4 * r);
+    c.fillText(`${length} m`, right, y - 4 * r);
+  }
+
+  #hover() {
+    if (!this.hovered || !this.store.state) return this.told.hover(null);
+    const [px, py] = this.hovered;
+    const [x, y] = this.toWorld(px * this.ratio, py * this.ratio);
+    const at = this.pointAt(x, y);
+    if (at < 0) return this.told.hover(null);
+    this.told.hover(`${x.toFixed(1)}, ${y.toFixed(1)} m\n${this.#says(at)}`, px, py);
+  }
+
+  #says(at) {
+    const { store, shown } = this;
+    const what = store.terrain[at];
+    if (!(what & PASSABLE)) return "obstacle";
+    if (!(what & 2)) return "does not count: no robot can see it";
+    const told = shown.layers.map((number) => {
+      const seen = store.layers.get(number);
+      if (!seen) return "not known yet";
+      const age = seconds(Math.max(store.state.k - Math.max(seen[at], 0), 0) * store.facts.step);
+      return seen[at] === NEVER ? `never seen, for ${age}` : `seen ${age} ago`;
+    });
+    return shown.kind === "difference" ? `believed: ${told[0]}\ntruly: ${told[1]}` : told[0];
+  }
+
+  /** The robot at a place of the screen, or -1. */
+  #robotAt(px, py) {
+    let best = -1, least = 16 * this.ratio;
+    (this.store.state?.robots ?? []).forEach(([, , pose], place) => {
+      if (!pose) return;
+      const [x, y] = this.toScreen(pose[0], pose[1]);
+      const reach = Math.hypot(x - px, y - py) - this.store.facts.robots[place].radius * this.scale;
+      if (reach < least) {
+        least = reach;
+        best = place;
+      }
+    });
+    return best;
+  }
+
+  zoomAt(factor, px = this.canvas.width / 2, py = this.canvas.height / 2) {
+    if (!this.store.facts) return;
+    const before = this.toWorld(px, py);
+    this.zoom = Math.min(Math.max(this.zoom * factor, 0.5), 60);
+    const after = this.toWorld(px, py);
+    this.centre = [this.centre[0] + before[0] - after[0], this.centre[1] + before[1] - after[1]];
+    this.told.redraw();
+  }
+
+  pan(dx, dy) {
+    if (!this.store.facts) return;
+    this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
+    this.told.redraw();
+  }
+
+  #listen() {
+    const { canvas } = this;
+    const at = (event) => {
+      const box = canvas.getBoundingClientRect();
+      return [event.clientX - box.left, event.clientY - box.top];
+    };
+    let moved = 0;
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      const [x, y] = at(event);
+      this.zoomAt(Math.exp(-event.deltaY * 0.0015), x * this.ratio, y * this.ratio);
+    }, { passive: false });
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      this.pointers.set(event.pointerId, at(event));
+      moved = 0;
+      canvas.classList.add("drag");
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const here = at(event), before = this.pointers.get(event.pointerId);
+      this.hovered = event.pointerType === "touch" ? null : here;
+      if (before) {
+        const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
+        if (others.length) {
+          const [ox, oy] = others[0];
+          const factor = Math.hypot(here[0] - ox, here[1] - oy) / Math.max(Math.hypot(before[0] - ox, before[1] - oy), 1);
+          this.zoomAt(factor, ox * this.ratio, oy * this.ratio);
+        } else {
+          this.pan((here[0] - before[0]) * this.ratio, (here[1] - before[1]) * this.ratio);
+        }
+        moved += Math.hypot(here[0] - before[0], here[1] - before[1]);
+        this.pointers.set(event.pointerId, here);
+      }
+      this.told.redraw();
+    });
+    const up = (event) => {
+      if (!this.pointers.delete(event.pointerId)) return;
+      canvas.classList.toggle("drag", this.pointers.size > 0);
+      if (event.type === "pointerup" && moved < 4 && this.store.facts) this.#click(...at(event), event.pointerType);
+    };
+    canvas.addEventListener("pointerup", up);
+    canvas.addEventListener("pointercancel", up);
+    canvas.addEventListener("pointerleave", () => {
+      this.hovered = null;
+      this.told.redraw();
+    });
+  }
+
+  #click(px, py, kind) {
+    const x = px * this.ratio, y = py * this.ratio;
+    if (this.aiming) return this.told.click(...this.toWorld(x, y));
+    this.told.pick(this.#robotAt(x, y));
+    if (kind === "touch") this.hovered = [px, py];
+    this.told.redraw();
+  }
+}
+
+function ring(c, x, y, size, colour, wide) {
+  c.beginPath();
+  c.arc(x, y, size, 0, 2 * Math.PI);
+  c.lineWidth = wide;
+  c.strokeStyle = colour;
+  c.stroke();
+}
+
+function line(c, x0, y0, x1, y1) {
+  c.beginPath();
+  c.moveTo(x0, y0);
+  c.lineTo(x1, y1);
+  c.stroke();
+}

@@ -1,0 +1,201 @@
+// The panes beside the map: robots, links, events.
+
+import { SERIES, themed, AGES } from "./colours.js";
+import { seconds, standing } from "./store.js";
+
+export const $ = (id) => document.getElementById(id);
+
+export class Robots {
+  /** pick(place): told of a chosen row. */
+  constructor(store, pick) {
+    this.store = store;
+    this.pick = pick;
+    this.rows = [];
+  }
+
+  reset() {
+    const body = $("rows");
+    body.replaceChildren();
+    this.rows = this.store.facts.robots.map((facts, place) => {
+      const row = body.insertRow();
+      const cells = [0, 1, 2, 3].map(() => row.insertCell());
+      const dot = document.createElement("span");
+      dot.className = "dot";
+      dot.style.background = SERIES[place % SERIES.length];
+      const name = document.createElement("button");
+      name.type = "button";
+      name.textContent = facts.name;
+      cells[0].append(dot, name);
+      cells[2].className = cells[3].className = "n";
+      row.addEventListener("click", () => this.pick(place));
+      return { row, cells, said: "" };
+    });
+  }
+
+  renew(selected) {
+    const robots = this.store.state?.robots ?? [];
+    robots.forEach((robot, place) => {
+      const { row, cells } = this.rows[place];
+      const { word, kind } = standing(robot);
+      const took = robot[4] === null ? "-" : `${robot[4].toFixed(robot[4] < 10 ? 1 : 0)} ms`;
+      const heard = seconds(robot[5]);
+      const said = `${word} ${kind} ${took} ${heard} ${selected === place}`;
+      if (said === this.rows[place].said) return;
+      this.rows[place].said = said;
+      cells[1].textContent = word;
+      cells[1].className = `s-${kind}`;
+      cells[2].textContent = took;
+      cells[3].textContent = heard;
+      row.setAttribute("aria-selected", String(selected === place));
+    });
+  }
+}
+
+export class Links {
+  constructor(store) {
+    this.store = store;
+    this.canvas = $("matrix");
+    $("linkwhat").addEventListener("change", () => this.renew());
+    this.canvas.addEventListener("pointermove", (event) => this.#hover(event));
+    this.canvas.addEventListener("pointerleave", () => ($("linktip").textContent = "rows send, columns hear"));
+  }
+
+  renew() {
+    const { canvas, store } = this;
+    const links = store.links;
+    if (!links || canvas.closest("[hidden]")) return;
+    const n = store.facts.robots.length, colours = themed();
+    const ratio = window.devicePixelRatio || 1, whole = canvas.clientWidth * ratio;
+    const label = n <= 16 ? 30 * ratio : 0;
+    const side = (whole - label) / n;
+    canvas.width = whole;
+    canvas.height = whole;
+    const c = canvas.getContext("2d");
+    c.clearRect(0, 0, whole, whole);
+    const share = $("linkwhat").value === "share";
+    for (let from = 0; from < n; from++) {
+      for (let to = 0; to < n; to++) {
+        const value = from === to ? null : share ? this.#share(from, to) : this.#age(from, to);
+        const x = label + to * side, y = label + from * side, gap = Math.min(1.5 * ratio, side * 0.08);
+        c.fillStyle = value === null ? colours.grid : css(share ? 1 - value : Math.min(value / 20, 1));
+        if (from !== to || n > 16) c.fillRect(x + gap / 2, y + gap / 2, side - gap, side - gap);
+        if (value !== null && n <= 8) {
+          const dark = share ? value < 0.5 : value > 10;
+          this.#text(c, share ? `${Math.round(100 * value)}` : value.toFixed(value < 10 ? 1 : 0), x + side / 2, y + side / 2, dark ? "#fff" : "#14171b", 11.5 * ratio);
+        }
+      }
+      if (label) {
+        const name = store.facts.robots[from].name.slice(0, 4);
+        this.#text(c, name, label / 2, label + (from + 0.5) * side, colours.muted, 11 * ratio);
+        this.#text(c, name, label + (from + 0.5) * side, label / 2, colours.muted, 11 * ratio);
+      }
+    }
+    this.grid = { label, side, n, ratio };
+  }
+
+  #share(from, to) {
+    const { sent, delivered } = this.store.links, at = from * this.store.facts.robots.length + to;
+    return sent[at] > 0 ? delivered[at] / sent[at] : null;
+  }
+
+  #age(from, to) {
+    const { heard } = this.store.links, tick = heard[from * this.store.facts.robots.length + to];
+    return tick < 0 ? null : Math.max(this.store.state.k - tick, 0) * this.store.facts.step;
+  }
+
+  #hover(event) {
+    if (!this.grid) return;
+    const { label, side, n, ratio } = this.grid;
+    const box = this.canvas.getBoundingClientRect();
+    const to = Math.floor(((event.clientX - box.left) * ratio - label) / side);
+    const from = Math.floor(((event.clientY - box.top) * ratio - label) / side);
+    if (from < 0 || to < 0 || from >= n || to >= n || from === to) return;
+    const at = from * n + to, { sent, delivered } = this.store.links;
+    const names = this.store.facts.robots.map((robot) => robot.name);
+    const share = this.#share(from, to), age = this.#age(from, to);
+    $("linktip").textContent = share === null ? `${names[from]} to ${names[to]}: nothing sent`
+      : `${names[from]} to ${names[to]}: ${delivered[at]} of ${sent[at]} frames (${(100 * share).toFixed(1)} %), the last ${age === null ? "never" : `${seconds(age)} ago`}`;
+  }
+
+  #text(c, text, x, y, colour, size) {
+    c.font = `${size}px system-ui, "DejaVu Sans", sans-serif`;
+    c.textAlign = "center";
+    c.textBaseline = "middle";
+    c.fillStyle = colour;
+    c.fillText(text, x, y);
+  }
+}
+
+/** The colour of a share of the fog's scale. */
+function css(share) {
+  const value = AGES[Math.round(share * (AGES.length - 1))];
+  return `rgb(${value & 255} ${(value >> 8) & 255} ${(value >> 16) & 255})`;
+}
+
+const SHOWN = 300;
+
+export class Events {
+  constructor(store) {
+    this.store = store;
+    this.count = -1;
+  }
+
+  reset() {
+    this.count = -1;
+  }
+
+  renew() {
+    const { store } = this;
+    const now = store.state?.k ?? 0;
+    const list = $("list");
+    if (this.count !== store.events.length) {
+      this.count = store.events.length;
+      list.replaceChildren(...store.events.slice(-SHOWN).reverse().map((event) => this.#item(event)));
+      if (!this.count) list.append(Object.assign(document.createElement("li"), { textContent: "nothing has happened yet" }));
+    }
+    if (!store.facts.live) for (const item of list.children) item.classList.toggle("later", Number(item.dataset.k) > now);
+  }
+
+  #item([k, kind, robot, detail]) {
+    const item = document.createElement("li");
+    item.dataset.k = k;
+    const when = document.createElement("span");
+    when.className = "when";
+    when.textContent = seconds(k * this.store.facts.step);
+    const what = document.createElement("span");
+    const word = document.createElement("b");
+    const name = this.store.facts.robots.find((one) => one.number === robot)?.name;
+    word.textContent = [name, kind].filter(Boolean).join(" ");
+    what.append(word, detail ? ` ${detail}` : "");
+    item.append(when, what);
+    return item;
+  }
+}
+
+/** Tabs that arrow keys go through. */
+export function tabs(changed) {
+  const all = [...document.querySelectorAll("[role=tab]")];
+  const open = (tab) => {
+    for (const one of all) {
+      const chosen = one === tab;
+      one.setAttribute("aria-selected", String(chosen));
+      one.tabIndex = chosen ? 0 : -1;
+      $(one.getAttribute("aria-controls")).hidden = !chosen;
+    }
+    changed();
+  };
+  all.forEach((tab, place) => {
+    tab.addEventListener("click", () => open(tab));
+    tab.addEventListener("keydown", (event) => {
+      const move = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!move) return;
+      const visible = all.filter((one) => !one.hidden);
+      const next = visible[(visible.indexOf(tab) + move + visible.length) % visible.length];
+      next.focus();
+      open(next);
+      event.preventDefault();
+    });
+    void place;
+  });
+  return open;
+}
