@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fogwatch import cli_chaos, cli_experiment, cli_eyes, cli_key, cli_map, cli_paper, cli_scenario, cli_sweep
+from fogwatch import cli_chaos, cli_experiment, cli_eyes, cli_key, cli_map, cli_page, cli_paper, cli_scenario, cli_sweep
 from patrol.errors import BadInput
 from patrol.lifeline import heed
 from patrol.scenario import BUILTINS, open_scenario, parse_overrides
@@ -37,6 +37,7 @@ app.command()(cli_sweep.sweep)
 app.command()(cli_chaos.chaos)
 for command in (cli_eyes.report, cli_eyes.compare, cli_eyes.record, cli_eyes.recording):
     app.command(rich_help_panel=cli_eyes.PANEL)(command)
+app.command(rich_help_panel=cli_eyes.PANEL)(cli_page.replay)
 app.add_typer(cli_paper.app, name="paper")
 app.add_typer(cli_experiment.app, name="experiment")
 

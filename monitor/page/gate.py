@@ -31,10 +31,15 @@ class Gate:
         return f"fogwatch-{self.port}"
 
     @property
+    def plain(self) -> str:
+        """The page's address without its key."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.port}/"
+
+    @property
     def address(self) -> str:
         """What to open, key included."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{self.port}/?key={self.key}"
+        return f"{self.plain}?key={self.key}"
 
     def knows(self, key: str | None) -> bool:
         """Whether this is the key."""

@@ -205,7 +205,7 @@ function legend(force = false) {
   const image = context.createImageData(STEPS, 1);
   new Uint32Array(image.data.buffer).set(kind === "difference" ? DIFFERENCES : AGES);
   context.putImageData(image, 0, 0);
-  const marks = kind === "difference" ? [-most, -most / 2, 0, most / 2, most] : [0, most / 4, most / 2, (3 * most) / 4, most];
+  const marks = kind === "difference" ? [-most, 0, most] : [0, most / 2, most];
   $("ticks").replaceChildren(...marks.map((value, i) => {
     const mark = document.createElement("span");
     const text = String(Math.round(value * 10) / 10).replace("-", "−");
@@ -214,7 +214,7 @@ function legend(force = false) {
     return mark;
   }));
   $("legendtext").textContent = kind === "difference"
-    ? "believed younger ← s → believed older" : "seconds since last seen";
+    ? "s believed younger or older" : "seconds since last seen";
   map.dirtyFog = true;
 }
 

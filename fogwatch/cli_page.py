@@ -1,0 +1,49 @@
+"""``fogwatch replay`` and ``fogwatch monitor``: the page of a run that is over, and of a fleet that is running.
+
+Commands raise BadInput; the caller prints it.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+HOST = typer.Option(metavar="HOST", help="Address to serve on; another than loopback needs --token.")
+PORT = typer.Option("--page-port", metavar="N", help="TCP port of the page (default: a free one).")
+TOKEN = typer.Option(
+    metavar="TEXT",
+    envvar="FOGWATCH_PAGE_KEY",
+    help="What whoever opens the page must know; 16 letters or more.",
+    show_envvar=True,
+)
+BROWSER = typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+INTERRUPTED = 130
+
+
+def replay(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder.")],
+    host: Annotated[str, HOST] = "127.0.0.1",
+    port: Annotated[int, PORT] = 0,
+    token: Annotated[str, TOKEN] = "",
+    browser: Annotated[bool, BROWSER] = False,
+) -> int:
+    """Play a run on the live page: at any speed, backwards too, with a time line. Ctrl-C ends it."""
+    return _page(Namespace(replay=run, access=None, router=None, fleet=None, wait=0.0), host, port, token, browser)
+
+
+def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> int:
+    from monitor.process import opener, show
+    from patrol.lifeline import heed
+
+    def opened(address: str) -> None:
+        if browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    ending = heed(None, patience=1)
+    show(opener(what, ending), host, port, token, ending, opened=opened)
+    return INTERRUPTED
