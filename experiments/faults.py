@@ -95,13 +95,18 @@ def conditions(setup: Setup) -> list[Condition]:
     return [Condition("quiet", QUIET, []), *_losses(), *_radio(setup), *_robots(setup), *_forgeries(setup)]
 
 
-def chosen(setup: Setup, groups: Sequence[str]) -> list[Condition]:
-    """The conditions of some groups, or of all where none is named; always those without faults. BadInput."""
-    for group in groups:
-        if group not in GROUPS:
-            raise BadInput(f"--only {group}: no such group; {did_you_mean(group, list(GROUPS))}")
-    wanted = {*(groups or GROUPS), "quiet"}
-    return [condition for condition in conditions(setup) if condition.group in wanted]
+def chosen(setup: Setup, names: Sequence[str]) -> list[Condition]:
+    """Some conditions, by the names of groups or their own (GROUP: NAME), or all where none is named. BadInput.
+
+    Always those without faults, which all others are compared with.
+    """
+    every = conditions(setup)
+    own = [f"{condition.group}: {condition.name}" for condition in every]
+    for name in names:
+        if name not in (*GROUPS, *own):
+            raise BadInput(f"--only {name}: no such group or condition; {did_you_mean(name, [*GROUPS, *own])}")
+    wanted = {*(names or GROUPS), "quiet"}
+    return [condition for condition, name in zip(every, own, strict=True) if {condition.group, name} & wanted]
 
 
 def plan_of(setup: Setup, tried: Sequence[Condition]) -> Plan:
@@ -171,10 +176,10 @@ def _forgeries(setup: Setup) -> Iterator[Condition]:
     }
     for name, fault in forged.items():
         yield Condition("forgery", name, [fault])
-        yield Condition("forgery", f"{name}, key", [fault], settings={"radio.key": str(setup.key)})
+        yield Condition("forgery", f"{name} (key)", [fault], settings={"radio.key": str(setup.key)})
     insider: dict[str, Any] = {"kind": "spoof", "by": "r1", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}}
     yield Condition(
-        "forgery", "all positions shifted by an insider, key", [insider], settings={"radio.key": str(setup.key)}
+        "forgery", "all positions shifted by an insider (key)", [insider], settings={"radio.key": str(setup.key)}
     )
 
 

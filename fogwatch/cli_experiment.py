@@ -38,7 +38,10 @@ def faults(
     robots: Annotated[int, typer.Option(metavar="N", help="Robots of the whole fleet.")] = 5,
     terrain: Annotated[str, typer.Option(metavar="NAME", help="A built-in terrain.")] = "yards",
     only: Annotated[
-        str | None, typer.Option(metavar="GROUP,...", help=f"These groups alone, of: {', '.join(GROUPS)}.")
+        str | None,
+        typer.Option(
+            metavar="NAME,...", help=f"These alone: groups ({', '.join(GROUPS)}) or, e.g., 'loss: 50 % lost'."
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Set a field of every run.")

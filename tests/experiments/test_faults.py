@@ -44,7 +44,9 @@ def test_all_deaths_come_and_go_within_the_run(setup: Setup) -> None:
 def test_groups_can_be_chosen(setup: Setup) -> None:
     assert {condition.group for condition in chosen(setup, ["silence"])} == {"quiet", "silence"}
     assert chosen(setup, []) == conditions(setup)
-    with pytest.raises(BadInput, match="--only sylence: no such group; did you mean silence"):
+    names = [condition.name for condition in chosen(setup, ["loss: 50 % lost", "silence"])]
+    assert names == ["no faults", "50 % lost", "total silence", "silence for a third"]
+    with pytest.raises(BadInput, match="--only sylence: no such group or condition; did you mean silence"):
         chosen(setup, ["sylence"])
 
 
