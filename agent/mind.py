@@ -121,7 +121,9 @@ class Mind:
         self._car = CarSteering(self.spec, terrain, scenario.step)
         identity = (scenario.seed, setup.number, setup.incarnation)
         self._give_way = GiveWay(*identity, self._radii, scenario.step) if patrol.give_way else None
-        self._unstuck = Unstuck(self._car, self.spec.speed, scenario.step)
+        self._unstuck = Unstuck(
+            self._car, self.spec.speed, scenario.step, lambda k, index: self._draw(k, index, Purpose.UNSTUCK)
+        )
         self._parking = max(self._car.stride, 2.0 * self.spec.turning_radius)
         self._surround = Surround(scenario, setup.number, terrain, setup.fields, setup.scratch)
 
@@ -225,10 +227,10 @@ class Mind:
             repel(pull.sums, pose, live, patrol)
         return pull
 
-    def _draw(self, k: int, index: int) -> float:
+    def _draw(self, k: int, index: int, purpose: Purpose = Purpose.RANDOM_MOVE) -> float:
         """What chance says of tick k's move, in [0, 1). index: 0 whether it is random, 1 where it goes."""
         scenario, number = self._setup.scenario, self.spec.number
-        return draw(scenario.seed, Purpose.RANDOM_MOVE, number, self._setup.incarnation, k, index)
+        return draw(scenario.seed, purpose, number, self._setup.incarnation, k, index)
 
     def _directions(self, pull: Pull) -> list[float]:
         """The bearings to try, rad, best first."""

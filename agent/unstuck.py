@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from agent.steering import CarSteering
-from patrol.pose import Drive, Pose, wrap
+from patrol.pose import TAU, Drive, Pose, wrap
 
 ORIENTED = math.pi / 8
 """How near to the desired orientation counts as oriented, rad: half of one of eight sectors."""
@@ -15,6 +16,15 @@ CALM_S = 10.0
 
 LONGEST_RETREAT = 6
 """Most steps that a robot must back before it tries again."""
+
+AT_A_LOSS = 4
+"""Dead ends in a row from which on the next direction is left to chance."""
+
+HOPELESS_S = 10.0
+"""Time in one dead end after which another direction is left to chance, s."""
+
+YIELDS = 0.5
+"""Probability that a robot that bumped stands still for a step, so that of two that block each other one may go."""
 
 EASIER = (1.0, 0.5, 0.25, 0.125)
 """Shares of the full speed that are tried in turn where a full step does not fit."""
@@ -27,11 +37,18 @@ class Unstuck:
     again; and it is done as soon as it faces the desired direction. The paper stops there; a robot whose nose is
     against a wall right in that direction would be done at once and stuck again, for ever. So it backs at least one
     step, and one more for each time that it gets stuck again within `CALM_S`.
+
+    A car's moves know no chance, so what leads it into the same dead end again does so for ever, and two cars that
+    block each other never part. So whoever bumps stands still now and then, and after `AT_A_LOSS` dead ends in a row,
+    or `HOPELESS_S` in one, a robot leaves it to chance which way it wants to face.
     """
 
-    def __init__(self, steering: CarSteering, speed: float, step: float) -> None:
-        """speed: m/s. step: s per tick."""
+    def __init__(self, steering: CarSteering, speed: float, step: float, chance: Callable[[int, int], float]) -> None:
+        """speed: m/s. step: s per tick. chance: what chance says at a tick, in [0, 1), on its question 0 or 1."""
         self._calm = round(CALM_S / step)
+        self._hopeless = max(round(HOPELESS_S / step), 1)
+        self._chance = chance
+        self._begun = 0
         self._steering = steering
         self._speed = speed
         self._desired: float | None = None
@@ -54,7 +71,8 @@ class Unstuck:
         again = tick - self._ended <= self._calm
         self._in_a_row = min(self._in_a_row + 1, LONGEST_RETREAT) if again else 1
         self._retreat = self._in_a_row
-        self._desired = desired
+        self._desired = desired if self._in_a_row < AT_A_LOSS else TAU * self._chance(tick, 0)
+        self._begun = tick
         self._backing = True
 
     def step(self, tick: int, pose: Pose, bumped: bool) -> Drive | None:
@@ -63,6 +81,11 @@ class Unstuck:
             return None
         if bumped:
             self._backing = not self._backing
+            if self._chance(tick, 1) < YIELDS:
+                return Drive(0.0, 0.0)
+        if tick - self._begun >= self._hopeless:
+            self._begun = tick
+            self._desired = TAU * self._chance(tick, 0)
         if self._retreat <= 0 and abs(wrap(self._desired - pose.heading)) <= ORIENTED:
             self._desired = None
             self._ended = tick

@@ -32,6 +32,7 @@ class Purpose(IntEnum):
     SENSES = 7
     NEMESIS = 8
     CHAOS = 9
+    UNSTUCK = 10
 
 
 def mix(*values: SupportsIndex) -> int:

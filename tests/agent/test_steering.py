@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.steering import CarSteering, HolonomicSteering
-from agent.unstuck import ORIENTED, Unstuck
+from agent.unstuck import AT_A_LOSS, HOPELESS_S, ORIENTED, YIELDS, Unstuck
 from patrol.pose import Drive, Pose, wrap
 from patrol.scenario import RobotSpec
 from patrol.sweep import advance
@@ -54,10 +54,16 @@ def test_a_holonomic_robot_stops_at_its_target_and_before_walls() -> None:
     assert steering.towards(Pose(18.0, 10.0, 0.0), (18.0, 10.0)) == (type(velocity)(0.0, 0.0), 0.0)
 
 
+def never(_tick: int, index: int) -> float:
+    """Chance as long as nothing is left to it."""
+    assert index == 1
+    return 0.999
+
+
 def escape(terrain: Terrain, pose: Pose, desired: float) -> tuple[int, Pose]:
     """Ticks until unstuck, and the pose then; fails when it takes more than a hundred."""
     steering = CarSteering(CAR, terrain, 0.5)
-    unstuck = Unstuck(steering, CAR.speed, 0.5)
+    unstuck = Unstuck(steering, CAR.speed, 0.5, never)
     unstuck.begin(0, desired)
     for tick in range(100):
         drive = unstuck.step(tick, pose, bumped=False)
@@ -86,10 +92,10 @@ def test_a_car_gets_out_of_a_corner(desired: float) -> None:
 
 
 def test_it_backs_further_each_time_it_gets_stuck_again_at_once() -> None:
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5)
+    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, never)
     backed = []
     tick = 0
-    for _ in range(4):
+    for _ in range(AT_A_LOSS - 1):
         pose = Pose(30.0, 30.0, 0.0)
         unstuck.begin(tick, 0.0)
         steps = 0
@@ -100,12 +106,12 @@ def test_it_backs_further_each_time_it_gets_stuck_again_at_once() -> None:
             tick += 1
         backed.append(steps)
         assert unstuck.keeps_happening(tick) == (len(backed) > 1)
-    assert backed == [1, 2, 3, 4]
+    assert backed == [1, 2, 3]
     assert not unstuck.keeps_happening(tick + 100)
 
 
 def test_a_bump_while_backing_makes_it_drive_forward() -> None:
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5)
+    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, never)
     unstuck.begin(0, math.pi)
     pose = Pose(30.0, 30.0, 0.0)
     first = unstuck.step(0, pose, bumped=False)
@@ -114,3 +120,45 @@ def test_a_bump_while_backing_makes_it_drive_forward() -> None:
     second = unstuck.step(1, pose, bumped=True)
     assert second is not None
     assert second.speed > 0.0
+
+
+def test_whoever_bumps_stands_still_now_and_then() -> None:
+    says = [0.999]
+    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, lambda _tick, _index: says[0])
+    unstuck.begin(0, math.pi)
+    says[0] = YIELDS - 0.01
+    assert unstuck.step(1, Pose(30.0, 30.0, 0.0), bumped=True) == Drive(0.0, 0.0)
+    assert unstuck.active
+
+
+def test_after_many_dead_ends_in_a_row_chance_says_where_to() -> None:
+    asked: list[int] = []
+
+    def chance(tick: int, _index: int) -> float:
+        asked.append(tick)
+        return 0.25  # of a turn
+
+    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, chance)
+    tick = 0
+    pose = Pose(30.0, 30.0, 0.0)
+    for number in range(1, AT_A_LOSS + 1):
+        assert not asked
+        pose = Pose(30.0, 30.0, 0.0)
+        unstuck.begin(tick, 0.0)
+        while (drive := unstuck.step(tick, pose, bumped=False)) is not None:
+            pose = advance(pose, drive, 0.5)
+            tick += 1
+        assert abs(wrap(pose.heading)) <= ORIENTED or number == AT_A_LOSS
+    assert asked
+    assert abs(wrap(math.pi / 2 - pose.heading)) <= ORIENTED
+
+
+def test_in_a_dead_end_without_hope_chance_says_where_to() -> None:
+    """Somebody else stands in the way of every move, so only another direction can be new."""
+    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, lambda _tick, index: 0.25 if index == 0 else 0.999)
+    pose = Pose(30.0, 30.0, math.pi / 2)
+    unstuck.begin(0, 0.0)
+    last = round(HOPELESS_S / 0.5)
+    for tick in range(last):
+        assert unstuck.step(tick, pose, bumped=True) is not None
+    assert unstuck.step(last, pose, bumped=True) is None  # it faces where chance points
