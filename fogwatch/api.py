@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fogwatch.live import Show, Silent
 from fogwatch.runfolder import RunFolder, create
+from patrol.controls import prepared_as_operated
 from patrol.errors import BadInput
 from patrol.eyes import Metrics, Notice, Watcher
 from patrol.keyfile import fleet_key
@@ -223,10 +224,11 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
         journal = read_journal(folder.journal)
     except BadInput as bad:
         raise Failed(str(bad)) from None
-    verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(prepared, wishes))
+    operated = prepared_as_operated(prepared, journal.events)
+    verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, wishes))
     wall_s = journal.end.notes.get("wall_s") if journal.end else None
     summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
-    return _result(folder, prepared, journal, verdict, summary, wishes)
+    return _result(folder, operated, journal, verdict, summary, wishes)
 
 
 def _announce(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> None:

@@ -14,7 +14,18 @@ from typing import Annotated, Any
 
 import typer
 
-from fogwatch import cli_chaos, cli_experiment, cli_eyes, cli_key, cli_map, cli_page, cli_paper, cli_scenario, cli_sweep
+from fogwatch import (
+    cli_chaos,
+    cli_control,
+    cli_experiment,
+    cli_eyes,
+    cli_key,
+    cli_map,
+    cli_page,
+    cli_paper,
+    cli_scenario,
+    cli_sweep,
+)
 from patrol.errors import BadInput
 from patrol.lifeline import heed
 from patrol.scenario import BUILTINS, open_scenario, parse_overrides
@@ -33,6 +44,7 @@ app = typer.Typer(
 app.add_typer(cli_scenario.app, name="scenario")
 app.add_typer(cli_map.app, name="map")
 app.add_typer(cli_key.app, name="key")
+app.command(epilog=cli_control.EPILOG)(cli_control.control)
 app.command()(cli_sweep.sweep)
 app.command()(cli_chaos.chaos)
 for command in (cli_eyes.report, cli_eyes.compare, cli_eyes.record, cli_eyes.recording):

@@ -22,6 +22,7 @@ from fogwatch.hands import HandsServer
 from fogwatch.live import Show
 from fogwatch.router import READY
 from fogwatch.runfolder import RunFolder
+from patrol.access import Access, write_access
 from patrol.errors import BadInput
 from patrol.eyes import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
 from patrol.keys import fleet_keys
@@ -105,10 +106,12 @@ class Launch:
         self._pipe = os.pipe()
         self.folder.logs.mkdir(exist_ok=True)
         self._start_router()
+        write_access(self.folder.access, Access(self.fleet, self._endpoint, os.urandom(16).hex()))
         ours, theirs = socket.socketpair()
         with theirs:
+            own = ["--out", str(self.folder.path), "--control", str(self.folder.access)]
             hands = ["--hands", str(theirs.fileno())]
-            self._spawn(WORLD, "worldsim", [*self._common(), "--out", str(self.folder.path), *hands], theirs.fileno())
+            self._spawn(WORLD, "worldsim", [*self._common(), *own, *hands], theirs.fileno())
         self._hands = HandsServer(ours, self)
         for name in self.robots:
             if name not in self.absent:
@@ -142,6 +145,7 @@ class Launch:
             if end >= 0:
                 os.close(end)
         self._pipe = (-1, -1)
+        self.folder.access.unlink(missing_ok=True)
         all_there_were = [*self.children.values(), *self._former]
         return {process_name(child.name, child.incarnation): child.code for child in all_there_were}
 

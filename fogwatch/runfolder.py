@@ -8,6 +8,8 @@
     fog.png        the final fog and the robots' paths
     recording.mcap the same for Foxglove, Lichtblick, Rerun and PlotJuggler
     report.html    what happened, on one page
+    timeline.yaml  the scenario with what operators did to it; run it for the same trace
+    control.json   where a running fleet is met, and the right to control it; gone when the run is over
     logs/          what each process printed, if there was more than one
 
 A fleet's key is a secret and is not copied: the scenario goes on naming its file.
@@ -25,6 +27,7 @@ from typing import Any
 
 import yaml
 
+from patrol.access import FILE as ACCESS
 from patrol.errors import BadInput
 from patrol.maps import load_terrain, read_map_file
 from patrol.scenario import Scenario, dump_scenario, load_scenario
@@ -78,6 +81,11 @@ class RunFolder:
     def static(self) -> Path:
         """Static fields for the processes; gone when the run is over."""
         return self.path / "static"
+
+    @property
+    def access(self) -> Path:
+        """Where the fleet is met and the right to control it, while it runs."""
+        return self.path / ACCESS
 
     @property
     def logs(self) -> Path:

@@ -112,7 +112,7 @@ class BeliefWatcher:
         record = next(self._records, None)
         if record is None:
             return False
-        self._past.append(_frames(record))
+        self._past.append(frames_of(record))
         heard = self._deliveries(record)
         for number in self._wanted:
             if self._begins_anew(k, number):
@@ -190,7 +190,7 @@ class BeliefWatcher:
         self._mfow.append(mfows)
 
 
-def _frames(record: TickRecord) -> dict[tuple[int, int], bytes]:
+def frames_of(record: TickRecord) -> dict[tuple[int, int], bytes]:
     """A tick's frames by (source, sequence)."""
     return dict(_numbered(record.k, record.frames))
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.controls import prepared_as_operated
 from patrol.errors import BadInput
 from patrol.journal import Journal, read_journal
 from patrol.pose import Pose
@@ -142,7 +143,7 @@ def open_run(folder: Path) -> Run:
         if not (folder / name).is_file():
             raise BadInput(f"{folder}: holds no file {name}; it is {what}")
     journal = read_journal(folder / JOURNAL)
-    prepared = prepare(load_scenario(folder / SCENARIO))
+    prepared = prepared_as_operated(prepare(load_scenario(folder / SCENARIO)), journal.events)
     facts, terrain = journal.header.terrain, prepared.terrain
     if (facts.width, facts.height) != (terrain.width, terrain.height):
         raise BadInput(

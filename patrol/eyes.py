@@ -17,6 +17,7 @@ from typing import Any
 
 import msgpack
 
+from patrol.controls import told
 from patrol.journal import Event, Status, TickRecord
 
 METRICS = "metrics"
@@ -27,6 +28,8 @@ MAX_VIEW = 1 << 22
 """Bytes of the longest view that a reader looks at: a fleet of tens of thousands."""
 
 _RATE_S = 3.0
+MAX_TEXT = 500
+"""Characters of the longest text in a view."""
 _STATUSES = frozenset(int(status) for status in Status)
 
 
@@ -153,7 +156,7 @@ class Watcher:
     def notice(self, event: Event) -> Notice:
         """An event of the journal, for eyes."""
         name = "" if event.robot is None else self._names[event.robot]
-        return Notice(event.k, event.kind, name, event.detail)
+        return Notice(event.k, event.kind, name, told(event)[:MAX_TEXT])
 
     def _rate(self, now: float, done: int) -> float:
         """Ticks per wall second over the last `_RATE_S`."""
@@ -254,6 +257,6 @@ def _number(says: Mapping[str, Any], field: str) -> float:
 
 def _text(says: Mapping[str, Any], field: str) -> str:
     value = says.get(field)
-    if type(value) is not str or len(value) > 500 or not value.isprintable():
+    if type(value) is not str or len(value) > MAX_TEXT or not value.isprintable():
         raise Unreadable(f"{field} is no printable text")
     return value

@@ -40,8 +40,10 @@ __all__ = [
     "TerrainFacts",
     "TickRecord",
     "TraceHash",
+    "pack",
     "read_journal",
     "trace_hash",
+    "unpack",
 ]
 
 _KIND = b"fogwatch journal "
@@ -60,7 +62,10 @@ class JournalWriter:
 
     def write(self, record: Record) -> None:
         """Append one record; when this returns the operating system has it."""
-        payload = msgpack.packb(_plain(record))
+        self.append(pack(record))
+
+    def append(self, payload: bytes) -> None:
+        """Append one record that `pack` has packed."""
         if len(payload) > MAX_RECORD:
             raise ValueError(f"a record of {len(payload)} bytes is longer than {MAX_RECORD}")
         self._put(_FRAME.pack(len(payload), zlib.crc32(payload)) + payload)
@@ -184,6 +189,20 @@ class _Records:
                 yield _typed(value)
         except (ValueError, TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
             raise BadInput(f"{self.path}: record {number} is not a journal's ({type(error).__name__})") from None
+
+
+def pack(record: Record) -> bytes:
+    """A record as a journal holds it."""
+    packed: bytes = msgpack.packb(_plain(record))
+    return packed
+
+
+def unpack(payload: bytes) -> Record:
+    """The record that was packed; ValueError for anything else."""
+    try:
+        return _typed(msgpack.unpackb(payload, strict_map_key=False))
+    except (TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
+        raise ValueError(f"no record of a journal ({type(error).__name__})") from None
 
 
 def _plain(record: Record) -> dict[str, Any]:

@@ -52,7 +52,7 @@ class FleetKeys:
         return f"{ROOT}/{self.fleet}/truth/{topic}"
 
     def control(self, what: str) -> str:
-        """Faults asked for, operator to world."""
+        """What an operator asks for, and the world answers."""
         return f"{ROOT}/{self.fleet}/control/{what}"
 
     def alive(self, who: str) -> str:

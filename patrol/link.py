@@ -61,6 +61,14 @@ class Presence:
     present: bool
 
 
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Something that somebody asks for. answer: sends the answer, once, and lost rather than late."""
+
+    payload: bytes
+    answer: Post
+
+
 class Payload(Protocol):
     """What a message holds before it is copied out of Zenoh."""
 
@@ -217,6 +225,24 @@ class Link:
         """Whether anybody holds the liveliness token of a key now."""
         return any(reply.ok is not None for reply in self._session.liveliness().get(key, timeout=SEE_S))
 
+    def attend(self, key: str, longest: int, mailbox: Mailbox[Question]) -> None:
+        """Let the questions under a key into a mailbox, to be answered at leisure."""
+
+        def receive(query: zenoh.Query) -> None:
+            payload = query.payload
+            if payload is not None and len(payload) > longest:
+                mailbox.refused["oversized"] += 1
+            else:
+                mailbox.put(key, Question(b"" if payload is None else payload.to_bytes(), _answers(query, key)))
+
+        handler = zenoh.handlers.Callback(receive, indirect=False)
+        self._declared.append(self._session.declare_queryable(key, handler))
+
+    def ask(self, key: str, payload: bytes, wait_s: float) -> bytes | None:
+        """The first answer to a question, or None when nobody has one in time."""
+        replies = self._session.get(key, payload=payload, timeout=wait_s, priority=zenoh.Priority.DATA_HIGH)
+        return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
+
     def live(self, key: str) -> None:
         """Declare a liveliness token, which ends with this process or its link."""
         self._declared.append(self._session.liveliness().declare_token(key))
@@ -238,6 +264,14 @@ class Link:
             declared.undeclare()
         self._declared.clear()
         self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _answers(query: zenoh.Query, key: str) -> Post:
+    def answer(payload: bytes) -> None:
+        with query:
+            query.reply(key, payload, congestion_control=zenoh.CongestionControl.DROP)
+
+    return answer
 
 
 def open_link(

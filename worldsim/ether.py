@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from patrol.errors import BadInput
 from patrol.faults import Spoof
 from patrol.keyfile import fleet_key
 from patrol.message import MAX_FRAME
 from patrol.records import FORGED, Status, frame_sequence
-from worldsim.forging import Forged, Forger
+from worldsim.forging import MEMORY, Forged, Forger
 from worldsim.radio_rules import NOBODY, RadioRules, arrival
 
 if TYPE_CHECKING:
@@ -89,6 +90,13 @@ class Ether:
     def in_flight(self) -> Counter[Link]:
         """The frames that have not arrived yet, copies included."""
         return Counter((f.source, f.destination, f.sequence) for flying in self._flying.values() for f in flying)
+
+    def follow(self, timeline: Timeline) -> None:
+        """Go on with a timeline that has other faults from the next tick on; BadInput where they cannot be followed."""
+        if self._rules is None or self._forger is None:
+            raise BadInput("control: this run takes no faults while it goes on")
+        self._forger.follow(timeline)
+        self._rules.timeline = timeline
 
     def carry(
         self,
@@ -185,15 +193,21 @@ class Ether:
         return heard, tuple(arrived)
 
 
-def ether_of(scenario: Scenario, timeline: Timeline, terrain: Terrain, senses: Senses) -> Ether:
-    """The ether of a scenario. BadInput when a robot forges and the fleet's key cannot be read."""
-    if not timeline.entries:
+def ether_of(
+    scenario: Scenario, timeline: Timeline, terrain: Terrain, senses: Senses, *, operated: bool = False
+) -> Ether:
+    """The ether of a scenario. BadInput when a robot forges and the fleet's key cannot be read.
+
+    operated: whether it may be told to `follow` other timelines.
+    """
+    if not timeline.entries and not operated:
         return Ether(scenario.step)
     spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
     forger = None
-    if spoofs:
+    if spoofs or operated:
         insiders = any(entry.sources[0] != NOBODY for entry in spoofs)
-        forger = Forger(scenario, timeline, terrain, senses, fleet_key(scenario) if insiders else None)
+        key = fleet_key(scenario) if insiders else None
+        forger = Forger(scenario, timeline, terrain, senses, key, MEMORY if operated else 0)
     return Ether(scenario.step, RadioRules(scenario, timeline, terrain), forger)
 
 

@@ -13,7 +13,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from patrol.errors import BadInput
 from patrol.faults import Forgery, Spoof
+from patrol.keyfile import fleet_key
 from patrol.message import MAX_ROBOT, Position, encode
 from patrol.pose import Pose
 from patrol.random import Purpose, draw, mix
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
 
 _WRONG_KEY = -1
 
+MEMORY = 600
+"""Ticks whose frames are kept where an operator may ask for a replay."""
+
 
 @dataclass(frozen=True, slots=True)
 class Forged:
@@ -41,13 +46,21 @@ class Forged:
 class Forger:
     """The forged frames of each tick, in the order of the faults and their victims.
 
-    key: the fleet's, for the robots among the forgers; None when the fleet uses none.
+    key: the fleet's, for the robots among the forgers; None when the fleet uses none. memory: ticks of which it keeps
+    the frames at least, for a replay that nobody has asked for yet.
     """
 
     def __init__(
-        self, scenario: Scenario, timeline: Timeline, terrain: Terrain, senses: Senses, key: bytes | None
+        self,
+        scenario: Scenario,
+        timeline: Timeline,
+        terrain: Terrain,
+        senses: Senses,
+        key: bytes | None,
+        memory: int = 0,
     ) -> None:
         self.timeline = timeline
+        self._scenario = scenario
         self._seed = scenario.seed
         self._step = scenario.step
         self._robots = len(scenario.roster)
@@ -55,9 +68,18 @@ class Forger:
         self._senses = senses
         self._key = key
         self._tags = scenario.radio.key is not None
-        depth = max((self._age(entry) for entry in timeline.entries), default=0)
-        self._sent: deque[Mapping[int, Sequence[bytes]]] = deque(maxlen=depth + 1)
+        self._depth = max((memory, *(self._age(entry) for entry in timeline.entries)))
+        self._sent: deque[Mapping[int, Sequence[bytes]]] = deque(maxlen=self._depth + 1)
         self._frozen: dict[tuple[int, int], Pose] = {}
+
+    def follow(self, timeline: Timeline) -> None:
+        """Go on with another timeline; BadInput where its forgeries need what is not there."""
+        spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
+        if any(self._age(entry) > self._depth for entry in spoofs):
+            raise BadInput(f"control: fault.payload.replay: at most {self._depth * self._step:g} s are remembered")
+        if self._key is None and any(entry.sources[0] != NOBODY for entry in spoofs):
+            self._key = fleet_key(self._scenario)
+        self.timeline = timeline
 
     def forge(
         self, k: int, frames: Mapping[int, Sequence[bytes]], statuses: Mapping[int, Status], poses: Mapping[int, Pose]

@@ -14,6 +14,7 @@ DEADLINE_S = 10.0
 FIRST_DEADLINE_S = 60.0
 """For the first tick, in which minds may still load what they need."""
 RESEND_S = 1.0
+_DRAINED = 16
 
 T = TypeVar("T", ReplyA, ReplyB)
 Make = Callable[[int, int], ToRobot]
@@ -47,6 +48,13 @@ class LockstepFleet:
         """Who has died in this tick, and how it was noticed."""
         lost, self._lost = self._lost, []
         return lost
+
+    def rest(self) -> None:
+        """No tick is due for now: deal with what arrives meanwhile."""
+        drain(self._seats)
+
+    def hasten(self, _step_s: float) -> None:
+        """Nothing: the next tick begins when the world says so."""
 
     def finish(self, k: int) -> None:
         """Send everybody home."""
@@ -94,6 +102,12 @@ class LockstepFleet:
     def _lose(self, number: int, reason: str) -> None:
         self._lost.append((number, Status.LOST, reason))
         self._seats.dismiss(number, f"left out: {reason}", orderly=False)
+
+
+def drain(seats: Seats) -> None:
+    """Deal with what has come between two ticks, when no answer is due."""
+    for _ in range(_DRAINED):
+        seats.take(0.0)
 
 
 def tell(k: int, report: Report) -> Make:

@@ -10,6 +10,7 @@ from worldsim.acts import Acts
 from worldsim.record import COMPLETED, DESERTED, INTERRUPTED
 
 if TYPE_CHECKING:
+    from worldsim.controls import Operator
     from worldsim.hands import Hands
     from worldsim.world import Reply, Report, World
 
@@ -47,17 +48,24 @@ def run_ticks(
     events: Callable[[Event], None],
     stop: Callable[[], bool] = lambda: False,
     hands: Hands | None = None,
+    operator: Operator | None = None,
 ) -> str:
     """Run the ticks that are left, waiting for every living robot in each phase; why they ended (`worldsim.record`).
 
     sink: takes each tick's record. events: takes what happens between ticks. stop: asked between ticks. hands: those
-    that do to robots' minds what the scenario's faults ask for, where any do.
+    that do to robots' minds what the scenario's faults ask for, where any do. operator: asked between ticks for what
+    somebody wants of the run while it goes on.
     """
     acts = Acts(world, hands)
     try:
         while world.tick < world.ticks:
             if stop():
                 return INTERRUPTED
+            if operator is not None:
+                for event in operator.between(stop):
+                    events(event)
+                if stop():
+                    return INTERRUPTED
             for event in acts.due():
                 events(event)
             if acts.deserted:

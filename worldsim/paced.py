@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from patrol.journal import Status
 from patrol.phases import ReplyA, ReplyB
-from worldsim.lockstep import pass_on, reply_of, tell
+from worldsim.lockstep import drain, pass_on, reply_of, tell
 from worldsim.radio_rules import PHASE_B_SHARE
 from worldsim.seats import POLL_S, Seats
 from worldsim.world import Reply, Report
@@ -79,6 +79,15 @@ class PacedFleet:
         for number in gone:
             self._seats.dismiss(number, "left out: its process was gone", orderly=False)
         return [(number, Status.LOST, "its process was gone") for number in gone]
+
+    def rest(self) -> None:
+        """No tick is due for now: the next one begins when it is asked for, and nobody is late for it."""
+        drain(self._seats)
+        self._begins = None
+
+    def hasten(self, step_s: float) -> None:
+        """Steps take so long from now on, s of wall time."""
+        self._step_s = step_s
 
     def finish(self, k: int) -> None:
         """Send everybody home."""

@@ -9,6 +9,7 @@ import os
 import shutil
 import socket
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
@@ -21,12 +22,16 @@ from patrol.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.lifeline import Ending, heed
 
 if TYPE_CHECKING:
-    from patrol.journal import Event, TickRecord
+    from patrol.journal import Event, Header, JournalWriter, TickRecord
     from patrol.keys import FleetKeys
-    from patrol.link import Air, Link
+    from patrol.link import Air, Link, Question
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
+    from worldsim.controls import Manner, Operator
     from worldsim.direct import Ear
+    from worldsim.feed import Feed
+    from worldsim.lockstep import LockstepFleet
+    from worldsim.paced import PacedFleet
     from worldsim.record import Recorder
     from worldsim.seats import Seats
     from worldsim.table import TicksTable
@@ -66,10 +71,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
+    from patrol.access import read_access
     from patrol.keys import check_locator, check_radio, fleet_keys
     from patrol.scenario import load_scenario
     from patrol.warmup import warm
 
+    options.token = None if options.control is None else read_access(options.control, "--control").token
     router = check_locator(options.router, "--router")
     keys = fleet_keys(options.fleet)
     scenario = load_scenario(options.scenario)
@@ -176,7 +183,7 @@ def _record(
     from worldsim.world import World
 
     scenario = prepared.scenario
-    world = World(prepared)
+    world = World(prepared, operated=options.token is not None)
     fleet: LockstepFleet | PacedFleet
     if scenario.factor is None:
         fleet = LockstepFleet(seats, options.deadline)
@@ -185,17 +192,21 @@ def _record(
     hands = None
     if options.hands is not None:
         hands = SeatedHands(_asking(options.hands, ending), seats, waits=scenario.factor is None)
+    operator = None if options.token is None else _operator(options, world, fleet, link, keys)
     header = header_of(world, datetime.now(UTC).isoformat(timespec="seconds"))
     with (
         JournalWriter(options.out / "journal", header) as journal,
         closing(TicksTable(options.out / "ticks.csv", scenario.step)) as table,
     ):
-        recorder = Recorder(journal)
-        on_tick, on_event = _sinks(world, link, keys, recorder, table)
+        feed = _feed(world, journal, header, link, keys, lambda: _manner(world, operator))
+        if operator is not None:
+            operator.rest = feed.rest
+        recorder = Recorder(feed)
+        on_tick, on_event = _sinks(world, link, keys, recorder, table, feed.between)
         reason = INTERRUPTED
         began = time.monotonic()
         try:
-            reason = run_ticks(world, fleet, on_tick, on_event, lambda: bool(ending), hands)
+            reason = run_ticks(world, fleet, on_tick, on_event, lambda: bool(ending), hands, operator)
         except Interrupted:
             pass
         except BaseException as error:
@@ -204,7 +215,63 @@ def _record(
         finally:
             wall_s = time.monotonic() - began
             recorder.end(reason, {"wall_s": wall_s, "refused": dict(seats.refused), **fleet.notes()})
+            feed.flush()
     return wall_s
+
+
+def _operator(
+    options: argparse.Namespace, world: World, fleet: LockstepFleet | PacedFleet, link: Link, keys: FleetKeys
+) -> Operator:
+    """Does what whoever has the fleet's token asks for, and keeps the scenario that it comes to."""
+    from patrol.controls import ASK, MAX_CONTROL
+    from patrol.link import Mailbox
+    from worldsim.controls import Operator
+    from worldsim.desk import FrontDesk, keep_timeline
+
+    key = keys.control(ASK)
+    mailbox: Mailbox[Question] = Mailbox([key], _unread, MAX_CONTROL)
+    desk = FrontDesk(mailbox, options.token)
+    operator = Operator(
+        world,
+        fleet,
+        desk,
+        time.monotonic,
+        handy=options.hands is not None,
+        amended=lambda scenario: keep_timeline(options.out, scenario),
+    )
+    link.attend(key, MAX_CONTROL, mailbox)
+    return operator
+
+
+def _manner(world: World, operator: Operator | None) -> Manner:
+    """How the ticks go, with an operator or without."""
+    from worldsim.controls import Manner
+
+    return Manner(True, world.scenario.factor) if operator is None else operator.manner
+
+
+def _feed(
+    world: World, journal: JournalWriter, header: Header, link: Link, keys: FleetKeys, manner: Callable[[], Manner]
+) -> Feed:
+    """Shows the journal to whoever watches, and tells who comes late what was before."""
+    from patrol.feed import FOG, TICKS
+    from patrol.link import Mailbox
+    from worldsim.feed import Feed
+
+    key = keys.truth(FOG)
+    questions: Mailbox[Question] = Mailbox([key], _unread, 0)
+
+    def later(work: Callable[[], None]) -> None:
+        threading.Thread(target=work, name="fog", daemon=True).start()
+
+    feed = Feed(world, journal, header, link.show(keys.truth(TICKS)), questions, later, time.monotonic, manner)
+    link.attend(key, 0, questions)
+    return feed
+
+
+def _unread(_payload: bytes) -> Question:
+    """Questions are put into their mailbox as they are."""
+    raise ValueError("no question")
 
 
 def _asking(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
@@ -239,7 +306,12 @@ def _check_hands(scenario: Scenario, descriptor: int | None) -> None:
 
 
 def _sinks(
-    world: World, link: Link, keys: FleetKeys, recorder: Recorder, table: TicksTable
+    world: World,
+    link: Link,
+    keys: FleetKeys,
+    recorder: Recorder,
+    table: TicksTable,
+    between: Callable[[], None],
 ) -> tuple[Callable[[TickRecord], None], Callable[[Event], None]]:
     """Where ticks and events go: into the files, and before the eyes of whoever looks."""
     from patrol.eyes import EVENTS, METRICS, Watcher, show
@@ -255,6 +327,7 @@ def _sinks(
         metrics = watcher.take(record)
         if metrics is not None:
             to_metrics(show(metrics))
+        between()
 
     def on_event(event: Event) -> None:
         recorder.event(event)
@@ -317,5 +390,6 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--wait", type=float, default=60.0, metavar="S", help="how long to wait for router and robots (%(default)g s)")
     add("--deadline", type=float, default=10.0, metavar="S", help="lockstep: wall time for an answer (%(default)g s)")
     add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
+    add("--control", type=Path, metavar="FILE", help="obey operators who have the token in this file (default: nobody)")
     add("--hands", type=int, metavar="FD", help="socket to ask for kills, pauses and starts (set by the launcher)")
     return parser.parse_args(arguments)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from patrol.journal import Header, RobotTick, Status, TickRecord
+from patrol.journal import Event, Header, RobotTick, Status, TickRecord
 from patrol.pose import Drive, Velocity
 from patrol.records import FORGED
 from worldsim.direct import as_measured
@@ -88,7 +89,8 @@ class _Robot:
 class Totals:
     """What a run's ticks add up to, one by one; see `summarise`."""
 
-    def __init__(self, header: Header) -> None:
+    def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
+        """events: those of the whole run, where operators may have added faults."""
         self._header = header
         self._step = float(header.scenario["step"])
         self._robots = {robot.number: _Robot(robot.model) for robot in header.robots}
@@ -96,7 +98,7 @@ class Totals:
         self._fog: list[float] = []
         self._seen = 0
         self._forged = 0
-        self._traffic = Traffic(header)
+        self._traffic = Traffic(header, events)
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
@@ -167,7 +169,7 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     many of the frames came after all (`too_late`; they reach nobody and are not among the sent), and how far the world
     itself fell behind (wall s). For direct radio see `worldsim.direct.as_measured`.
     """
-    totals = Totals(journal.header)
+    totals = Totals(journal.header, journal.events)
     for record in journal.ticks:
         totals.tick(record)
     return totals.summary(journal, verdict, wall_s)

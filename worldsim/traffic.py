@@ -6,6 +6,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from patrol.controls import OPERATOR, operated
 from patrol.faults import Bandwidth, OnLinks, Partition, Range, Silence, Spoof
 from patrol.records import FORGED
 from patrol.scenario import load_scenario
@@ -13,7 +14,9 @@ from worldsim.ether import there
 from worldsim.timeline import Entry, Timeline
 
 if TYPE_CHECKING:
-    from patrol.records import Header, TickRecord
+    from collections.abc import Sequence
+
+    from patrol.records import Event, Header, TickRecord
 
 MOST_ROBOTS = 64
 """Fleets above this size have no table of links in their summary: it grows with the square."""
@@ -59,15 +62,15 @@ class Traffic:
     frames, of a fault: those sent over its links while it was active; of a spoof, those that it forged.
     """
 
-    def __init__(self, header: Header) -> None:
+    def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
         self._names = {FORGED: FORGER, **{robot.number: robot.name for robot in header.robots}}
         self._links: dict[tuple[int, int], _Link] | None = None
         if len(header.robots) <= MOST_ROBOTS:
             self._links = defaultdict(_Link)
         self._timeline: Timeline | None = None
         self._faults: dict[str, _Fault] = {}
-        if header.scenario.get("faults"):
-            self._timeline = Timeline(load_scenario(header.scenario))
+        if header.scenario.get("faults") or any(event.kind == OPERATOR for event in events):
+            self._timeline = Timeline(operated(load_scenario(header.scenario), events))
             self._faults = {entry.id: _Fault(entry) for entry in self._timeline.entries}
 
     def tick(self, record: TickRecord) -> None:

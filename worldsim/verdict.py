@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from patrol.controls import prepared_as_operated
 from patrol.faults import PROCESS_KINDS
 from worldsim.body_checks import BodiesApart, MovesAreTrue
 from worldsim.checks import (
@@ -133,11 +134,13 @@ def judge(
 
     journal: its records, or None when there is no journal. exit_codes: of the processes by name, robots by theirs;
     None for one that was never seen to end; empty for a run in one process. prepared: the run's scenario, starts and
-    terrain, against which its poses and its fog are computed anew. baseline_s: mean MFoW (s) of the same scenario
-    without its faults, for the check of recovery; None when nobody has run that.
+    terrain, against which its poses and its fog are computed anew; what operators added, the journal tells.
+    baseline_s: mean MFoW (s) of the same scenario without its faults, for the check of recovery; None when nobody has
+    run that.
     """
     if journal is None:
         return Verdict("unknown", (Check("journal", False, "there is no journal"),))
+    prepared = prepared_as_operated(prepared, journal.events)
     judging = Judge(journal, exit_codes, prepared, baseline_s=baseline_s)
     for record in journal.ticks:
         judging.tick(record)

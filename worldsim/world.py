@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from patrol.errors import BadInput
 from patrol.footprint import sensor_footprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.message import MAX_FRAMES
@@ -23,6 +24,7 @@ from worldsim.truth import Truth
 if TYPE_CHECKING:
     from patrol.footprint import Footprint
     from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +68,12 @@ class World:
     holds, until none has come for `watchdog` seconds.
     """
 
-    def __init__(self, prepared: Prepared, *, footprint: Footprint | None = None) -> None:
+    def __init__(self, prepared: Prepared, *, footprint: Footprint | None = None, operated: bool = False) -> None:
         """Put the roster's bodies on their starts.
 
-        footprint: the scenario's sensor on its terrain, when somebody else holds one that remembers. Raises BadInput
-        when a fault needs the fleet's key and it cannot be read.
+        footprint: the scenario's sensor on its terrain, when somebody else holds one that remembers. operated: whether
+        more faults may come while it runs, by `amend`. Raises BadInput when a fault needs the fleet's key and it cannot
+        be read.
         """
         scenario = prepared.scenario
         self.prepared = prepared
@@ -88,7 +91,7 @@ class World:
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled, self.step)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
-        self.ether = ether_of(scenario, self.timeline, self.terrain, self.senses)
+        self.ether = ether_of(scenario, self.timeline, self.terrain, self.senses, operated=operated)
         self._waits = scenario.factor is None
         self._carries = scenario.radio.via == "ether"
         self._frames: tuple[tuple[int, bytes], ...] = ()
@@ -152,6 +155,20 @@ class World:
         )
         self.tick += 1
         return record
+
+    def amend(self, scenario: Scenario) -> None:
+        """Between ticks: go on with a scenario that has other faults or intruders from the next tick on.
+
+        Its past is the same (`patrol.controls.amended`). Raises BadInput, having changed nothing, where that cannot be.
+        """
+        timeline = Timeline(scenario)
+        if absent := sorted(timeline.starts_absent ^ self.timeline.starts_absent):
+            names = ", ".join(self.bodies[number].spec.name for number in absent)
+            raise BadInput(f"control: {names} cannot join: only who is not there yet, or has left, can")
+        self.ether.follow(timeline)
+        self.senses.timeline = timeline
+        self.scenario, self.timeline = scenario, timeline
+        self._intruders = Intruders(scenario, self.truth.footprint)
 
     def stand_down(self, number: int, status: Status, reason: str, *, away: bool = False) -> Event:
         """Between ticks: nobody drives this robot any more, or for now. Returns the event for the journal.

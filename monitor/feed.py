@@ -1,0 +1,398 @@
+"""A patrol that goes on now, as the feed of its world tells: the true fog, and what robots must believe.
+
+The journal's records come in batches (`patrol.feed`). Where one is missing, or before the first, the fog so far is
+asked of the world. Only the true fog is kept up all the time; what follows from positions heard, by everybody or by one
+robot, is computed from the ticks remembered once somebody wants to see it.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from array import array
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.follow import HEARD, Follower
+from monitor.observer import as_sent
+from monitor.source import Answer, Layer, Links, RobotShape, RobotState, Series, State, Static
+from patrol.controls import CONTROLS, OPERATOR, amended, read_control, told
+from patrol.errors import BadInput
+from patrol.feed import Batch, Garbled, SoFar, read_so_far
+from patrol.fog import Fog
+from patrol.footprint import sensor_footprint
+from patrol.journal import unpack
+from patrol.keyfile import fleet_key
+from patrol.pose import Pose
+from patrol.records import FORGED, End, Event, Header, Status, TickRecord
+from patrol.scenario import Scenario, load_scenario
+from patrol.terrain import Terrain
+
+SLICE_S = 0.05
+"""Wall time that catching up on a belief may take at a time."""
+SLOW_S = 3.0
+"""Wall time without news after which a viewer is told."""
+AGAIN_S = 5.0
+"""Wall time between two questions for the fog."""
+REMEMBERED = 48 << 20
+"""Bytes of the ticks that are remembered for beliefs."""
+BATCHES = 4096
+"""Batches that are taken in before a state is shown again."""
+
+_RATE_S = 3.0
+
+
+class Wire(Protocol):
+    """What connects a viewer with a world."""
+
+    def batch(self, timeout_s: float) -> Batch | None:
+        """The next batch, or None when none came in time."""
+        ...
+
+    def so_far(self) -> bytes | None:
+        """The world's answer to the question for all so far, None without one."""
+        ...
+
+    def ask(self, control: Mapping[str, Any]) -> Answer:
+        """The world's answer to a control."""
+        ...
+
+    @property
+    def may_ask(self) -> bool:
+        """Whether controls are obeyed at all."""
+        ...
+
+    @property
+    def present(self) -> bool:
+        """Whether there is a world."""
+        ...
+
+    def close(self) -> None:
+        """No more is wanted."""
+        ...
+
+
+class LiveSource:
+    """A `monitor.source.Source` over the feed of a world. now: wall clock, s."""
+
+    def __init__(self, name: str, wire: Wire, so_far: SoFar, now: Callable[[], float] = time.monotonic) -> None:
+        """name: the fleet's. so_far: an answer of its world. BadInput where that makes no sense."""
+        header = _record(so_far.header)
+        if not isinstance(header, Header):
+            raise BadInput(f"fleet {name}: its world speaks another language; use the same version on all hosts")
+        self._name = name
+        self._wire = wire
+        self._now = now
+        self._header = header
+        self._ground = so_far.ground
+        self._scenario: Scenario = load_scenario(header.scenario)
+        facts = header.terrain
+        self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
+        self._footprint = sensor_footprint(self._scenario, self._terrain)
+        self._step = self._scenario.step
+        self._numbers = [robot.number for robot in header.robots]
+        self._place = {number: place for place, number in enumerate(self._numbers)}
+        side = (len(self._numbers),) * 2
+        self._links = Links(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64))
+        self._spoke: dict[int, int] = {}
+        self._ended: str | None = None
+        self._events: list[Event] = []
+        self._followers: dict[Layer, Follower] = {}
+        self._log: deque[tuple[int, bytes]] = deque()
+        self._logged = 0
+        self._last: TickRecord | None = None
+        self._rates: deque[tuple[float, int]] = deque()
+        self._asked_at = now()
+        self._news_at = now()
+        self._shown: tuple[object, ...] = ()
+        self._gaps = 0
+        self._begin(so_far)
+
+    # --- Source ------------------------------------------------------------------------------------------------------
+
+    def static(self) -> Static:
+        """What never changes."""
+        sensor = self._scenario.sensor
+        robots = tuple(
+            RobotShape(robot.number, robot.name, robot.model, robot.radius, sensor.range, sensor.angle)
+            for robot in self._header.robots
+        )
+        return Static(
+            name=self._name,
+            scenario=self._header.scenario,
+            passable=self._ground.passable,
+            patrolled=self._ground.patrolled,
+            point=self._terrain.point,
+            origin=self._terrain.origin,
+            robots=robots,
+            step=self._step,
+            ticks=self._scenario.ticks,
+            bound_s=self._header.bound_s,
+            live=True,
+            layers=("truth", HEARD, *self._numbers),
+            controls=CONTROLS if self._wire.may_ask else (),
+            note=self._note_of_the_beginning(),
+        )
+
+    def wait(self, timeout_s: float) -> State | None:
+        """The newest state once it differs from the last one, or None after `timeout_s`."""
+        until = self._now() + timeout_s
+        while True:
+            left = until - self._now()
+            catching = any(follower.behind for follower in self._followers.values())
+            batch = self._wire.batch(0.0 if catching else max(0.0, left))
+            for _ in range(BATCHES):
+                if batch is None:
+                    break
+                self._take(batch)
+                batch = self._wire.batch(0.0)
+            self._catch_up(min(SLICE_S, max(left, 0.01)))
+            state = self._state()
+            mark = (state.k, state.running, state.pace, state.ended, state.note, len(self._events))
+            if mark != self._shown:
+                self._shown = mark
+                return state
+            if left <= 0.0:
+                return None
+
+    def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
+        """The tick in which each point was last seen; None while it is still worked out."""
+        if layer == "truth":
+            return self._truth.last_seen
+        if layer != HEARD and layer not in self._place:
+            return None
+        follower = self._followers.get(layer)
+        if follower is None:
+            follower = self._followers[layer] = self._follower(layer)
+        return None if follower.behind else follower.fog.last_seen
+
+    def series(self, after: int) -> Series:
+        """What is known of MFoW and mean fog in ticks after `after`."""
+        ticks = np.array(self._ticks, dtype=np.int64)
+        first = int(np.searchsorted(ticks, after, side="right"))
+        mfow, mean = (np.array(values[first:], dtype=np.float64) * self._step for values in (self._mfow, self._mean))
+        return Series(ticks[first:], mfow, mean)
+
+    def events(self, since: int) -> Sequence[Event]:
+        """What has happened, from the event numbered `since` on."""
+        return self._events[since:]
+
+    def ask(self, control: Mapping[str, Any]) -> Answer:
+        """Ask the world for something."""
+        if not self._wire.may_ask:
+            return Answer(False, "this viewer has no right to control the fleet")
+        try:
+            read_control(control)
+        except BadInput as bad:
+            return Answer(False, str(bad))
+        return self._wire.ask(control)
+
+    def close(self) -> None:
+        """No more is wanted."""
+        self._wire.close()
+
+    # --- taking in ---------------------------------------------------------------------------------------------------
+
+    def _begin(self, so_far: SoFar) -> None:
+        """Begin, or begin anew, with all so far."""
+        self._number = so_far.number
+        self._running, self._pace = so_far.running, so_far.pace
+        self._truth = Fog.resumed(self._ground.patrolled, so_far.last_seen)
+        last = None if so_far.last is None else _record(so_far.last)
+        self._last = last if isinstance(last, TickRecord) else None
+        self._ticks = array("q", range(0, len(so_far.mfow) * so_far.every, so_far.every))
+        self._mfow, self._mean = array("d", so_far.mfow.tolist()), array("d", so_far.fog_mean.tolist())
+        self._since = 0 if self._last is None else self._last.k + 1
+        known = len(self._events)
+        self._scenario = load_scenario(self._header.scenario)
+        events = [event for packed in so_far.events if isinstance(event := _record(packed), Event)]
+        for event in events:
+            self._amend(event)
+        # Numbers of events that were given out stay; a gap only adds those that were missed.
+        told_events = [_shown(event) for event in events]
+        self._events += told_events[known:] if told_events[:known] == self._events else told_events
+        self._log.clear()
+        self._logged = 0
+        self._followers = {layer: self._follower(layer) for layer in self._followers}
+
+    def _take(self, batch: Batch) -> None:
+        if batch.first > self._number:
+            self._gaps += 1
+            if self._ask_anew() is None:
+                return
+        for number, packed in enumerate(batch.records, start=batch.first):
+            if number == self._number:
+                self._number += 1
+                self._record(packed)
+        if batch.first + len(batch.records) >= self._number:
+            self._running, self._pace = batch.running, batch.pace
+        self._news_at = self._now()
+
+    def _ask_anew(self) -> SoFar | None:
+        """Something was missed: begin anew with the fog so far, unless that was only just asked for."""
+        now = self._now()
+        if now < self._asked_at + AGAIN_S:
+            return None
+        self._asked_at = now
+        answer = self._wire.so_far()
+        try:
+            so_far = None if answer is None else read_so_far(answer)
+        except Garbled:
+            so_far = None
+        if so_far is not None and so_far.header == self._packed_header(so_far):
+            self._begin(so_far)
+            return so_far
+        return None
+
+    def _packed_header(self, so_far: SoFar) -> bytes | None:
+        """The header of an answer, if it is of the run that is watched."""
+        return so_far.header if _record(so_far.header) == self._header else None
+
+    def _record(self, packed: bytes) -> None:
+        record = _record(packed)
+        match record:
+            case TickRecord():
+                self._tick(record)
+                self._log.append((record.k, packed))
+                self._logged += len(packed)
+                while self._logged > REMEMBERED:
+                    self._logged -= len(self._log.popleft()[1])
+                    for follower in self._followers.values():
+                        follower.forget()
+            case Event():
+                self._amend(record)
+                self._events.append(_shown(record))
+            case End():
+                self._ended, self._running = record.reason, False
+
+    def _tick(self, record: TickRecord) -> None:
+        k = record.k
+        for row in record.robots:
+            if row.status is Status.ALIVE:
+                pose = as_sent(row.number, Pose(row.x, row.y, row.heading))
+                self._truth.observe(self._footprint.visible(pose), k)
+        self._last = record
+        self._ticks.append(k)
+        self._mfow.append(record.mfow)
+        self._mean.append(record.fog_mean)
+        self._count(record)
+        if record.k % 16 == 0:
+            self._rates.append((self._now(), k))
+
+    def _count(self, record: TickRecord) -> None:
+        place, links = self._place, self._links
+        here = [place[row.number] for row in record.robots if row.status not in (Status.ABSENT, Status.LEFT)]
+        for source, _ in record.frames:
+            if source != FORGED:
+                self._spoke[source] = record.k
+                links.sent[place[source], here] += 1
+                links.sent[place[source], place[source]] = 0
+        for source, to, _, _ in record.copies:
+            if source != FORGED:
+                links.sent[place[source], place[to]] += 1
+        for source, to, _ in record.deliveries:
+            if source != FORGED:
+                links.delivered[place[source], place[to]] += 1
+                links.heard[place[source], place[to]] = record.k
+
+    def _amend(self, event: Event) -> None:
+        if event.kind == OPERATOR:
+            try:
+                self._scenario, _ = amended(self._scenario, event.k, read_control(json.loads(event.detail)))
+            except (BadInput, ValueError):
+                return  # of another version, perhaps; the page then lacks an intruder
+
+    # --- beliefs -----------------------------------------------------------------------------------------------------
+
+    def _follower(self, layer: Layer) -> Follower:
+        try:
+            key = fleet_key(self._scenario)
+        except BadInput:
+            key = None
+        number = layer if isinstance(layer, int) else None
+        area = self._ground.patrolled if number is None else self._ground.areas[self._ground.area_of[number]]
+        return Follower(number, self._scenario, self._terrain, self._footprint, area, key, self._log)
+
+    def _catch_up(self, limit_s: float) -> None:
+        until = self._now() + limit_s
+        for follower in self._followers.values():
+            while follower.behind:
+                follower.step()
+                if self._now() >= until:
+                    return
+
+    # --- showing -----------------------------------------------------------------------------------------------------
+
+    def _state(self) -> State:
+        last = self._last
+        k = 0 if last is None else last.k
+        return State(
+            k=k,
+            time_s=k * self._step,
+            running=self._running and self._ended is None,
+            pace=self._pace,
+            ticks_per_s=self._rate(),
+            robots=() if last is None else tuple(self._robot(last, place) for place in range(len(self._numbers))),
+            mfow_s=None if last is None else last.mfow * self._step,
+            fog_mean_s=None if last is None else last.fog_mean * self._step,
+            links=self._links,
+            ended=self._ended,
+            intruders=tuple(one.place for one in self._scenario.intruders if one.is_there(k * self._step)),
+            note=self._note(),
+        )
+
+    def _robot(self, last: TickRecord, place: int) -> RobotState:
+        row = last.robots[place]
+        spoke = self._spoke.get(row.number)
+        there = row.status not in (Status.ABSENT, Status.LEFT)
+        return RobotState(
+            number=row.number,
+            status=row.status,
+            state=row.state,
+            pose=Pose(row.x, row.y, row.heading) if there else None,
+            goal=row.goal,
+            decision_ms=row.decision_ms,
+            heard_s=None if spoke is None else (last.k - spoke) * self._step,
+            rejected=row.rejected,
+        )
+
+    def _rate(self) -> float:
+        """Ticks per wall second over the last `_RATE_S`; 0 while there are none."""
+        now = self._now()
+        while len(self._rates) > 2 and self._rates[1][0] <= now - _RATE_S:
+            self._rates.popleft()
+        if self._last is None or not self._rates or not self._running or self._ended is not None:
+            return 0.0
+        since, before = self._rates[0]
+        return (self._last.k - before) / (now - since) if now > since else 0.0
+
+    def _note(self) -> str:
+        if self._ended is not None:
+            return ""
+        if not self._wire.present:
+            return "the world is gone"
+        silent_s = self._now() - self._news_at
+        return f"nothing heard for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
+
+    def _note_of_the_beginning(self) -> str:
+        if not self._since:
+            return ""
+        at = f"{self._since * self._step:g} s"
+        return f"watched from {at} on; beliefs and links before that are not known"
+
+
+def _record(packed: bytes) -> object:
+    try:
+        return unpack(packed)
+    except ValueError:
+        return None
+
+
+def _shown(event: Event) -> Event:
+    """An event in words for people."""
+    return replace(event, detail=told(event)) if event.kind == OPERATOR else event

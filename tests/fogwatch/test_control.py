@@ -1,0 +1,156 @@
+"""An operator's controls on real fleets over Zenoh: done between ticks, in the journal, replayed to the same trace."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import fogwatch
+from patrol.access import FILE, read_access
+from patrol.controls import ASK, OPERATOR, Answer, read_answer, request
+from patrol.journal import Status, read_journal
+from patrol.keys import fleet_keys
+from patrol.link import Link, open_link
+
+if TYPE_CHECKING:
+    from tests.fogwatch.conftest import Run
+
+pytestmark = pytest.mark.processes
+
+COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
+
+
+class Operating:
+    """Somebody who controls a run."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        run.until((run.folder / FILE).exists)
+        self.access = read_access(run.folder, "test")
+        self.key = fleet_keys(self.access.fleet).control(ASK)
+        self.link: Link = open_link(self.access.router, 30.0)
+        self.run.until(lambda: self.link.ask(self.key, request(self.access.token, {"do": "pause"}), 30.0) is not None)
+
+    def ask(self, token: str | None = None, **control: Any) -> Answer:
+        payload = self.link.ask(self.key, request(token or self.access.token, control), 60.0)
+        assert payload is not None
+        return read_answer(payload)
+
+    def step(self, ticks: int) -> int:
+        """So many more ticks, awaited; how many there are then."""
+        answer = self.ask(do="step", ticks=ticks)
+        assert answer.done, answer.text
+        held = int(answer.text.rpartition(" ")[2])
+        self.run.until(lambda: self.run.ticks() == held)
+        return held
+
+    def fault(self, **fault: Any) -> Answer:
+        return self.ask(do="fault", fault=fault)
+
+
+@pytest.fixture
+def operate(start: Callable[..., Run]) -> Any:
+    operators: list[Operating] = []
+
+    def begin(scenario: dict[str, Any], *arguments: str) -> Operating:
+        operators.append(Operating(start(scenario, "--no-recording", "--no-report", *arguments)))
+        return operators[-1]
+
+    yield begin
+    for one in operators:
+        one.link.close()
+
+
+def test_what_an_operator_does_is_replayed_to_the_same_trace(operate: Callable[..., Operating], tmp_path: Path) -> None:
+    scenario = {
+        **COARSE,
+        "duration": 200,
+        "robots": 4 * [{}],
+        "faults": [{"kind": "loss", "rate": 0.1}, {"kind": "leave", "who": "r4", "at": 1}],
+    }
+    at = operate(scenario)
+    held = at.step(8)
+    assert at.fault(kind="kill", who="r2").done
+    assert at.fault(kind="join", who="r4").done
+    assert at.ask(do="fault", fault={"kind": "loss", "rate": 0.7, "to": "half"}, instead="f1").done
+    assert at.ask(do="intruder", place=[30, 30]).done
+    assert at.run.ticks() == held  # nothing of it happens before the next tick
+    assert at.step(7) == held + 7
+    assert at.fault(kind="spoof", by="r1", payload={"replay": 5.0}, **{"as": "r3", "for": 4}).done
+    assert at.fault(kind="restart", who="r2", at=2).done
+    assert at.fault(kind="pause", who="r3", id="nap").done
+    assert at.step(5) == held + 12
+    assert at.ask(do="heal", id="nap").done
+    assert at.ask(do="go").done
+    assert at.run.end() == 0, at.run.errors
+    assert at.run.summary()["verdict"]["valid"], at.run.summary()["verdict"]
+    again = fogwatch.run(at.run.folder / "timeline.yaml", out=tmp_path / "again")
+    assert again.verdict.valid
+    assert again.trace_hash == at.run.summary()["trace_hash"]
+    journal = read_journal(at.run.folder / "journal")
+    done = [json.loads(event.detail)["do"] for event in journal.events if event.kind == OPERATOR]
+    assert done[-12:] == ["step", *3 * ["fault"], "intruder", "step", *3 * ["fault"], "step", "heal", "go"]
+    ticks = list(journal.ticks)
+    assert ticks[held - 1].robots[1].status is Status.ALIVE
+    assert ticks[held].robots[1].status is Status.DEAD
+    assert [tick.robots[2].status for tick in ticks[held + 7 : held + 13]] == 5 * [Status.PAUSED] + [Status.ALIVE]
+    assert set(at.run.summary()["faults"]) == {"f1", "f2", "op1", "op2", "op3", "op4", "op5", "nap"}
+    assert at.run.summary()["exit_codes"]["r2"] == -9
+
+
+def test_nothing_is_obeyed_without_the_token_or_that_cannot_be(operate: Callable[..., Operating]) -> None:
+    at = operate({**COARSE, "duration": 100_000, "robots": 2 * [{}]})
+    file = at.run.folder / "control.json"
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert at.access.token not in "".join(command_lines())
+    refused = {
+        "needs the token": at.ask(token=32 * "0", do="pause"),
+        "there is no robot r9": at.fault(kind="kill", who="r9"),
+        "cannot join": at.fault(kind="join", who="r1"),
+        "no such fault": at.ask(do="heal", id="f1"),
+        "are remembered": at.fault(kind="spoof", payload={"replay": 5000}, **{"as": "r1"}),
+        "known are": at.ask(do="destroy"),
+        "rename one": at.ask(do="fault", fault={"kind": "kill", "who": "r1", "id": ""}),
+    }
+    for why, answer in refused.items():
+        assert not answer.done, why
+        assert why in answer.text or why == "rename one", answer.text
+    assert at.link.ask(at.key, b"[" * 9000, 60.0) is not None
+    at.step(5)
+    events = [event for event in read_journal(at.run.folder / "journal").events if event.kind == OPERATOR]
+    assert {json.loads(event.detail)["do"] for event in events} == {"pause", "step"}
+    os.kill(at.run.process.pid, 2)
+    assert at.run.end() == 130, at.run.errors
+    assert not file.exists()
+    assert not (at.run.folder / "timeline.yaml").exists()
+
+
+def test_a_paced_run_is_paused_hurried_and_ended_while_paused(operate: Callable[..., Operating]) -> None:
+    at = operate({**COARSE, "duration": 100_000, "pace": 10, "robots": 2 * [{}]})
+    assert at.ask(do="pace", factor=None).text.startswith("control: factor")
+    assert at.ask(do="pace", factor=40).done
+    held = at.step(1)
+    assert at.ask(do="go").done
+    at.run.until(lambda: at.run.ticks() > held + 20)
+    assert at.ask(do="pause").done
+    os.kill(at.run.process.pid, 2)
+    assert at.run.end() == 130, at.run.errors
+    assert at.run.summary()["verdict"]["outcome"] == "valid", at.run.summary()["verdict"]
+    assert max(at.run.summary()["deadlines"]["late_commands"].values(), default=0) < at.run.ticks() / 2
+
+
+def command_lines() -> list[str]:
+    """Of all processes."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            found.append(entry.read_bytes().decode(errors="replace"))
+        except OSError:
+            continue
+    return found

@@ -1,0 +1,74 @@
+"""Where an operator's requests come in over Zenoh, and where the scenario that they come to is kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from patrol.controls import Answer, answer_bytes, read_request
+from patrol.errors import BadInput
+from patrol.scenario import dump_scenario
+from worldsim.controls import Asked
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from patrol.scenario import Scenario
+
+TIMELINE = "timeline.yaml"
+
+
+class Question(Protocol):
+    """What a `patrol.link.Question` offers here."""
+
+    @property
+    def payload(self) -> bytes:
+        """What is asked."""
+        ...
+
+    @property
+    def answer(self) -> Callable[[bytes], None]:
+        """Sends the answer."""
+        ...
+
+
+class Mailbox(Protocol):
+    """What a `patrol.link.Mailbox` of questions offers here."""
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Question] | None:
+        """The next question and its key, or None when none came in time."""
+        ...
+
+
+class FrontDesk:
+    """A `worldsim.controls.Desk`: takes requests from those who have the fleet's token."""
+
+    def __init__(self, mailbox: Mailbox, token: str) -> None:
+        self._mailbox = mailbox
+        self._token = token
+
+    def get(self, timeout_s: float) -> Asked | None:
+        """The next request, or None when none came in time."""
+        arrived = self._mailbox.get(timeout_s)
+        if arrived is None:
+            return None
+        question = arrived[1]
+
+        def answer(answer: Answer) -> None:
+            question.answer(answer_bytes(answer))
+
+        try:
+            return Asked(read_request(question.payload, self._token), answer)
+        except BadInput as bad:
+            return Asked(bad, answer)
+
+
+def keep_timeline(folder: Path, scenario: Scenario) -> None:
+    """Write the scenario as operators have made it, whole or not at all; a map in the folder is named from there."""
+    if scenario.terrain.map is not None and Path(scenario.terrain.map).is_relative_to(folder.absolute()):
+        map_ = str(Path(scenario.terrain.map).relative_to(folder.absolute()))
+        terrain = scenario.terrain.model_copy(update={"map": map_})
+        scenario = scenario.model_copy(update={"terrain": terrain})
+    part = folder / f"{TIMELINE}.part"
+    part.write_text(dump_scenario(scenario), encoding="utf-8")
+    part.replace(folder / TIMELINE)
