@@ -215,6 +215,32 @@ def read_traffic(payload: bytes) -> Traffic:
     )
 
 
+def read_telemetry(payload: bytes) -> Telemetry:
+    """What a robot decided, less what its radio has carried; Unreadable for anything else."""
+    says = _map(payload)
+    direction = says.get("direction")
+    return Telemetry(
+        k=_whole(says, "k"),
+        state=_text(says, "state"),
+        goal=_place(says, "goal"),
+        refined=_place(says, "refined"),
+        direction=None if direction is None else _number(says, "direction"),
+        mfow=_whole(says, "mfow"),
+        decision_ms=_number(says, "decision_ms"),
+        rejected=_whole(says, "rejected"),
+    )
+
+
+def _place(says: Mapping[str, Any], field: str) -> tuple[float, float] | None:
+    place = says.get(field)
+    if place is None:
+        return None
+    if type(place) is not list or len(place) != 2:
+        raise Unreadable(f"{field} is no place")
+    x, y = (_number({field: value}, field) for value in place)
+    return x, y
+
+
 def _robot(says: object) -> RobotView:
     if type(says) is not dict:
         raise Unreadable("a robot is a map")

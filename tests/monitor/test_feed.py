@@ -1,0 +1,237 @@
+"""The feed of a run that goes on: the same fogs as the world's and the minds', from the start, late, and over gaps."""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor.feed import AGAIN_S, LiveSource
+from monitor.follow import HEARD
+from monitor.source import Answer, State
+from patrol.errors import BadInput
+from patrol.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
+from patrol.fog import NEVER
+from patrol.journal import MAGIC, pack, unpack
+from patrol.records import Event, Status, TickRecord
+from worldsim.feed import ground_of
+
+if TYPE_CHECKING:
+    from tests.monitor.conftest import Seen
+
+
+def records_of(seen: Seen) -> list[bytes]:
+    """A journal's records, packed, in their order."""
+    data = (seen.folder / "journal").read_bytes()[len(MAGIC) :]
+    found = []
+    while data:
+        length, _ = struct.unpack("<II", data[:8])
+        found.append(data[8 : 8 + length])
+        data = data[8 + length :]
+    return found
+
+
+class Told:
+    """A wire from a run that is over: what the feed would have sent, batch by batch."""
+
+    may_ask = True
+    present = True
+
+    def __init__(self, seen: Seen) -> None:
+        self.seen = seen
+        self.records = records_of(seen)
+        self.batches: deque[Batch] = deque()
+        self.answers = 0
+        self.now = 100.0
+        self.asked: list[Mapping[str, Any]] = []
+        self.number = 1
+
+    def batch(self, timeout_s: float) -> Batch | None:
+        self.now += timeout_s
+        return self.batches.popleft() if self.batches else None
+
+    def send(self, records: int, *, lost: bool = False) -> None:
+        """The next records as a batch."""
+        part = tuple(self.records[self.number : self.number + records])
+        if not lost:
+            self.batches.append(read_batch(batch_bytes(Batch(self.number, part, running=True, pace=None))))
+        self.number += len(part)
+
+    def so_far(self) -> bytes | None:
+        self.answers += 1
+        return so_far_bytes(self.answer())
+
+    def answer(self) -> SoFar:
+        prepared = self.seen.open().prepared
+        before = [unpack(record) for record in self.records[: self.number]]
+        ticks = [record for record in before if isinstance(record, TickRecord)]
+        blank = np.full(prepared.terrain.passable.shape, NEVER, dtype=np.int32)
+        return SoFar(
+            number=self.number,
+            header=self.records[0],
+            last=pack(ticks[-1]) if ticks else None,
+            last_seen=self.seen.truth[ticks[-1].k] if ticks else blank,
+            events=tuple(pack(record) for record in before if isinstance(record, Event)),
+            every=1,
+            mfow=np.array([tick.mfow for tick in ticks], dtype=np.float32),
+            fog_mean=np.array([tick.fog_mean for tick in ticks], dtype=np.float32),
+            running=True,
+            pace=None,
+            ground=ground_of(prepared),
+        )
+
+    def ask(self, control: Mapping[str, Any]) -> Answer:
+        self.asked.append(control)
+        return Answer(True, "done")
+
+    def close(self) -> None:
+        pass
+
+    def source(self) -> LiveSource:
+        payload = self.so_far()
+        assert payload is not None
+        return LiveSource("fleet-1", self, read_so_far(payload), lambda: self.now)
+
+
+def watched(source: LiveSource) -> State:
+    """The state once nothing is left to take in."""
+    state = None
+    while (newer := source.wait(0.01)) is not None:
+        state = newer
+    assert state is not None
+    return state
+
+
+def test_from_the_start_the_fogs_are_those_of_the_world_and_of_its_minds(faulty: Seen) -> None:
+    run, wire = faulty.open(), Told(faulty)
+    source = wire.source()
+    robots = [shape.number for shape in source.static().robots]
+    state = watched(source)
+    while wire.number < len(wire.records):
+        wire.send(7)
+        state = watched(source)
+        truth = source.last_seen("truth")
+        assert truth is not None
+        np.testing.assert_array_equal(truth, faulty.truth[state.k])
+    assert state.k == run.ticks - 1
+    assert (state.ended, state.running) == ("completed", False)
+    assert state.mfow_s == run.mfow[-1] * run.step
+    for number in robots:
+        assert source.last_seen(number) is None  # it is worked out first
+    source.wait(10.0)
+    assert Status.ALIVE in {robot.status for robot in state.robots}
+    for number in robots:
+        believed = source.last_seen(number)
+        assert believed is not None
+        np.testing.assert_array_equal(believed, faulty.beliefs[state.k, number])
+    series = source.series(3)
+    np.testing.assert_array_equal(series.ticks, np.arange(4, run.ticks))
+    np.testing.assert_allclose(series.mfow_s, run.mfow[4:] * run.step)
+    assert state.links is not None
+    np.testing.assert_array_equal(state.links.delivered, run.links.delivered[1:, 1:])
+    lost = state.links.sent - state.links.delivered - run.links.lost[1:, 1:]
+    assert lost.min() >= 0
+    assert tuple(source.events(0)) == run.events
+    assert wire.answers == 1
+
+
+def test_who_hears_everything_knows_the_truth_where_nothing_is_forged(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    assert source.last_seen(HEARD) is not None
+    wire.send(10_000)
+    state = watched(source)
+    heard = source.last_seen(HEARD)
+    assert heard is not None
+    np.testing.assert_array_equal(heard, quiet.truth[state.k])
+    assert source.last_seen(77) is None
+
+
+def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
+    wire = Told(faulty)
+    wire.number = 20
+    source = wire.source()
+    state = source.wait(0.0)
+    assert state is not None
+    since = state.k
+    np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[since])
+    assert len(source.series(-1).ticks) == since + 1
+    assert "not known" in source.static().note
+    wire.send(10_000)
+    state = watched(source)
+    np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
+    assert tuple(source.events(0)) == faulty.open().events
+
+
+def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -> None:
+    wire = Told(faulty)
+    source = wire.source()
+    wire.send(5)
+    watched(source)
+    wire.send(6, lost=True)
+    wire.send(2)
+    source.wait(0.0)
+    assert wire.answers == 1  # only just asked
+    wire.now += AGAIN_S
+    wire.send(10)
+    state = watched(source)
+    assert wire.answers == 2
+    np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
+    wire.send(10_000)
+    state = watched(source)
+    np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
+    assert tuple(source.events(0)) == faulty.open().events
+    assert state.ended == "completed"
+
+
+def test_controls_go_to_the_world_unless_they_make_no_sense(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    assert "fault" in source.static().controls
+    assert source.ask({"do": "pause"}).done
+    assert not source.ask({"do": "explode"}).done
+    assert wire.asked == [{"do": "pause"}]
+    wire.may_ask = False
+    assert not source.ask({"do": "pause"}).done
+    assert source.static().controls == ()
+
+
+def test_silence_and_a_world_that_is_gone_are_told(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    wire.send(5)
+    assert watched(source).note == ""
+    wire.now += 60.0
+    state = source.wait(0.0)
+    assert state is not None
+    assert state.note.startswith("nothing heard for")
+    wire.present = False
+    state = source.wait(0.0)
+    assert state is not None
+    assert state.note == "the world is gone"
+
+
+def test_a_world_of_another_version_is_refused(quiet: Seen) -> None:
+    wire = Told(quiet)
+    answer = replace(wire.answer(), header=b"\xc0")
+    with pytest.raises(BadInput, match="another language"):
+        LiveSource("fleet-1", wire, read_so_far(so_far_bytes(answer)))
+
+
+@given(st.binary(max_size=200), st.integers(0, 400), st.integers(0, 255))
+def test_hostile_bytes_are_garbled_and_nothing_else(noise: bytes, place: int, byte: int) -> None:
+    good = bytearray(batch_bytes(Batch(3, (b"ab", b"c" * 50), running=True, pace=2.0)))
+    good[place % len(good)] = byte
+    for payload in (noise, bytes(good)):
+        for read in (read_batch, read_so_far):
+            try:
+                read(payload)
+            except Garbled:
+                continue
