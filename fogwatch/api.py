@@ -72,7 +72,8 @@ class Wishes:
     port: of the router, or None for a free one. begin: called when the ticks are about to begin. stop: asked from then
     on whether to end early; urgent: whether to end by force. Before that KeyboardInterrupt ends everything. draw:
     whether to draw the final fog. recording, report: whether to write them when the run is over. recovery: whether to
-    run the scenario without its faults too, in one process, to judge recovery by.
+    run the scenario without its faults too, in one process, to judge recovery by. page: whether to serve one while
+    processes run.
     """
 
     out: Path | None = None
@@ -86,6 +87,7 @@ class Wishes:
     recording: bool = False
     report: bool = False
     recovery: bool = False
+    page: bool = False
 
 
 def run(
@@ -193,7 +195,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     prepared = prepare(scenario) if len(names) > EAGER else None
     fleet = f"{scenario.name}-{os.urandom(4).hex()}"
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
-    launch = Launch(folder, fleet, names, wishes.show, wishes.stop, wishes.port, wishes.urgent, absent)
+    launch = Launch(folder, fleet, names, wishes.show, wishes.stop, wishes.port, wishes.urgent, absent, wishes.page)
     try:
         launch.start()
         prepared = prepared or prepare(scenario)

@@ -50,6 +50,7 @@ app.command()(cli_chaos.chaos)
 for command in (cli_eyes.report, cli_eyes.compare, cli_eyes.record, cli_eyes.recording):
     app.command(rich_help_panel=cli_eyes.PANEL)(command)
 app.command(rich_help_panel=cli_eyes.PANEL)(cli_page.replay)
+app.command()(cli_page.monitor)
 app.add_typer(cli_paper.app, name="paper")
 app.add_typer(cli_experiment.app, name="experiment")
 
@@ -89,6 +90,7 @@ def run(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Run folder, new or empty.")] = None,
     in_process: Annotated[bool, typer.Option("--in-process", help="One process, without Zenoh: same trace.")] = False,
     port: Annotated[int | None, typer.Option(metavar="N", help="TCP port of the router (default: a free one).")] = None,
+    page: Annotated[bool, typer.Option("--page/--no-page", help="Serve a live page on this machine.")] = True,
     recording: Annotated[bool, typer.Option("--recording/--no-recording", help="Write recording.mcap.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
     recovery: Annotated[
@@ -138,6 +140,7 @@ def run(
         urgent=lambda: ending.times > 1,
         recording=recording,
         report=report,
+        page=page and not quiet,
         recovery=recovery,
     )
     try:

@@ -11,6 +11,8 @@ from typing import Annotated
 
 import typer
 
+from patrol.errors import BadInput
+
 HOST = typer.Option(metavar="HOST", help="Address to serve on; another than loopback needs --token.")
 PORT = typer.Option("--page-port", metavar="N", help="TCP port of the page (default: a free one).")
 TOKEN = typer.Option(
@@ -32,6 +34,29 @@ def replay(
 ) -> int:
     """Play a run on the live page: at any speed, backwards too, with a time line. Ctrl-C ends it."""
     return _page(Namespace(replay=run, access=None, router=None, fleet=None, wait=0.0), host, port, token, browser)
+
+
+def monitor(
+    run: Annotated[
+        Path | None, typer.Argument(metavar="[RUN]", help="A running fleet's folder, or its control file.")
+    ] = None,
+    router: Annotated[str | None, typer.Option(metavar="LOCATOR", help="Or: its router, tcp/HOST:PORT,")] = None,
+    fleet: Annotated[str | None, typer.Option(metavar="NAME", help="and its name. Such a page only looks.")] = None,
+    host: Annotated[str, HOST] = "127.0.0.1",
+    port: Annotated[int, PORT] = 0,
+    token: Annotated[str, TOKEN] = "",
+    browser: Annotated[bool, BROWSER] = False,
+    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet.")] = 60.0,
+) -> int:
+    """Show a running fleet on a live page, as many pages as wanted; none of them slows it. Ctrl-C ends it."""
+    from patrol.access import FILE
+
+    if (run is None) == (router is None or fleet is None):
+        raise BadInput("monitor: name a run's folder, or --router and --fleet of a running fleet")
+    access = run / FILE if run is not None and run.is_dir() else run
+    return _page(
+        Namespace(replay=None, access=access, router=router, fleet=fleet, wait=wait), host, port, token, browser
+    )
 
 
 def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> int:

@@ -16,12 +16,16 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 
 from fogwatch.hands import HandsServer
 from fogwatch.live import Show
 from fogwatch.router import READY
 from fogwatch.runfolder import RunFolder
+from monitor.process import KEY
+from monitor.process import READY as ADDRESS
 from patrol.access import Access, write_access
 from patrol.errors import BadInput
 from patrol.eyes import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
@@ -30,7 +34,7 @@ from patrol.link import Link, LinkDown, Mailbox, open_link
 from patrol.phases import FIRST_INCARNATION
 from worldsim.hands import process_name
 
-ROUTER, WORLD = "the router", "the world"
+ROUTER, WORLD, PAGE = "the router", "the world", "the page"
 """Names that no robot can have."""
 
 LOG_LINES = 5
@@ -81,7 +85,7 @@ class Launch:
     """One run as processes.
 
     fleet: a name that no other run has, so that two on one router never meet. stop: asked all the time; urgent: whether
-    to end by force at once. absent: robots that are not started with the others.
+    to end by force at once. absent: robots that are not started with the others. page: whether to serve one.
     """
 
     folder: RunFolder
@@ -92,6 +96,7 @@ class Launch:
     port: int | None = None
     urgent: Callable[[], bool] = lambda: False
     absent: Collection[str] = ()
+    page: bool = False
     children: dict[str, Child] = field(default_factory=dict)
     interrupted: bool = False
     _former: list[Child] = field(default_factory=list)
@@ -100,6 +105,7 @@ class Launch:
     _endpoint: str = ""
     _routers: int = 0
     _reported: set[str] = field(default_factory=set)
+    _page_key: str = ""
 
     def start(self) -> None:
         """Spawn everything. Agents and world wait for the static fields, should the caller still compute them."""
@@ -116,6 +122,8 @@ class Launch:
         for name in self.robots:
             if name not in self.absent:
                 self._spawn_agent(name, FIRST_INCARNATION)
+        if self.page:
+            self._start_page()
 
     def watch(self) -> None:
         """Show how the run goes until the world has ended, or somebody wants it to."""
@@ -147,7 +155,9 @@ class Launch:
         self._pipe = (-1, -1)
         self.folder.access.unlink(missing_ok=True)
         all_there_were = [*self.children.values(), *self._former]
-        return {process_name(child.name, child.incarnation): child.code for child in all_there_were}
+        # How the page fares is nothing that a run could be judged by.
+        judged = [child for child in all_there_were if child.name != PAGE]
+        return {process_name(child.name, child.incarnation): child.code for child in judged}
 
     def obituary(self, name: str) -> str:
         """How a process ended and the end of its log."""
@@ -226,7 +236,23 @@ class Launch:
         agent = [*self._common(), "--robot", name, "--incarnation", str(incarnation)]
         self._spawn(name, "agent", agent).incarnation = incarnation
 
-    def _spawn(self, name: str, module: str, arguments: Sequence[str], *descriptors: int) -> Child:
+    def _start_page(self) -> None:
+        """Serve a page, where what it needs is installed. Its key goes into nobody's log and no list of processes."""
+        missing = [name for name in ("starlette", "uvicorn", "websockets", "plotly") if find_spec(name) is None]
+        if missing:
+            self.show.say(f"no page: {missing[0]} is not installed (pip install 'fogwatch[monitor]')")
+            return
+        self._page_key = os.urandom(16).hex()
+        self._spawn(PAGE, "monitor", ["--access", str(self.folder.access)], extra={KEY: self._page_key})
+
+    def _spawn(
+        self,
+        name: str,
+        module: str,
+        arguments: Sequence[str],
+        *descriptors: int,
+        extra: Mapping[str, str] = MappingProxyType({}),
+    ) -> Child:
         log = self.folder.log(f"robot-{name}" if name in self.robots else name.removeprefix("the "))
         command = [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._pipe[0])]
         with log.open("ab") as output:
@@ -235,6 +261,7 @@ class Launch:
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
+                env={**os.environ, **extra},
                 pass_fds=[self._pipe[0], *descriptors],
                 start_new_session=True,
             )
@@ -263,6 +290,7 @@ class Launch:
 
     def _look_after_children(self) -> None:
         """Restart a router that has died; report an agent that has, and give up when it never got to work."""
+        self._look_after_page()
         router = self.children[ROUTER]
         if router.poll() is not None and not self.stop():
             self._routers += 1
@@ -278,6 +306,18 @@ class Launch:
             if not self.folder.journal.exists():
                 raise Failed(f"the run could not begin: {self.obituary(name)}")
             self.show.say(self.obituary(name))
+
+    def _look_after_page(self) -> None:
+        """Say where the page is, once it is there, and when it is gone; the run goes on without."""
+        page = self.children.get(PAGE)
+        if page is None or PAGE in self._reported:
+            return
+        if page.poll() is not None:
+            self._reported.add(PAGE)
+            self.show.say(self.obituary(PAGE))
+        elif self._page_key and (address := _address_in(page.log)):
+            self.show.say(f"{ADDRESS}{address}?key={self._page_key}")
+            self._page_key = ""
 
     # --- ending ------------------------------------------------------------------------------------------------------
 
@@ -310,6 +350,14 @@ def _how(code: int | None) -> str:
     if code is not None and code < 0:
         return f"was killed by {signal.Signals(-code).name}"
     return f"ended with exit code {code}"
+
+
+def _address_in(log: Path) -> str:
+    """The address that a page has printed; empty as long as it has not."""
+    lines = log.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
+    return next(
+        (line.removeprefix(ADDRESS).strip() for line in lines if line.startswith(ADDRESS) and line[-1] == "\n"), ""
+    )
 
 
 def _free_port() -> int:

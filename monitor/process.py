@@ -6,6 +6,7 @@ import argparse
 import os
 import socket
 import sys
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -138,9 +139,55 @@ def opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source |
             from monitor.player import open_player
 
             return open_player(options.replay)
-        raise BadInput("nothing to show; give --replay RUN")
+        return _open_live(options, ending)
 
     return open_source
+
+
+def _open_live(options: argparse.Namespace, ending: Ending) -> Source | None:
+    """The fleet that the options name, once it has a world that tells of it; None when told to leave before."""
+    from monitor.feed import LiveSource
+    from monitor.wire import FeedWire, first_answer
+    from patrol.access import read_access
+    from patrol.keys import check_locator, fleet_keys
+    from patrol.link import open_links
+
+    if options.access is not None:
+        if not ending.wait_for(options.access, options.wait):
+            if ending:
+                return None
+            raise BadInput(f"--access {options.access}: there is no such file; a run's is gone when the run is over")
+        access = read_access(options.access, "--access")
+        router, fleet, token = access.router, access.fleet, access.token
+    elif options.router is not None and options.fleet is not None:
+        router, fleet, token = check_locator(options.router, "--router"), options.fleet, None
+    else:
+        raise BadInput("nothing to show; give a run's folder, or --router and --fleet of a running fleet")
+    keys = fleet_keys(fleet)
+
+    def say(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    links = open_links(router, None, options.wait, say, lambda: bool(ending))
+    if links is None:
+        return None
+    wire = FeedWire(links[0], keys, token)
+    until = time.monotonic() + options.wait
+
+    def waits(limit_s: float) -> bool:
+        if time.monotonic() > until:
+            raise BadInput(f"--fleet {fleet}: no world tells of it at {router}; is it running?")
+        return ending.wait(limit_s)
+
+    try:
+        so_far = first_answer(wire, fleet, lambda: bool(ending), waits)
+        if so_far is not None:
+            return LiveSource(fleet, wire, so_far)
+    except BaseException:
+        wire.close()
+        raise
+    wire.close()
+    return None
 
 
 def _listen(host: str, port: int) -> socket.socket:

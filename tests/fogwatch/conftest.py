@@ -26,7 +26,8 @@ class Run:
         self.file = folder / "given.yaml"
         self.file.write_text(json.dumps(scenario), encoding="utf-8")
         self.folder = folder / "run"
-        command = [sys.executable, "-P", "-m", "fogwatch", "run", str(self.file), "--out", str(self.folder), *arguments]
+        command = [sys.executable, "-P", "-m", "fogwatch", "run", str(self.file), "--out", str(self.folder)]
+        command += ["--no-page", *arguments]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def children(self) -> dict[str, int]:
