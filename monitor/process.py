@@ -197,6 +197,7 @@ def _listen(host: str, port: int) -> socket.socket:
         place = socket.socket(family, kind, protocol)
         place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         place.bind(address)
+        place.listen()  # whoever comes before there is a server waits for it
     except OSError as error:
         raise BadInput(
             f"--host {host} --page-port {port}: nobody can listen there ({error.strerror}); choose another"
