@@ -1,0 +1,112 @@
+"""The page of a run that is over, in a real browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from monitor.player import Player
+from tests.browser import Look, browser_or_skip, looking
+from tests.monitor.pages import ServedPage
+
+if TYPE_CHECKING:
+    from tests.monitor.conftest import Seen
+
+pytestmark = browser_or_skip()
+
+
+@pytest.fixture(scope="module")
+def page(faulty: Seen) -> Iterator[ServedPage]:
+    served = ServedPage(Player(faulty.open()))
+    yield served
+    served.close()
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with looking() as running:
+        yield running
+
+
+def colours(look: Look) -> int:
+    """How many colours the map's middle has, a coarse count."""
+    return int(
+        look.evaluate(
+            """() => { const c = document.getElementById('canvas'), d = c.getContext('2d')
+                .getImageData(c.width / 4, c.height / 4, c.width / 2, c.height / 2).data, seen = new Set();
+                for (let i = 0; i < d.length; i += 44) seen.add([d[i] >> 4, d[i + 1] >> 4, d[i + 2] >> 4].join());
+                return seen.size; }"""
+        )
+    )
+
+
+def test_the_map_paints_and_the_robots_move(chromium: Any, page: ServedPage) -> None:
+    with Look(chromium, page.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate("location.search") == ""
+        look.press("]")
+        look.press(" ")
+        look.until("Number(document.getElementById('seek').value) > 30")
+        look.press(" ")
+        look.until("document.getElementById('play').textContent === 'go'")
+        assert colours(look) > 12
+        before = look.picture("#canvas")
+        look.press(".")
+        look.press(".")
+        look.until("document.querySelectorAll('#rows tr').length === 3")
+        assert look.picture("#canvas") != before
+        look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
+        assert look.evaluate("document.querySelectorAll('#chart .shapelayer path').length") > 3
+
+
+def test_any_time_any_fog_and_what_a_point_is(chromium: Any, page: ServedPage) -> None:
+    with Look(chromium, page.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.evaluate(
+            """() => { const s = document.getElementById('seek'); s.value = 50;
+                s.dispatchEvent(new Event('input')); }"""
+        )
+        look.until("document.getElementById('clock').title === 'tick 50'")
+        look.until("document.getElementById('rows').textContent.includes('dead')")
+        for fog, says in (("0", "ago"), ("3", "ago"), ("d3", "believed")):
+            look.page.select_option("#layer", fog)
+            look.page.hover("#canvas", position={"x": 455, "y": 300})
+            look.until(f"document.getElementById('tip').textContent.includes({says!r})")
+        look.evaluate("document.getElementById('canvas').focus()")
+        before = look.picture("#canvas")
+        for key in ("+", "+", "ArrowLeft", "l", "n"):
+            look.press(key)
+        look.until("document.querySelector('#rows tr[aria-selected=true]') !== null")
+        assert look.picture("#canvas") != before
+        for pane in ("links", "events", "robots"):
+            look.page.click(f"#tab-{pane}")
+            assert look.evaluate(f"!document.getElementById('{pane}').hidden")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 800)])
+def test_it_fits_in_light_and_in_the_dark(
+    chromium: Any, page: ServedPage, scheme: str, width: int, height: int
+) -> None:
+    with Look(chromium, page.address, width, height, scheme) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate("document.documentElement.scrollWidth") <= width
+        if width > 1000:
+            assert look.evaluate("document.documentElement.scrollHeight") <= height
+        tones = [
+            look.evaluate(f"getComputedStyle(document.documentElement).{one}") for one in ("color", "backgroundColor")
+        ]
+        ink, paper = (sum(map(int, tone[4:-1].split(","))) for tone in tones)
+        assert (ink > paper) == (scheme == "dark")
+        small = """[...document.querySelectorAll('button, select')].filter((one) => one.offsetParent)
+            .filter((one) => one.offsetHeight < 22).map((one) => one.id || one.textContent)"""
+        assert look.evaluate(small) == []
+
+
+def test_who_lacks_the_key_is_told_so(chromium: Any, page: ServedPage) -> None:
+    with Look(chromium, page.plain) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate("document.getElementById('transport').hidden")
+        assert look.evaluate("document.getElementById('timeline').hidden")
