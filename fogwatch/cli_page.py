@@ -33,7 +33,8 @@ def replay(
     browser: Annotated[bool, BROWSER] = False,
 ) -> int:
     """Play a run on the live page: at any speed, backwards too, with a time line. Ctrl-C ends it."""
-    return _page(Namespace(replay=run, access=None, router=None, fleet=None, wait=0.0), host, port, token, browser)
+    what = Namespace(replay=run, access=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0)
+    return _page(what, host, port, token, browser)
 
 
 def monitor(
@@ -42,6 +43,10 @@ def monitor(
     ] = None,
     router: Annotated[str | None, typer.Option(metavar="LOCATOR", help="Or: its router, tcp/HOST:PORT,")] = None,
     fleet: Annotated[str | None, typer.Option(metavar="NAME", help="and its name. Such a page only looks.")] = None,
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Of robots without a world: positions alone are heard.")
+    ] = None,
+    radio: Annotated[str | None, typer.Option(metavar="LOCATOR", help="Where such robots hear each other.")] = None,
     host: Annotated[str, HOST] = "127.0.0.1",
     port: Annotated[int, PORT] = 0,
     token: Annotated[str, TOKEN] = "",
@@ -54,9 +59,10 @@ def monitor(
     if (run is None) == (router is None or fleet is None):
         raise BadInput("monitor: name a run's folder, or --router and --fleet of a running fleet")
     access = run / FILE if run is not None and run.is_dir() else run
-    return _page(
-        Namespace(replay=None, access=access, router=router, fleet=fleet, wait=wait), host, port, token, browser
-    )
+    if scenario is not None and router is None:
+        raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")
+    what = Namespace(replay=None, access=access, router=router, fleet=fleet, scenario=scenario, radio=radio, wait=wait)
+    return _page(what, host, port, token, browser)
 
 
 def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monitor.wire import FeedWire, first_answer
-from patrol.access import read_access
+from patrol.access import FILE, read_access
 from patrol.errors import BadInput
 from patrol.keys import FleetKeys, check_locator, check_radio, fleet_keys
 from patrol.link import Link, open_links
@@ -37,7 +37,12 @@ def open_fleet(
     """
     token = None
     if access is not None:
-        found = read_access(access, "--access")
+        file = access / FILE if access.is_dir() else access
+        if not ending.wait_for(file, wait_s):
+            if ending:
+                return None
+            raise BadInput(f"--access {access}: there is no such file; a run's is gone when the run is over")
+        found = read_access(file, "--access")
         router, fleet, token = found.router, found.fleet, found.token
     if router is None or fleet is None:
         raise BadInput("which fleet? give --access RUN, or --router LOCATOR and --fleet NAME")

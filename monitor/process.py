@@ -6,7 +6,6 @@ import argparse
 import os
 import socket
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +22,7 @@ The live page of a fleet, or of a run that is over:
 
   python -m monitor --access runs/yards-20260101-120000/control.json
   python -m monitor --router tcp/192.168.1.10:7447 --fleet yards-1
+  python -m monitor --router tcp/192.168.1.10:7447 --fleet real-1 --scenario real.yaml
   python -m monitor --replay runs/yards-20260101-120000
 
 It serves this machine alone. On another address (--host) it needs a token, in the environment variable
@@ -37,6 +37,9 @@ READY = "page: "
 """What the line with the address begins with."""
 
 FAREWELL_S = 1
+
+GIVES_WAY = 10
+"""How much nicer than the fleet that it watches a page is."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -139,55 +142,20 @@ def opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source |
             from monitor.player import open_player
 
             return open_player(options.replay)
-        return _open_live(options, ending)
+        from monitor.attach import open_fleet
+
+        os.nice(GIVES_WAY)  # before there are threads, which would not follow
+        return open_fleet(
+            ending,
+            access=options.access,
+            router=options.router,
+            fleet=options.fleet,
+            scenario=options.scenario,
+            radio=options.radio,
+            wait_s=options.wait,
+        )
 
     return open_source
-
-
-def _open_live(options: argparse.Namespace, ending: Ending) -> Source | None:
-    """The fleet that the options name, once it has a world that tells of it; None when told to leave before."""
-    from monitor.feed import LiveSource
-    from monitor.wire import FeedWire, first_answer
-    from patrol.access import read_access
-    from patrol.keys import check_locator, fleet_keys
-    from patrol.link import open_links
-
-    if options.access is not None:
-        if not ending.wait_for(options.access, options.wait):
-            if ending:
-                return None
-            raise BadInput(f"--access {options.access}: there is no such file; a run's is gone when the run is over")
-        access = read_access(options.access, "--access")
-        router, fleet, token = access.router, access.fleet, access.token
-    elif options.router is not None and options.fleet is not None:
-        router, fleet, token = check_locator(options.router, "--router"), options.fleet, None
-    else:
-        raise BadInput("nothing to show; give a run's folder, or --router and --fleet of a running fleet")
-    keys = fleet_keys(fleet)
-
-    def say(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
-
-    links = open_links(router, None, options.wait, say, lambda: bool(ending))
-    if links is None:
-        return None
-    wire = FeedWire(links[0], keys, token)
-    until = time.monotonic() + options.wait
-
-    def waits(limit_s: float) -> bool:
-        if time.monotonic() > until:
-            raise BadInput(f"--fleet {fleet}: no world tells of it at {router}; is it running?")
-        return ending.wait(limit_s)
-
-    try:
-        so_far = first_answer(wire, fleet, lambda: bool(ending), waits)
-        if so_far is not None:
-            return LiveSource(fleet, wire, so_far)
-    except BaseException:
-        wire.close()
-        raise
-    wire.close()
-    return None
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -213,6 +181,8 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--fleet", metavar="NAME", help="the fleet's name")
     parser.add_argument("--access", type=Path, metavar="FILE", help="a running fleet's control.json: the right to ask")
     parser.add_argument("--replay", type=Path, metavar="RUN", help="a run's folder")
+    parser.add_argument("--scenario", type=Path, metavar="FILE", help="of robots without a world, which are only heard")
+    parser.add_argument("--radio", metavar="LOCATOR", help="where these robots hear each other (the router)")
     parser.add_argument("--host", default="127.0.0.1", metavar="HOST", help="address to serve on (127.0.0.1)")
     parser.add_argument("--port", type=int, default=0, metavar="N", help="TCP port to serve on (a free one)")
     parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="how long to wait for the fleet (60)")

@@ -1,0 +1,183 @@
+"""Watching real fleets over Zenoh: from the start or late, with a world or without, at no cost to the ticks."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from monitor.attach import open_fleet
+from monitor.ears import EarSource
+from monitor.replay import Replay
+from monitor.runs import open_run
+from monitor.source import Source, State
+from patrol.errors import BadInput
+from patrol.eyes import Telemetry, show
+from patrol.keys import fleet_keys
+from patrol.lifeline import Ending
+from patrol.link import Link, open_link, open_router
+from patrol.message import Position, encode
+from patrol.pose import Pose
+from patrol.prepare import prepare
+from patrol.records import Status
+from patrol.scenario import load_scenario
+
+if TYPE_CHECKING:
+    from tests.fogwatch.conftest import Run
+
+COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
+PATIENCE = 600
+"""Waits of a tenth of a second."""
+
+
+def attached(run: Run) -> Source:
+    run.until((run.folder / "control.json").exists)
+    source = open_fleet(Ending(), access=run.folder)
+    assert source is not None
+    return source
+
+
+def until(source: Source, what: Callable[[State], bool]) -> State:
+    """The first state that is so."""
+    for _ in range(PATIENCE):
+        state = source.wait(0.1)
+        if state is not None and what(state):
+            return state
+    raise AssertionError("waited in vain")
+
+
+@pytest.mark.processes
+def test_a_run_is_watched_controlled_and_watched_by_another_who_comes_late(start: Callable[..., Run]) -> None:
+    scenario = {**COARSE, "duration": 100_000, "robots": 3 * [{}], "faults": [{"kind": "loss", "rate": 0.3}]}
+    run = start(scenario, "--no-recording", "--no-report")
+    first = attached(run)
+    assert first.ask({"do": "pause"}).done
+    until(first, lambda state: not state.running)
+    assert first.ask({"do": "fault", "fault": {"kind": "kill", "who": "r2"}}).done
+    assert first.ask({"do": "step", "ticks": 30}).done
+    seen = until(first, lambda state: not state.running and state.robots[1:2] != () and _dead(state, 1))
+    held = first.ask({"do": "step", "ticks": 10})
+    last = int(held.text.rpartition(" ")[2]) - 1
+    seen = until(first, lambda state: state.k == last)
+    late = attached(run)
+    again = until(late, lambda state: state.k == last)
+    assert seen.robots[1].status is again.robots[1].status is Status.DEAD
+    assert [event.kind for event in late.events(0)] == [event.kind for event in first.events(0)]
+    assert "operator" in {event.kind for event in late.events(0)}
+    os.kill(run.process.pid, signal.SIGINT)
+    ended = until(first, lambda state: state.ended is not None)
+    assert ended.ended == "interrupted"
+    assert run.end() == 130, run.errors
+    truth = Replay(open_run(run.folder)).fog(last).last_seen
+    for source in (first, late):
+        np.testing.assert_array_equal(source.last_seen("truth"), truth)
+        assert until_gone(source)
+        source.close()
+    links = open_run(run.folder).links
+    assert seen.links is not None
+    assert 0 < links.delivered[1:, 1:].sum() < links.delivered[1:, 1:].sum() + links.lost[1:, 1:].sum()
+
+
+def _dead(state: State, place: int) -> bool:
+    return state.robots[place].status is Status.DEAD
+
+
+def until_gone(source: Source) -> bool:
+    """A source whose fleet is gone goes on answering."""
+    source.wait(0.0)
+    return not source.ask({"do": "pause"}).done
+
+
+@pytest.mark.processes
+def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Path) -> None:
+    """A viewer's process is stopped; far more than its buffers hold goes by, and the run ends as ever."""
+    scenario = {**COARSE, "duration": 400, "robots": 4 * [{}]}
+    run = start(scenario, "--no-recording", "--no-report")
+    run.until((run.folder / "control.json").exists)
+    ready = tmp_path / "ready"
+    viewer = _viewer(run.folder, ready)
+    try:
+        run.until(ready.exists)
+        viewer.send_signal(signal.SIGSTOP)
+        before = run.ticks()
+        run.until(lambda: run.ticks() > before + 300 or run.process.poll() is not None)
+        assert run.end() == 0, run.errors
+        assert run.summary()["verdict"]["valid"]
+    finally:
+        viewer.kill()
+        viewer.wait()
+
+
+def _viewer(folder: Path, ready: Path) -> subprocess.Popen[bytes]:
+    code = (
+        "import sys, pathlib\n"
+        "from monitor.attach import open_fleet\n"
+        "from patrol.lifeline import Ending\n"
+        "source = open_fleet(Ending(), access=pathlib.Path(sys.argv[1]))\n"
+        "source.wait(10.0)\n"
+        "pathlib.Path(sys.argv[2]).touch()\n"
+        "while True: source.wait(1.0)\n"
+    )
+    return subprocess.Popen([sys.executable, "-P", "-c", code, str(folder), str(ready)])
+
+
+@pytest.fixture
+def router() -> Any:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        locator = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    link = open_router(locator)
+    yield locator
+    link.close()
+
+
+def test_robots_without_a_world_are_heard(router: str) -> None:
+    keys = fleet_keys("real-1")
+    scenario = load_scenario({**COARSE, "robots": [{"name": "anna"}, {"name": "bert"}], "step": 0.1})
+    clock = [0.0]
+    source = EarSource(keys, prepare(scenario), open_link(router, 20.0), open_link(router, 20.0), lambda: clock[0])
+    robot: Link = open_link(router, 20.0)
+    robot.live(keys.alive("anna"))
+    said = Telemetry(3, "patrolling", (1.0, 2.0), (3.0, 4.0), None, 9, 1.5, 2)
+    tell, position = robot.show(keys.telemetry("anna")), robot.broadcast(keys.position("anna"))
+    state = None
+    for sequence in range(1, PATIENCE):
+        clock[0] += 0.1
+        tell(show(said))
+        position(encode(Position.of(1, sequence, sequence * 0.1, Pose(50.0, 50.0, 0.0))))
+        state = source.wait(0.02)
+        if state is not None and state.robots[0].state and state.robots[0].pose is not None and source.events(0):
+            break
+    assert state is not None
+    anna, bert = state.robots
+    assert (anna.status, anna.goal, anna.decision_ms) == (Status.ALIVE, (3.0, 4.0), 1.5)
+    assert anna.pose is not None
+    assert (anna.pose.x, anna.pose.y) == (50.0, 50.0)
+    assert (bert.status, bert.pose) == (Status.ABSENT, None)
+    assert [(event.kind, event.robot) for event in source.events(0)] == [("there", 1)]
+    assert source.static().layers == ("heard",)
+    assert not source.ask({"do": "pause"}).done
+    seen = source.last_seen("heard")
+    assert seen is not None
+    assert (seen >= 0).sum() > 100
+    robot.close()
+    clock[0] += 60.0
+    state = source.wait(0.0)
+    assert state is not None
+    assert state.robots[0].status is Status.LOST
+    source.close()
+
+
+def test_a_fleet_that_is_not_there_is_said_so(router: str) -> None:
+    with pytest.raises(BadInput, match="no world of this fleet"):
+        open_fleet(Ending(), router=router, fleet="nobody-1", wait_s=0.3)
+    with pytest.raises(BadInput, match="which fleet"):
+        open_fleet(Ending())
