@@ -43,6 +43,8 @@ RADIO_LEASE_S = 2.0
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
 _ROOM = 256
 _SOCKET = 65536
+_DROP_US = 100
+"""How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
 
 T = TypeVar("T")
 
@@ -63,7 +65,7 @@ class Presence:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Something that somebody asks for. answer: sends the answer, once, and lost rather than late."""
+    """Something that somebody asks for. answer: sends the answer, once; a long one waits for who takes it in."""
 
     payload: bytes
     answer: Post
@@ -269,7 +271,7 @@ class Link:
 def _answers(query: zenoh.Query, key: str) -> Post:
     def answer(payload: bytes) -> None:
         with query:
-            query.reply(key, payload, congestion_control=zenoh.CongestionControl.DROP)
+            query.reply(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     return answer
 
@@ -394,6 +396,7 @@ def _config(values: dict[str, object]) -> zenoh.Config:
         "transport/shared_memory/enabled": False,
         "transport/link/tcp/so_rcvbuf": _SOCKET,
         "transport/link/tcp/so_sndbuf": _SOCKET,
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _DROP_US,
     }
     for key, value in {**quiet, **values}.items():
         config.insert_json5(key, json.dumps(value))

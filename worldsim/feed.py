@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 BATCH_S = 0.05
 """Wall time between two batches."""
-BATCH_BYTES = 1 << 20
-"""A batch that has grown to this is sent at once."""
+BATCH_BYTES = 1 << 15
+"""A batch that has grown to this is sent at once: what fits into one piece is dropped at once where it must be."""
 ANSWER_S = 0.5
 """Wall time between two answers; whoever asks meanwhile shares the next."""
 MOST_EVENTS = 2000
