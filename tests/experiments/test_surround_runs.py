@@ -45,7 +45,7 @@ def around(record: TickRecord, place: tuple[float, float]) -> tuple[float, float
         ("open", (20.0, 70.0), 3, 60.0),
         ("site", (230.25, 127.25), 1, 130.0),
         ("site", (233.25, 36.75), 5, 100.0),
-        ("site", (41.25, 126.25), 6, 110.0),
+        ("site", (41.25, 126.25), 6, 150.0),
     ],
 )
 def test_five_robots_end_spread_around_a_still_intruder(
