@@ -12,9 +12,9 @@ from typing import Any, Self
 
 import pytest
 
+from experiments.belief_error import BeliefError
 from experiments.casetable import case_rows, write_tables
 from experiments.cluster import ClusterCrew
-from experiments.belief_error import BeliefError
 from experiments.inprocess import run_in_process
 from experiments.plan import Base, Case, Plan, Run, make_plan
 from experiments.pool import LocalCrew
