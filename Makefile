@@ -25,8 +25,21 @@ install: $(VENV)/.installed ## set up .venv with the locked dependencies, and no
 demo: install ## five car-like robots, each a process, patrol `site` for ten simulated minutes
 	$(BIN)/fogwatch run site --robots 5 --model car --duration 600
 
+.PHONY: browser
+browser: ## a browser for the page's tests, where it may be installed; otherwise they are skipped, and say why
+	@command -v chromium chromium-browser >/dev/null || { \
+		if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+			echo "installing chromium for the page's tests"; \
+			apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends \
+				chromium fonts-dejavu-core >/dev/null; \
+		else false; fi; } || { echo "there is no chromium, and it could not be installed" >&2; test -z "$${CI:-}"; }
+
+.PHONY: pictures
+pictures: install browser ## the README's pictures of the page, anew
+	$(BIN)/python docs/pictures/make.py
+
 .PHONY: test
-test: install ## style, types, layers and every quick test
+test: install browser ## style, types, layers and every quick test
 	$(BIN)/python -m pytest
 
 .PHONY: test-network

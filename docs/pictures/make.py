@@ -1,0 +1,87 @@
+"""Makes the pictures of the page that the README shows, from a run that it does itself: `make pictures`.
+
+A real browser opens the page as anybody would, in light and in dark, and at a phone's width.
+"""
+
+from __future__ import annotations
+
+import queue
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import fogwatch
+from monitor.player import open_player
+from monitor.process import show
+from patrol.lifeline import Ending
+
+SCENARIO: dict[str, Any] = {
+    "name": "site-eight",
+    "terrain": {"builtin": "site"},
+    "point": 0.25,
+    "duration": 340,
+    "seed": 3,
+    "robots": {"count": 8, "model": "car"},
+    "patrol": {"dilatation": 0.0},
+    "faults": [
+        {"kind": "kill", "who": "r3", "at": 180},
+        {"kind": "loss", "rate": 0.5, "at": 220, "for": 80},
+        {"kind": "silence", "who": "r5", "at": 315, "for": 20},
+    ],
+}
+AT_S = 330.0
+"""The time of the run that is shown."""
+
+VIEWS = (("page-light", 1280, 720, "light"), ("page-dark", 1280, 720, "dark"), ("page-phone", 390, 844, "light"))
+
+
+def main(out: Path) -> None:
+    """Write the pictures into a folder."""
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        run = fogwatch.run(SCENARIO, out=Path(folder) / "site-eight")
+        player = open_player(run.folder)
+        ending, addresses = Ending(), queue.Queue[str]()
+        page = threading.Thread(target=lambda: show(lambda: player, "127.0.0.1", 0, "", ending, opened=addresses.put))
+        page.start()
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium") or shutil.which("chromium-browser")
+        )
+        try:
+            address = addresses.get()
+            for name, width, height, scheme in VIEWS:
+                context = browser.new_context(
+                    viewport={"width": width, "height": height},
+                    color_scheme="dark" if scheme == "dark" else "light",
+                    device_scale_factor=1.5,
+                )
+                look(context.new_page(), address, player.static().step)
+                context.pages[0].screenshot(path=out / f"{name}.png")
+                context.close()
+        finally:
+            browser.close()
+            ending.ask("the pictures are made")
+            page.join()
+
+
+def look(page: Any, address: str, step: float) -> None:
+    """Play up to the wanted moment, so that the robots have trails, and wait until everything is drawn."""
+    page.goto(address)
+    for k in range(round((AT_S - 60.0) / step), round(AT_S / step) + 1, 2):
+        page.evaluate(
+            "(k) => { const s = document.getElementById('seek'); s.value = k; s.dispatchEvent(new Event('input')); }", k
+        )
+        while page.evaluate("document.getElementById('clock').title") != f"tick {k}":
+            time.sleep(0.02)
+    while not page.evaluate("document.querySelectorAll('#chart .scatterlayer .trace').length"):
+        time.sleep(0.1)
+    time.sleep(1.5)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
