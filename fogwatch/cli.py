@@ -90,7 +90,7 @@ def run(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Run folder, new or empty.")] = None,
     in_process: Annotated[bool, typer.Option("--in-process", help="One process, without Zenoh: same trace.")] = False,
     port: Annotated[int | None, typer.Option(metavar="N", help="TCP port of the router (default: a free one).")] = None,
-    page: Annotated[bool, typer.Option("--page/--no-page", help="Serve a live page on this machine.")] = True,
+    page: Annotated[bool, typer.Option("--page/--no-page", help="Serve a live page of the processes.")] = True,
     recording: Annotated[bool, typer.Option("--recording/--no-recording", help="Write recording.mcap.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
     recovery: Annotated[

@@ -44,6 +44,8 @@ GOODBYE_S = 5.0
 """How long processes may take to leave by themselves once the run is over."""
 TERM_S = 2.0
 """How long a process may take to heed a signal before it is killed."""
+PAGE_WAIT_S = "86400"
+"""How long the page waits for the world, which may have a large map to work on."""
 MOST_ROUTERS = 20
 _TICK_S = 0.05
 
@@ -243,7 +245,9 @@ class Launch:
             self.show.say(f"no page: {missing[0]} is not installed (pip install 'fogwatch[monitor]')")
             return
         self._page_key = os.urandom(16).hex()
-        self._spawn(PAGE, "monitor", ["--access", str(self.folder.access)], extra={KEY: self._page_key})
+        self._spawn(
+            PAGE, "monitor", ["--access", str(self.folder.access), "--wait", PAGE_WAIT_S], extra={KEY: self._page_key}
+        )
 
     def _spawn(
         self,

@@ -75,7 +75,7 @@ class Player:
             live=False,
             layers=("truth", *run.numbers),
             controls=("pause", "go", "step", "pace", "seek"),
-            note="" if run.ended is not None else "this run was cut off; what is left of it is shown",
+            note="" if run.ended is not None else "this run was cut off, or goes on; what there is of it is shown",
         )
 
     def wait(self, timeout_s: float) -> State | None:
