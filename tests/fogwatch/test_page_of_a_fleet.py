@@ -88,10 +88,12 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
             look.page.wait_for_timeout(100)
         assert share(look) < 0.9
 
-        look.press(" ")
+        look.page.click("#play")
         look.until("document.getElementById('mode').textContent === 'paused'")
+        tick = look.evaluate("document.getElementById('clock').title")
         look.press(".")
-        look.press(" ")
+        look.until(f"document.getElementById('clock').title !== {tick!r}")
+        look.page.click("#play")
         look.until("document.getElementById('mode').textContent === 'live'")
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors
