@@ -168,7 +168,7 @@ def test_bad_input_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], m
     for arguments, problem in (
         (["--replay", str(tmp_path), "--host", "0.0.0.0"], "--host 0.0.0.0"),
         (["--replay", str(tmp_path / "nowhere")], "no such folder"),
-        (["--router", "tcp/127.0.0.1:1"], "nothing to show"),
+        (["--router", "tcp/127.0.0.1:1"], "--fleet"),
         (["--replay", str(tmp_path), "--host", "no.such.host.invalid"], "--host"),
     ):
         assert main(arguments) == 2
