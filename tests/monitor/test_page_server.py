@@ -124,7 +124,8 @@ def test_the_key_is_taken_once_and_kept_where_no_script_reads_it(open_page: Serv
         socket.send(json.dumps({"type": "ask", "id": 8, "control": {"do": "seek", "k": 44}}))
         while said(socket, "state")["k"] != 44:
             pass
-        for control in ({"do": "fault", "fault": {"kind": "kill", "who": "r1"}}, {"do": []}, {}):
+        refused: list[dict[str, Any]] = [{"do": "fault", "fault": {"kind": "kill", "who": "r1"}}, {"do": []}, {}]
+        for control in refused:
             socket.send(json.dumps({"type": "ask", "id": 9, "control": control}))
             answer = said(socket, "answer")
             while answer["id"] != 9:
