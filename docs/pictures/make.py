@@ -1,4 +1,4 @@
-"""Makes the pictures of the page that the README shows, from a run that it does itself: `make pictures`.
+"""Makes the pictures of the page that the README shows, `make pictures`: of a run that it does itself, or of one given.
 
 A real browser opens the page as anybody would, in light and in dark, and at a phone's width.
 """
@@ -33,19 +33,20 @@ SCENARIO: dict[str, Any] = {
         {"kind": "silence", "who": "r5", "at": 315, "for": 20},
     ],
 }
-AT_S = 330.0
-"""The time of the run that is shown."""
+AT = 0.97
+"""How far into the run the moment is that is shown."""
+TRAIL = 120
+"""Ticks that are played before, so that robots have trails."""
 
 VIEWS = (("page-light", 1280, 720, "light"), ("page-dark", 1280, 720, "dark"), ("page-phone", 390, 844, "light"))
 
 
-def main(out: Path) -> None:
-    """Write the pictures into a folder."""
+def main(given: Path | None) -> None:
+    """Write the pictures beside this file. given: a run's folder, or None to do a run."""
     from playwright.sync_api import sync_playwright
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        run = fogwatch.run(SCENARIO, out=Path(folder) / "site-eight")
-        player = open_player(run.folder)
+        player = open_player(given or fogwatch.run(SCENARIO, out=Path(folder) / SCENARIO["name"]).folder)
         ending, addresses = Ending(), queue.Queue[str]()
         page = threading.Thread(target=lambda: show(lambda: player, "127.0.0.1", 0, "", ending, opened=addresses.put))
         page.start()
@@ -60,8 +61,8 @@ def main(out: Path) -> None:
                     color_scheme="dark" if scheme == "dark" else "light",
                     device_scale_factor=1.5,
                 )
-                look(context.new_page(), address, player.static().step)
-                context.pages[0].screenshot(path=out / f"{name}.png")
+                look(context.new_page(), address, round((player.static().ticks or 1) * AT))
+                context.pages[0].screenshot(path=Path(__file__).with_name(f"{name}.png"))
                 context.close()
         finally:
             browser.close()
@@ -69,10 +70,10 @@ def main(out: Path) -> None:
             page.join()
 
 
-def look(page: Any, address: str, step: float) -> None:
-    """Play up to the wanted moment, so that the robots have trails, and wait until everything is drawn."""
+def look(page: Any, address: str, moment: int) -> None:
+    """Play up to the wanted tick, and wait until everything is drawn."""
     page.goto(address)
-    for k in range(round((AT_S - 60.0) / step), round(AT_S / step) + 1, 2):
+    for k in range(max(moment - TRAIL, 0), moment + 1, 2):
         page.evaluate(
             "(k) => { const s = document.getElementById('seek'); s.value = k; s.dispatchEvent(new Event('input')); }", k
         )
@@ -84,4 +85,4 @@ def look(page: Any, address: str, step: float) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else None)

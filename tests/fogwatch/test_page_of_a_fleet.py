@@ -53,6 +53,7 @@ def share(look: Look) -> float:
     return float(told.partition("(")[2].partition(" %")[0]) / 100.0
 
 
+@pytest.mark.timeout(900)
 def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, start: Callable[..., Run]) -> None:
     run = start(FLEET, "--page", "--no-report", "--no-recording")
     with Look(chromium, address_of(run)) as look:
