@@ -55,6 +55,7 @@ def test_what_a_robot_believed_is_what_its_mind_held(faulty: Seen) -> None:
             continue
         at(player, k)
         believed = None
+        believed = None
         for _ in range(400):
             believed = player.last_seen(number)
             if believed is not None:
