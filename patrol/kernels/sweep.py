@@ -16,6 +16,9 @@ from numba import njit, types
 TOLERANCE = 1e-9
 """How much nearer than its radius (m) a disc may be to a square and still only touch it."""
 
+WIDEST = 1e6
+"""Radius in m of the widest circle whose centre is computed."""
+
 SAGITTA = 1e-4
 """How far (m) a chord may lie from the arc it stands for."""
 
@@ -213,15 +216,16 @@ def free_arc(blocked, point, ox, oy, x, y, heading, distance, curvature, radius)
     """1 when a disc can drive the whole arc (`distance` negative: backwards; `curvature` in 1/m), else 0.
 
     The arc is swept as chords of at most half a point that lie within SAGITTA of it. A blocked square is
-    compared with them only if the ring that the disc sweeps on the whole circle reaches it. All arguments
-    must be finite.
+    compared with them only if the ring that the disc sweeps on the whole circle reaches it; of a circle beyond
+    WIDEST that is not asked, for its centre is so far off that nothing is left of the difference. All arguments must be
+    finite.
     """
     height, width = blocked.shape
     path = np.empty((chord_count(distance, curvature, 0.5 * point) + 1, 2), dtype=np.float64)
     arc_points(path, x, y, heading, distance, curvature)
     if _path_leaves(path, ox, oy, ox + width * point, oy + height * point, radius):
         return 0
-    ring = 1.0 / curvature if curvature != 0.0 else 0.0
+    ring = 1.0 / curvature if abs(curvature) * WIDEST > 1.0 else 0.0
     cx, cy = x - ring * math.sin(heading), y + ring * math.cos(heading)
     # Half a square's diagonal turns its centre's distance into bounds on its nearest place's.
     reach = radius + SAGITTA + 0.7072 * point

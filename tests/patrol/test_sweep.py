@@ -48,3 +48,15 @@ def test_walls_and_keep_out_stop_bodies(room: Terrain) -> None:
 def test_a_line_is_cut_where_it_touches(room: Terrain) -> None:
     assert free_fraction(room, Pose(5.0, 5.0, 0.0), Pose(7.0, 5.0, 0.0), 0.5) == pytest.approx(0.25)
     assert free_fraction(room, Pose(5.0, 9.0, 0.0), Pose(8.0, 9.0, 0.0), 0.5) == 1.0
+
+
+@pytest.mark.parametrize("curvature", [1e-5, 1e-7, 1e-12, -1e-16, 5e-324])
+@pytest.mark.parametrize("speed", [2.2, -2.2])
+def test_an_arc_that_is_almost_a_line_is_stopped_by_what_stops_the_line(curvature: float, speed: float) -> None:
+    passable = np.ones((100, 100), dtype=np.bool_)
+    passable[40:60, 48:52] = False
+    terrain = Terrain("block", passable, 0.5)
+    here = Pose(25.0 - math.copysign(3.0, speed), 25.0, 0.0)
+    assert not path_is_free(terrain, here, Drive(speed, 0.0), 1.0, 1.0)
+    assert not path_is_free(terrain, here, Drive(speed, curvature), 1.0, 1.0)
+    assert path_is_free(terrain, here, Drive(-speed, curvature), 1.0, 1.0)
