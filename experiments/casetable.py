@@ -90,10 +90,18 @@ def json_text(says: Any) -> str:
     return f"{json.dumps(says, indent=1, allow_nan=False)}\n"
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, unless it is there; BadInput where that cannot be done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{folder}: cannot be made ({error.strerror}); choose another --out") from None
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file; BadInput where that cannot be done."""
+    make_folder(path.parent)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None

@@ -8,12 +8,14 @@ from experiments.faults import GROUPS, QUIET, VARIANTS, Finding, Setup
 from experiments.stats import Estimate
 
 
-def page(setup: Setup, found: Sequence[Finding], *, command: str, wall_s: float, pictures: Sequence[str]) -> str:
-    """The page. command: that made it. wall_s: of all its runs added up, s. pictures: files to show."""
-    return "\n".join([*_head(setup, command, wall_s, pictures), *_groups(found), ""])
+def page(
+    setup: Setup, found: Sequence[Finding], *, command: str, wall_s: float, failed: int, pictures: Sequence[str]
+) -> str:
+    """The page. command: that made it. wall_s: of all its runs added up, s. failed: runs. pictures: files to show."""
+    return "\n".join([*_head(setup, command, wall_s, failed, pictures), *_groups(found), ""])
 
 
-def _head(setup: Setup, command: str, wall_s: float, pictures: Sequence[str]) -> Iterator[str]:
+def _head(setup: Setup, command: str, wall_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
     yield "# What faults cost"
     yield ""
     yield f"Made by `{command}`: {wall_s / 60.0:.0f} min of computing on one core."
@@ -26,10 +28,15 @@ def _head(setup: Setup, command: str, wall_s: float, pictures: Sequence[str]) ->
     yield ""
     yield (
         "Numbers are means over the seeds ± their 95 % interval. Cost: mean MFoW as a ratio to the run of the same "
-        "variant and seed without faults. Late: mean MFoW of the second half, when what happened early is over. "
-        "Belief error: how far the ages that robots believe are from the true ones, in the mean over points, robots "
-        "and time. Every run's verdict was valid: what was lost, delayed or forged was recomputed draw by draw."
+        "variant and seed without faults. Late: mean MFoW of the second half of the run, whatever is still going on "
+        "then. Belief error: how far the ages that robots believe are from the true ones, in the mean over points, "
+        "robots and time."
     )
+    if failed:
+        yield ""
+        yield f"**{failed} runs failed or were not valid and are left out.**"
+    else:
+        yield "Every run's verdict was valid: what was lost, delayed or forged was recomputed draw by draw."
     for picture in pictures:
         yield ""
         yield f"![{picture}]({picture})"

@@ -48,7 +48,7 @@ def _head(setup: Setup, command: str, wall_s: float) -> Iterator[str]:
     yield f"Made by `{command}`: {_minutes(wall_s)} of computing on one core."
     yield ""
     radius = f"sensor radius {setup.sensor_range:g} m"
-    if setup.sensor_range == calibrated.range:
+    if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):
         radius += f" ({calibrated.found})"
     yield f"Points of {setup.point:g} m, {radius}, seeds {', '.join(map(str, setup.seeds))}."
     fixed = (f"`{field}: {value}`" for field, value in paper().settings.items() if field not in setup.settings)
@@ -59,7 +59,7 @@ def _head(setup: Setup, command: str, wall_s: float) -> Iterator[str]:
         "MFoW depends on the size of the points, as it is a maximum: compare only like with like. Each cell reads: our "
         "mean over the seeds ± its 95 % interval, the printed value in brackets, and the ratio of the two. What the "
         f"paper leaves open is assumed as said under each table. Ratios beyond {FAR_OFF:g}, either way, are bold, and "
-        "each has its word further down."
+        "listed further down, with a word on why where we have one."
     )
 
 

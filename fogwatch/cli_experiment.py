@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -11,16 +10,20 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.casetable import json_text, write_tables, write_text
+from experiments.casetable import json_text, make_folder, write_tables, write_text
 from experiments.faults import GROUPS, Finding, Setup, as_json, chosen, findings, plan_of
 from experiments.faults_report import page
 from experiments.plan import count_of_seeds
 from fogwatch.cli_sweep import FAILED, ClusterAddress, Workers, crew_of, make_runs, with_interval
 from fogwatch.faults_picture import costs_picture, curves_picture
+from fogwatch.progress import command_line, print_failures
 from fogwatch.progress import duration as time_text
-from fogwatch.progress import print_failures
-from patrol.keyfile import LONGEST
+from patrol.errors import BadInput
+from patrol.keyfile import new_key
 from patrol.scenario import parse_overrides
+
+TAKEN = ("faults", "patrol.separation", "terrain", "point", "duration", "robots.count", "seed", "nemesis")
+"""Fields that the experiment sets."""
 
 app = typer.Typer(help="Whole experiments, from runs to a page.", no_args_is_help=True)
 
@@ -60,17 +63,17 @@ def faults(
     """
     console = Console()
     folder = out or Path("runs") / "faults"
-    setup = Setup(
-        terrain,
-        point,
-        duration,
-        robots,
-        count_of_seeds(seeds, "--seeds"),
-        _key(folder),
-        parse_overrides(settings or []),
-    )
+    given = parse_overrides(settings or [])
+    if taken := [name for name in given if name.split(".")[0] in TAKEN or name in TAKEN]:
+        raise BadInput(f"--set {taken[0]}: the experiment sets that itself; leave it out, or use an option")
+    numbers = count_of_seeds(seeds, "--seeds")
+    setup = Setup(terrain, point, duration, robots, numbers, (folder / "fleet.key").resolve(), given)
     tried = chosen(setup, [name.strip() for name in only.split(",")] if only else [])
-    outcome = make_runs(plan_of(setup, tried), folder, crew_of(workers, cluster), console, foretell=True)
+    plan = plan_of(setup, tried)
+    if not setup.key.exists():
+        make_folder(folder)
+        new_key(setup.key)
+    outcome = make_runs(plan, folder, crew_of(workers, cluster), console, foretell=True)
     found = findings(outcome, tried)
     _show(console, found)
     write_tables(outcome, folder)
@@ -80,22 +83,16 @@ def faults(
         for name, draw in (("loss", curves_picture), ("costs", costs_picture))
         if draw(found, [folder / f"{name}.png", folder / f"{name}.svg"])
     ]
-    command = f"fogwatch experiment faults --point {point:g} --seeds {seeds}" + (f" --only '{only}'" if only else "")
+    command = command_line("experiment", "faults")
     wall_s = sum(result.wall_s for result in outcome.results.values())
-    text = page(setup, found, command=command, wall_s=wall_s, pictures=[f"{name}.png" for name in pictures])
+    shown = [f"{name}.png" for name in pictures]
+    failed = len(outcome.failed)
+    text = page(setup, found, command=command, wall_s=wall_s, failed=failed, pictures=shown)
     write_text(folder / "faults.md", text)
     print_failures(console, outcome)
     made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"
     console.print(f"{made}; {folder}: faults.md has everything", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
-
-
-def _key(folder: Path) -> Path:
-    """A fleet key for the runs that use one, made once."""
-    file = (folder / "fleet.key").resolve()
-    if not file.exists():
-        write_text(file, os.urandom(LONGEST // 2).hex() + "\n")
-    return file
 
 
 def _show(console: Console, found: Sequence[Finding]) -> None:

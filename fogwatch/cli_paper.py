@@ -22,8 +22,8 @@ from experiments.plan import count_of_seeds
 from experiments.stats import Fit
 from fogwatch.cli_sweep import FAILED, ClusterAddress, Workers, crew_of, make_runs, with_interval
 from fogwatch.paper_picture import table_picture, terrain_picture
+from fogwatch.progress import command_line, print_failures
 from fogwatch.progress import duration as time_text
-from fogwatch.progress import print_failures
 from patrol.builtins import builtin_terrain
 from patrol.errors import BadInput
 from patrol.scenario import parse_overrides
@@ -162,8 +162,8 @@ def _terrain_pictures(comparisons: Sequence[Comparison], folder: Path) -> dict[s
 def _page(comparisons: Sequence[Comparison], judged: Sequence[Judged], setup: Setup, pictures: dict[str, str]) -> str:
     """paper.md."""
     numbers = [comparison.table.number for comparison in comparisons]
-    which = "all" if numbers == list(paper().tables) else f"table {' '.join(map(str, numbers))}"
-    command = f"fogwatch paper {which} --seeds {len(setup.seeds)} --point {setup.point:g}"
+    which = ["all"] if numbers == list(paper().tables) else ["table", *map(str, numbers)]
+    command = command_line("paper", *which)
     pictures |= {f"table {number}": f"table_{number}.png" for number in numbers}
     wall_s = sum(comparison.wall_s for comparison in comparisons)
     return page(comparisons, judged, setup, command=command, wall_s=wall_s, pictures=pictures)

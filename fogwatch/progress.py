@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -116,3 +118,16 @@ def print_failures(console: Console, outcome: Outcome) -> None:
         console.print(
             f"some results were made by fogwatch {versions}; choose a new --out to make them anew", style="red"
         )
+
+
+def command_line(*command: str) -> str:
+    """The command that is running, as it was given, for the pages that it makes; without where its output goes."""
+    given = list(sys.argv[1:])
+    if tuple(given[: len(command)]) != command:
+        return shlex.join(["fogwatch", *command])
+    for option in ("--out", "--workers", "--cluster"):
+        while option in given:
+            at = given.index(option)
+            del given[at : at + 2]
+    given = [word for word in given if not word.startswith(("--out=", "--workers=", "--cluster="))]
+    return shlex.join(["fogwatch", *given])

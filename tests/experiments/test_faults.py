@@ -75,10 +75,11 @@ def test_costs_are_ratios_to_the_same_seed_without_faults(setup: Setup) -> None:
     assert silent.delivered is not None
     assert silent.delivered.mean == 0.25
     assert silent.belief is None
-    text = page(setup, found, command="fogwatch experiment faults", wall_s=600.0, pictures=["loss.png"])
+    text = page(setup, found, command="fogwatch experiment faults", wall_s=600.0, failed=2, pictures=["loss.png"])
     assert "`fogwatch experiment faults`: 10 min of computing" in text
     assert "| total silence | with claims | 225.0 ± " in text
     assert "| 1.500 ± 0.000 | - | 25.0 % |" in text
+    assert "**2 runs failed" in text
     assert "![loss.png](loss.png)" in text
     says = as_json(setup, found)
     assert {one["variant"] for one in says["findings"]} == set(VARIANTS)
