@@ -30,7 +30,7 @@ from patrol.scenario import parse_overrides
 
 app = typer.Typer(help="The paper's tables, ours beside the printed ones.", no_args_is_help=True)
 
-TERRAIN_POINT = 0.25
+TERRAIN_POINT = 0.1
 """Points of the drawn terrains, m."""
 
 Point = Annotated[float, typer.Option(metavar="M", help="Side of one point of the grid, m.")]

@@ -67,7 +67,7 @@ def _yards() -> Layout:
     """Five yards side by side between wedge-shaped buildings: 5 convex regions, and no fewer will do.
 
     Each wedge ends in a corner so sharp that only a cut that prolongs the wedge leaves both its sides convex; no cut
-    serves two of the four. How far the wedges reach is fitted to the paper's one robot (Table 4, wave and mode).
+    serves two of the four. How far the wedges reach was chosen by the paper's one robot (Table 4, wave and mode).
     """
     reach, half = 48.0, 4.5
     from_below = tuple(((x - half, 0), (x + half, 0), (x, reach)) for x in (20.0, 60.0))
