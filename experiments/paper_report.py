@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from experiments.orderings import Judged
 from experiments.paper import FAR_OFF, Cell, Comparison, Remark, Setup, fit_of, paper
 from experiments.stats import Estimate, Fit
+from patrol.scenario_errors import show
 
 UNEXPLAINED = "not explained"
 
@@ -51,10 +52,10 @@ def _head(setup: Setup, command: str, wall_s: float) -> Iterator[str]:
     if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):
         radius += f" ({calibrated.found})"
     yield f"Points of {setup.point:g} m, {radius}, seeds {', '.join(map(str, setup.seeds))}."
-    fixed = (f"`{field}: {value}`" for field, value in paper().settings.items() if field not in setup.settings)
+    fixed = (f"`{field}: {show(value)}`" for field, value in paper().settings.items() if field not in setup.settings)
     yield f"Every cell has {', '.join(fixed)}."
     for field, value in setup.settings.items():
-        yield f"Set everywhere: `{field}: {value}`."
+        yield f"Set everywhere: `{field}: {show(value)}`."
     yield (
         "MFoW depends on the size of the points, as it is a maximum: compare only like with like. Each cell reads: our "
         "mean over the seeds ± its 95 % interval, the printed value in brackets, and the ratio of the two. What the "
