@@ -72,8 +72,8 @@ def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
         yield ""
         yield (
             "The paper's figures are lost. These are reconstructions from their sizes and a few words. How far the "
-            "wedges of `yards` reach was chosen by the one-robot cell of Table 4 (wave, mode), before the algorithm was "
-            "quite what it is now; nothing else is fitted, so all other cells are predictions."
+            "wedges of `yards` reach was chosen by the one-robot cell of Table 4 (wave, mode), before the algorithm "
+            "was quite what it is now; nothing else is fitted, so all other cells are predictions."
         )
         yield ""
     for title, file in drawn.items():
