@@ -57,7 +57,7 @@ class EarSource:
         except BadInput:
             key = None
             self._unknown = "; tags are not checked, for the fleet's key is not here"
-        inbox = inbox_of(scenario, NOBODY, prepared.terrain.bounds, key)
+        inbox = inbox_of(scenario, NOBODY, prepared.terrain.bounds, key, knows_ticks=False)
         footprint = sensor_footprint(scenario, prepared.terrain)
         self._listener = Listener(footprint, prepared.patrolled, inbox, scenario.step)
         positions = {keys.position(name): number for name, number in self._names.items()}

@@ -23,6 +23,7 @@ from patrol.scenario_values import (
     Positive,
     Probability,
     RobotName,
+    Ticks,
     at_least,
     by_shape,
     expecting,
@@ -235,15 +236,16 @@ class Forgery(Section):
     offset: Corner | None = Field(None, description="m, [dx, dy] added to the true position")
     replay: Positive | None = Field(None, description="s, how old the victim's frame is that is sent again")
     invented: Count | None = Field(None, description="how many robots that do not exist are made up")
+    ahead: Ticks | None = Field(None, description="ticks by which the sequence is ahead; the position is the true one")
 
     @model_validator(mode="after")
-    def _one_of_three(self) -> Self:
+    def _only_one(self) -> Self:
         if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
-            raise wrong("", "exactly one is needed: {offset: [DX, DY]}, {replay: S} or {invented: N}")
+            raise wrong("", "exactly one is needed: {offset: [DX, DY]}, {replay: S}, {invented: N} or {ahead: N}")
         return self
 
 
-_PAYLOAD = "{offset: [DX, DY]}, freeze, {replay: S}, random or {invented: N}"
+_PAYLOAD = "{offset: [DX, DY]}, freeze, {replay: S}, random, {invented: N} or {ahead: N}"
 Payload = Annotated[
     Annotated[Literal["freeze", "random"], expecting(_PAYLOAD), Tag("=single")] | Annotated[Forgery, Tag("=mapping")],
     by_shape(_PAYLOAD),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from patrol.message import Position
 from patrol.pose import Pose
-from patrol.window import Window
+from patrol.window import SPAN, Window
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +31,15 @@ class Hearsay:
 
         A position counts at the tick it arrives: robots' clocks need not agree. A late one, which is older than the
         newest of its sender's, counts as many ticks before that one's as their sequences are apart, and moves nobody.
+        One that is older than any window corrects its sender's sequence, and all begins anew.
         """
         newest = self.peers.get(position.robot)
-        if newest is not None and position.sequence < newest.sequence:
-            tick = newest.tick - (newest.sequence - position.sequence)
+        ago = 0 if newest is None else newest.sequence - position.sequence
+        if newest is not None and 0 < ago < SPAN:
+            tick = newest.tick - ago
         else:
+            if ago >= SPAN:
+                del self._looks[position.robot]
             self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
         # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
         places = [(position.pose.x, position.pose.y), *position.past]

@@ -3,6 +3,9 @@
 Pure: the caller says what time its own clock shows. Senders' clocks may disagree with it, so a frame's age and a
 sender's speed are judged by the receiver's clock at arrival; the sequence orders a sender's frames.
 
+A sequence is the tick in which a frame was sent, and a fleet counts its ticks together. So none can be of a tick that
+is still to come, and whatever was forged or repeated, a robot's next frame is never out of date.
+
 A radio may hold frames up, repeat them and let them overtake each other. A frame that is older than the newest of its
 sender's is *late*: it is accepted once, if it comes within a window of `patrol.window.SPAN` sequences, and tells only
 where the sender was then.
@@ -25,7 +28,10 @@ if TYPE_CHECKING:
 _ROUNDING = 0.02
 # Frames in a row that agree with each other before a jump is believed: localisation jumps honestly, once.
 _STEADY = 3
-# How much further than its sender's clock can have run a sequence may be, in steps: covers stalls of the network.
+# By how many ticks the robots of a fleet may be apart where the world waits for none of them.
+_TICKS_APART = 4
+# Who does not know the ticks can only hold a sender's frames against each other: how much further than its clock
+# can have run a sequence may be, in steps. Covers stalls of the network.
 _AHEAD = 64
 # How many steps a contact may be off what some robot would send now: a replayed one ends after so many.
 _CONTACT_SLACK = 4
@@ -44,7 +50,10 @@ class Inbox:
 
     own: the receiver's robot number. roster: the numbers of all robots. bounds: the terrain's (x_min, y_min, x_max,
     y_max), m. max_speed: of the fastest robot, m/s. step: s between two frames of a sender; a frame may come one step
-    early or late. key: of the tags, or None when the fleet uses none.
+    early or late. key: of the tags, or None when the fleet uses none. ahead: by how many ticks a sequence may be ahead
+    of the receiver's own, which is the time by its clock in steps; None where the two are not counted from the same
+    moment. Then frames too far ahead of their sender's last, and too old ones, are believed too, once enough of them
+    agree with each other: what a forged one has shut out comes back.
 
     What follows on the last frame of a sender must be a place that it can have reached; where it is not, frames that
     agree with each other are believed in the end, for localisation jumps honestly. The time that a sender had is the
@@ -65,6 +74,7 @@ class Inbox:
         max_speed: float,
         key: bytes | None = None,
         step: float = 0.5,
+        ahead: int | None = 0,
     ) -> None:
         self.counts: dict[RejectReason, int] = dict.fromkeys(RejectReason, 0)
         self.accepted = 0
@@ -74,6 +84,7 @@ class Inbox:
         self._max_speed = max_speed
         self._key = key
         self._step = step
+        self._ahead = ahead
         self._last: dict[int, _Heard] = {}
         self._windows: dict[int, Window] = {}
         self._starts: dict[int, float] = {}
@@ -91,12 +102,13 @@ class Inbox:
         """
         try:
             position = decode(frame, self._key)
+            if position.robot != CONTACT:
+                self._check_sender(position)
+            self._check_place(position)
+            self._check_tick(position, now_s)
             if position.robot == CONTACT:
-                self._check_place(position)
                 self._check_contact(_Heard(position, now_s))
             else:
-                self._check_sender(position)
-                self._check_place(position)
                 self._check_motion(_Heard(position, now_s))
         except Rejected as rejected:
             self.counts[rejected.reason] += 1
@@ -123,29 +135,38 @@ class Inbox:
             if not (inside_x and y_min - _ROUNDING <= y <= y_max + _ROUNDING):
                 raise Rejected(RejectReason.OUTSIDE, f"({x}, {y}) is off the terrain")
 
+    def _check_tick(self, position: Position, now_s: float) -> None:
+        # Half a step is for rounding: ticks are whole.
+        if self._ahead is not None and position.sequence > now_s / self._step + self._ahead + 0.5:
+            raise Rejected(RejectReason.AHEAD, "of a tick that is still to come")
+
     def _check_motion(self, heard: _Heard) -> None:
         """Believe what follows the last accepted frame, or `_STEADY` frames in a row that follow one another."""
-        robot = heard.position.robot
+        robot, sequence = heard.position.robot, heard.position.sequence
         last = self._last.get(robot)
         window = self._windows.setdefault(robot, Window())
-        if not window.fresh(heard.position.sequence):
+        outdated = window.newest - sequence >= SPAN
+        if not window.fresh(sequence) and not (outdated and self._ahead is None):
             raise Rejected(RejectReason.OLD, "heard before, or too old to tell")
         if last is not None:
-            if heard.position.sequence < last.position.sequence:
+            if sequence < last.position.sequence and not outdated:
                 self._check_late(heard.position, last.position)
-                window.use(heard.position.sequence)
+                window.use(sequence)
                 return
-            reason = self._implausible(last, heard)
+            reason = RejectReason.OLD if outdated else self._implausible(last, heard)
             if reason is not None:
                 row = self._jumped.get(robot, [])
                 row = [*row, heard] if row and self._follows(row[-1], heard) else [heard]
                 self._jumped[robot] = row
                 if len(row) < _STEADY:
                     raise Rejected(reason, "does not follow the last one")
+        if outdated:
+            self._windows[robot] = window = Window()
+            del self._starts[robot]
         self._jumped.pop(robot, None)
         self._last[robot] = heard
         self._starts[robot] = min(self._start_of(heard), self._starts.get(robot, math.inf))
-        window.use(heard.position.sequence)
+        window.use(sequence)
 
     def _check_late(self, late: Position, newest: Position) -> None:
         """A late frame is judged by how many steps it lies before the newest: only its place is new."""
@@ -180,7 +201,7 @@ class Inbox:
     def _implausible(self, before: _Heard, after: _Heard) -> RejectReason | None:
         elapsed = after.at - before.at
         steps = after.position.sequence - before.position.sequence
-        if steps > 2.0 * elapsed / self._step + _AHEAD:
+        if self._ahead is None and steps > 2.0 * elapsed / self._step + _AHEAD:
             return RejectReason.AHEAD
         held_up = min(max(steps * self._step - elapsed, 0.0), self._delay(before))
         if _apart(before.position, after.position) > self._max_speed * (elapsed + held_up + self._step) + _ROUNDING:
@@ -202,7 +223,19 @@ def _apart(a: Position, b: Position) -> float:
     return math.hypot(b.x_cm - a.x_cm, b.y_cm - a.y_cm) / 100.0
 
 
-def inbox_of(scenario: Scenario, own: int, bounds: tuple[float, float, float, float], key: bytes | None) -> Inbox:
-    """The inbox of one of a scenario's robots. bounds: of its terrain."""
+def inbox_of(
+    scenario: Scenario,
+    own: int,
+    bounds: tuple[float, float, float, float],
+    key: bytes | None,
+    *,
+    knows_ticks: bool = True,
+) -> Inbox:
+    """The inbox of one of a scenario's robots. bounds: of its terrain.
+
+    knows_ticks: whether its clock shows the time since the fleet's first tick.
+    """
     fastest = max(spec.speed for spec in scenario.roster)
-    return Inbox(own, [spec.number for spec in scenario.roster], bounds, fastest, key, scenario.step)
+    numbers = [spec.number for spec in scenario.roster]
+    ahead = (0 if scenario.factor is None else _TICKS_APART) if knows_ticks else None
+    return Inbox(own, numbers, bounds, fastest, key, scenario.step, ahead)

@@ -111,7 +111,8 @@ class Forger:
                 continue
             pose = self._claimed(entry, fault, victim, k, poses)
             if pose is not None:
-                yield self._sign(entry, Position.of(victim, k, self._senses.clock(victim, k), pose))
+                ahead = (isinstance(payload, Forgery) and payload.ahead) or 0
+                yield self._sign(entry, Position.of(victim, k + ahead, self._senses.clock(victim, k), pose))
 
     def _claimed(self, entry: Entry, fault: Spoof, victim: int, k: int, poses: Mapping[int, Pose]) -> Pose | None:
         """Where a forged frame says that the victim is; None while it is nowhere."""
@@ -119,9 +120,9 @@ class Forger:
             return self._anywhere(entry, victim, k)
         true = poses.get(victim)
         if isinstance(fault.payload, Forgery):
-            if true is None or fault.payload.offset is None:
+            if true is None:
                 return None
-            dx, dy = fault.payload.offset
+            dx, dy = fault.payload.offset or (0.0, 0.0)
             said = self._senses.pose(victim, k, true)
             return Pose(said.x + dx, said.y + dy, said.heading)
         key = (entry.index, victim)

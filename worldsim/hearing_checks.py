@@ -118,7 +118,7 @@ class Hearing:
 
 
 class ForgedAsConfigured:
-    """Forged frames are refused where they can be told: without the key, of robots that do not exist, a second time.
+    """Forged frames are refused where they can be told: without the key, of no robot, of no tick yet, a second time.
 
     What somebody with the key says, or anybody in a fleet without one, can only be judged by whether it is plausible;
     how much of it was believed is told and not judged. A genuine frame sent again is believed by those who had not
@@ -172,6 +172,8 @@ class ForgedAsConfigured:
         why = ""
         if position.robot not in self._names and position.robot != CONTACT:
             why = "of a robot that does not exist"
+        elif position.sequence > k:
+            why = "of a tick that was still to come"
         elif self._keyed and entry.sources[0] == NOBODY and not again:
             why = "without the fleet's key"
         if again:

@@ -173,6 +173,7 @@ def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
 
 def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
     belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    belief.inbox = Inbox(1, (1, 2, 3), (0.0, 0.0, 25.0, 20.0), 10.0, None, STEP, ahead=60)
     belief.update(0, Pose(1.0, 19.0, 0.0), [frame(2, 60, 15.0, 5.0), frame(2, 3, 15.0, 5.0)], STEP)
     assert belief.fog.last_seen.min() == -1
     assert belief.inbox.rejected == 0

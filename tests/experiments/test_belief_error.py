@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from experiments.belief_error import EVERY, BeliefError
 from experiments.inprocess import run_in_process
 from patrol.scenario import load_scenario
@@ -31,6 +33,13 @@ def test_forged_positions_make_points_look_fresher() -> None:
     found = error_with({"kind": "spoof", "as": "all", "payload": {"offset": [20, 0]}})
     assert found["believed_fresher"] is not None
     assert found["believed_fresher"] > 0.02
+
+
+@pytest.mark.parametrize("ahead", [1, 64, 10**6])
+def test_who_speaks_of_ticks_to_come_changes_nothing(ahead: int) -> None:
+    """From the first tick on, in everybody's name: nobody is silenced, and all is heard in its tick."""
+    found = error_with({"kind": "spoof", "as": "all", "payload": {"ahead": ahead}})
+    assert found == {"belief_error_s": 0.0, "believed_fresher": 0.0}
 
 
 def test_a_short_run_has_no_looks() -> None:

@@ -36,6 +36,7 @@ FAULTS: list[dict[str, Any]] = [
     {"kind": "spoof", "by": "r2", "as": "r1", "payload": "random", "at": 3.0, "for": 8.0},
     {"kind": "spoof", "as": "all", "payload": {"replay": 2.0}, "at": 7.0, "for": 9.0},
     {"kind": "spoof", "payload": {"invented": 12}, "at": 8.0, "for": 4.0},
+    {"kind": "spoof", "by": "r1", "as": "r2", "payload": {"ahead": 1000}, "at": 9.0, "for": 6.0},
     {"kind": "drift", "who": "r3", "bias": [0.5, 0.0], "noise": 0.1},
     {"kind": "clock", "who": "r1", "offset": -3.0, "rate": 0.1},
 ]

@@ -17,8 +17,8 @@ BOUNDS = (0.0, 0.0, 100.0, 88.0)
 KEY = b"fleet"
 
 
-def inbox(key: bytes | None = None) -> Inbox:
-    return Inbox(own=1, roster=range(1, 6), bounds=BOUNDS, max_speed=SPEED, key=key, step=STEP)
+def inbox(key: bytes | None = None, ahead: int | None = 0) -> Inbox:
+    return Inbox(own=1, roster=range(1, 6), bounds=BOUNDS, max_speed=SPEED, key=key, step=STEP, ahead=ahead)
 
 
 def frame(sequence: int, x: float, y: float = 40.0, robot: int = 2, key: bytes | None = None) -> bytes:
@@ -54,8 +54,8 @@ def test_rounding_never_makes_an_honest_robot_too_fast(moves: list[tuple[float, 
 def test_a_step_early_and_rounded_apart_a_robot_is_still_believed() -> None:
     """2.006 m in one step: sent as 10.00 and 12.01 m, and arriving at once."""
     box = Inbox(own=1, roster=[2], bounds=BOUNDS, max_speed=4.012, step=STEP)
-    assert box.accept(frame(0, 10.004), 0.0) is not None
-    assert box.accept(frame(1, 12.010), 0.0) is not None
+    assert box.accept(frame(0, 10.004), 0.5) is not None
+    assert box.accept(frame(1, 12.010), 0.5) is not None
 
 
 def test_what_cannot_be_decoded_is_counted_by_reason() -> None:
@@ -121,24 +121,25 @@ def test_the_window_outlives_a_restart_of_the_sender() -> None:
 def test_whatever_the_order_each_frame_is_believed_once(order: list[int], repeated: list[int]) -> None:
     """The receiver's clock stands still; 40 frames are fewer than the window holds and than may come at once."""
     box = inbox()
-    heard = [box.accept(frame(k, 50.0), 0.0) for k in (*order, *repeated)]
+    heard = [box.accept(frame(k, 50.0), 39 * STEP) for k in (*order, *repeated)]
     assert [position is not None for position in heard] == [*([True] * 40), *([False] * len(repeated))]
 
 
-@given(st.lists(st.integers(0, 12), min_size=30, max_size=30), st.integers(0, 2**32 - 100))
-def test_delays_never_make_an_honest_robot_too_fast(delays: list[int], start: int) -> None:
+@given(st.lists(st.integers(0, 12), min_size=30, max_size=30), st.integers(0, 2**32 - 100), st.booleans())
+def test_delays_never_make_an_honest_robot_too_fast(delays: list[int], start: int, knows_ticks: bool) -> None:
     """At full speed; the first frame is the quickest, and frames overtake each other."""
-    box = inbox()
+    box = inbox(ahead=0 if knows_ticks else None)
+    began = start if knows_ticks else 0
     arrivals = sorted((k + (delays[k] if k else 0), k) for k in range(30))
     for arrival, k in arrivals:
         position = Position.of(2, start + k, k * STEP, Pose(10.0 + SPEED * STEP * k, 40.0, 0.0))
-        assert box.accept(encode(position), arrival * STEP) is not None
+        assert box.accept(encode(position), (began + arrival) * STEP) is not None
     assert box.rejected == 0
 
 
 def test_a_claimed_delay_buys_no_speed() -> None:
     """Without one of its own frames having been late, a robot cannot be where only a late one could."""
-    box = inbox()
+    box = inbox(ahead=None)
     for k in range(10):
         assert box.accept(frame(k, 10.0), k * STEP) is not None
     assert box.accept(frame(20, 32.0), 10 * STEP) is None
@@ -232,11 +233,73 @@ def test_speed_is_judged_by_the_receivers_clock() -> None:
     assert reasons(box) == {RejectReason.TOO_FAST: 1}
 
 
-def test_a_sequence_that_runs_away_does_not_shut_its_sender_out() -> None:
+KEYS = pytest.mark.parametrize("key", [None, KEY])
+"""With a key the frames are those of an earlier, longer run, sent again."""
+
+
+@KEYS
+@pytest.mark.parametrize("heard", [0, 100])
+def test_frames_of_ticks_to_come_never_shut_their_sender_out(key: bytes | None, heard: int) -> None:
+    """Whether they come before its first frame or later, at its own place, alone or one after the other."""
+    box = inbox(key)
+    for k in range(heard):
+        assert box.accept(frame(k, 50.0, key=key), k * STEP) is not None
+    for later in (1, 64, 9000, 9001, 9002, 10**6, 10**6 + 1, 10**6 + 2, 8 * 10**6):
+        assert box.accept(frame(heard + later, 50.0, key=key), heard * STEP) is None
+    assert reasons(box) == {RejectReason.AHEAD: 9}
+    for k in range(heard, heard + 200):
+        assert box.accept(frame(k, 50.0, key=key), k * STEP) is not None
+        last = box.last(2)
+        assert last is not None
+        assert (last[0].sequence, last[1]) == (k, k * STEP)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.3, 0.5, 1.0 / 3.0, 1e-3])
+def test_a_frame_of_the_receivers_own_tick_is_never_ahead(step: float) -> None:
+    box = Inbox(own=1, roster=[2], bounds=BOUNDS, max_speed=SPEED, step=step)
+    for k in (0, 1, 3, 7, 10**6 + 1, 8 * 10**6):
+        assert box.accept(frame(k + 1, 10.0), k * step) is None
+        assert box.accept(frame(k, 10.0), k * step) is not None
+
+
+def test_at_a_pace_a_frame_a_few_ticks_ahead_makes_as_many_late_and_no_more() -> None:
+    box = inbox(ahead=4)
+    for k in range(100):
+        assert box.accept(frame(k, 50.0), k * STEP) is not None
+    assert box.accept(frame(105, 50.0), 100 * STEP) is None
+    assert box.accept(frame(104, 50.0), 100 * STEP) is not None
+    believed = [box.accept(frame(k, 50.0), k * STEP) for k in range(100, 120)]
+    assert [k for k, position in enumerate(believed, 100) if position is None] == [104]
+    last = box.last(2)
+    assert last is not None
+    assert last[0].sequence == 119
+
+
+def test_a_frame_held_up_for_minutes_shuts_nobody_out() -> None:
     box = inbox()
+    assert box.accept(frame(5, 50.0), 500 * STEP) is not None
+    assert box.accept(frame(500, 50.0), 500 * STEP) is not None
+    assert box.rejected == 0
+
+
+def test_who_knows_no_ticks_hears_a_sender_again_after_three_frames() -> None:
+    """One frame before the first, or three in a row later, with sequences that nobody has come to yet."""
+    first = inbox(ahead=None)
+    assert first.accept(frame(10**6, 50.0), 0.0) is not None
+    later = inbox(ahead=None)
+    for k in range(100):
+        assert later.accept(frame(k, 50.0), k * STEP) is not None
+    assert [later.accept(frame(10**6 + i, 50.0), 50.0) is not None for i in range(3)] == [False, False, True]
+    for box in (first, later):
+        believed = [box.accept(frame(k, 50.0), k * STEP) is not None for k in range(100, 120)]
+        assert believed == [False] * 2 + [True] * 18
+        assert box.accept(frame(110, 50.0), 60.0) is None
+
+
+def test_who_knows_no_ticks_refuses_a_single_sequence_that_runs_away() -> None:
+    box = inbox(ahead=None)
     assert box.accept(frame(0, 10.0), 0.0) is not None
-    forged = encode(Position.of(2, 2**32 - 1, 0.0, Pose(10.0, 40.0, 0.0)))
-    assert box.accept(forged, 0.5) is None
+    assert box.accept(frame(8 * 10**6, 10.0), 0.5) is None
     assert reasons(box) == {RejectReason.AHEAD: 1}
     assert box.accept(frame(2, 11.0), 1.0) is not None
 

@@ -118,6 +118,13 @@ def test_random_places_lie_on_the_terrain_and_are_drawn_anew(band: Callable[...,
     assert min(pose.x for pose in poses) < 2.0
 
 
+def test_a_sequence_ahead_is_the_victims_own_position_under_another_number(band: Callable[..., Band]) -> None:
+    team = band({"kind": "spoof", "as": ["r2"], "payload": {"ahead": 1000}})
+    team.tick()
+    (said,) = forged(team.tick())
+    assert (said.robot, said.sequence, said.time_ms, said.pose) == (2, 1001, 500, team.pose(2, 1))
+
+
 def test_invented_robots_have_numbers_that_nobody_has(band: Callable[..., Band]) -> None:
     team = band({"kind": "spoof", "payload": {"invented": 9}})
     delivery = team.tick()

@@ -43,6 +43,7 @@ ALL = (
     {"kind": "spoof", "as": "half", "payload": "freeze", "at": 5.0, "for": 5.0, "id": "freeze"},
     {"kind": "spoof", "as": "all", "payload": {"replay": 2.0}, "at": 7.0, "for": 9.0, "id": "replay"},
     {"kind": "spoof", "payload": {"invented": 6}, "at": 8.0, "for": 4.0, "id": "ghosts"},
+    {"kind": "spoof", "payload": {"ahead": 64}, "as": "r2", "by": "r4", "at": 8.0, "for": 4.0, "id": "ahead"},
     {"kind": "drift", "who": "r4", "bias": [0.5, 0.0], "noise": 0.1, "id": "drift"},
     {"kind": "clock", "who": "r1", "offset": -3.0, "rate": 0.1, "id": "clock"},
     {"kind": "kill", "who": "r3", "at": 9.5},
@@ -252,6 +253,24 @@ def test_a_judge_whose_inboxes_believe_strangers_finds_out(run: Any, key: str, m
     monkeypatch.setattr("worldsim.hearing_checks.inbox_of", keyless)
     found = failures(judge(journal, {}, world.prepared))
     assert found["forged frames"] == "r1 believed a forged frame of lie without the fleet's key at tick 0"
+
+
+@pytest.mark.parametrize("ahead", [1, 64, 10**6])
+def test_frames_of_ticks_to_come_are_refused_and_nothing_else_is(run: Any, ahead: int) -> None:
+    world, journal = run({"kind": "spoof", "as": "r2", "payload": {"ahead": ahead}, "id": "ahead"})
+    verdict = judge(journal, {}, world.prepared)
+    assert verdict.valid, verdict.failed
+    details = {check.name: check.detail for check in verdict.checks}
+    assert details["forged frames"] == "ahead: 0 of 160 heard were believed"
+    assert details["refused frames"] == "120 ahead, 40 own"
+
+
+def test_a_judge_whose_inboxes_believe_in_ticks_to_come_finds_out(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    world, journal = run({"kind": "spoof", "as": "r2", "payload": {"ahead": 3}, "id": "ahead"})
+    clockless: Any = lambda *given: inbox_of(*given, knows_ticks=False)  # noqa: E731
+    monkeypatch.setattr("worldsim.hearing_checks.inbox_of", clockless)
+    found = failures(judge(journal, {}, world.prepared))
+    assert found["forged frames"] == "r1 believed a forged frame of ahead of a tick that was still to come at tick 0"
 
 
 def test_without_the_key_file_what_needs_it_is_not_judged(run: Any, key: str, tmp_path: Path) -> None:
