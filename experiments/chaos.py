@@ -1,18 +1,20 @@
 """Chaos: many short random scenarios under random faults, and what must hold in each of them.
 
 A scenario is run in several ways. None may fail, every verdict must be valid, and all traces must be equal. Where that
-does not hold, `narrow` looks for fewer faults that break it in the same way.
+does not hold, `narrow` looks for fewer faults that break it in the same way. A run that takes too long says nothing of
+that: `TooSlow`.
 """
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -27,10 +29,12 @@ from worldsim.verdict import Verdict
 
 KEY = b"chaos has no secrets"
 """The fleets' key, where they have one."""
-LIMIT_S = 120.0
-"""Wall time after which a run of a few seconds is broken off."""
+LIMIT_S = 600.0
+"""Wall time after which a run of a few seconds is broken off; see `TooSlow`."""
 MOST_TRIES = 200
 """Runs that `narrow` makes at most."""
+
+PACKAGES = ("patrol", "agent", "worldsim", "experiments", "fogwatch")
 
 T = TypeVar("T")
 
@@ -50,6 +54,32 @@ class Breakage:
 
     kind: str
     detail: str
+
+
+class TooSlow(Exception):
+    """A run was broken off because it took too long, so nobody knows whether it holds."""
+
+
+class Patience:
+    """Tells when a run has taken `LIMIT_S` of wall time since it began."""
+
+    def __init__(self) -> None:
+        self._end = math.inf
+        self._lost = False
+
+    def begin(self) -> None:
+        """Time counts from now on."""
+        self._end = time.monotonic() + LIMIT_S
+
+    def lost(self) -> bool:
+        """Whether the run shall stop; a run asks for it, and never does if it is done in time."""
+        self._lost = self._lost or time.monotonic() > self._end
+        return self._lost
+
+    def check(self, ended: str) -> None:
+        """Raise `TooSlow` for a run that ended so because it was told to stop."""
+        if self._lost and ended not in (COMPLETED, DESERTED):
+            raise TooSlow(f"broken off after {LIMIT_S:g} s")
 
 
 Way = Callable[[Scenario], Ran]
@@ -139,8 +169,9 @@ def _intruder(dice: Dice, terrain: str, point: float) -> dict[str, Any]:
 
 def in_process(scenario: Scenario) -> Ran:
     """One run in this process, its records judged when it is over."""
-    end = time.monotonic() + LIMIT_S
-    return _ran(run_in_process(scenario, stop=lambda: time.monotonic() > end))
+    patience = Patience()
+    patience.begin()
+    return _ran(run_in_process(scenario, stop=patience.lost), patience)
 
 
 def replayed(scenario: Scenario) -> Ran:
@@ -149,28 +180,33 @@ def replayed(scenario: Scenario) -> Ran:
         file = Path(folder) / "scenario.yaml"
         file.write_text(dump_scenario(scenario), encoding="utf-8")
         again = load_scenario(file)
-    end = time.monotonic() + LIMIT_S
-    return _ran(run_in_process(again, keep=False, verify_fog=False, stop=lambda: time.monotonic() > end))
+    patience = Patience()
+    patience.begin()
+    return _ran(run_in_process(again, keep=False, verify_fog=False, stop=patience.lost), patience)
 
 
-def _ran(outcome: Outcome) -> Ran:
+def _ran(outcome: Outcome, patience: Patience) -> Ran:
     end = outcome.journal.end
-    return Ran(outcome.summary["trace_hash"], outcome.verdict, end.reason if end else "")
+    ended = end.reason if end else ""
+    patience.check(ended)
+    return Ran(outcome.summary["trace_hash"], outcome.verdict, ended)
 
 
 IN_ONE_PROCESS: Mapping[str, Way] = {"in process": in_process, "replayed": replayed}
 
 
 def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
-    """Run a scenario in all ways; the first thing that does not hold, or None."""
+    """Run a scenario in all ways; the first thing that does not hold, or None. Raises `TooSlow`, with the way."""
     traces: dict[str, str] = {}
     for name, way in ways.items():
         try:
             ran = way(scenario)
+        except TooSlow as slow:
+            raise TooSlow(f"{name}: {slow}") from None
         except BadInput as bad:
             return Breakage(f"{name}: refused", str(bad))
         except Exception as error:  # noqa: BLE001 - whatever it is, finding it is the purpose
-            return Breakage(f"{name}: {type(error).__name__}", traceback.format_exc())
+            return Breakage(f"{name}: {type(error).__name__} at {_raised_at(error)}", traceback.format_exc())
         if ran.ended not in (COMPLETED, DESERTED):
             return Breakage(f"{name}: not completed", ran.ended)
         if not ran.verdict.valid:
@@ -183,23 +219,59 @@ def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
     return None
 
 
+def _raised_at(error: Exception) -> str:
+    """The innermost place in our own code, as module:line."""
+    places = [
+        f"{module}:{line}"
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if (module := str(frame.f_globals.get("__name__"))).partition(".")[0] in PACKAGES
+    ]
+    return places[-1]
+
+
 # --- fewer faults ----------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True)
+class Fewest(Generic[T]):
+    """Items that still break. least: whether it was tried for each of them that they do not without it."""
+
+    items: tuple[T, ...]
+    least: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Narrowed:
+    """A scenario whose other faults do nothing, those that it keeps, and whether none of them can be left out."""
+
+    scenario: Scenario
+    kept: tuple[Any, ...]
+    least: bool
+
+
 def with_faults(scenario: Scenario, faults: Sequence[Any]) -> Scenario:
-    """The scenario with these of its faults alone, under the ids that they have."""
-    mapping = as_mapping(scenario)
+    """The scenario with these of its faults alone, under the ids that they have and with the same draws.
+
+    A fault's place in the list enters its draws. So what is left out before another leaves something at its place that
+    does nothing: a clock that is not wrong.
+    """
     ids = {fault.id for fault in faults}
-    return load_scenario(mapping | {"faults": [fault for fault in mapping.get("faults", []) if fault["id"] in ids]})
+    last = max((place for place, fault in enumerate(scenario.faults) if fault.id in ids), default=-1)
+    mapping = as_mapping(scenario)
+    entries = mapping.get("faults", [])[: last + 1]
+    who, step = scenario.roster[0].name, scenario.step
+    nothing = {"kind": "clock", "at": 0.0, "for": step, "who": [who]}
+    filled = [entry if entry["id"] in ids else nothing | {"id": entry["id"]} for entry in entries]
+    return load_scenario(mapping | {"faults": filled})
 
 
-def narrow(scenario: Scenario, breaks: Callable[[Scenario], bool], most: int = MOST_TRIES) -> Scenario:
+def narrow(scenario: Scenario, breaks: Callable[[Scenario], bool], most: int = MOST_TRIES) -> Narrowed:
     """A scenario that `breaks` with as few of its faults as delta debugging finds in `most` tries."""
     found = fewest(list(scenario.faults), lambda faults: breaks(with_faults(scenario, faults)), most)
-    return with_faults(scenario, found)
+    return Narrowed(with_faults(scenario, found.items), found.items, found.least)
 
 
-def fewest(items: Sequence[T], breaks: Callable[[Sequence[T]], bool], most: int = MOST_TRIES) -> list[T]:
+def fewest(items: Sequence[T], breaks: Callable[[Sequence[T]], bool], most: int = MOST_TRIES) -> Fewest[T]:
     """Some of the items, in their order, that still break, of which none can be left out; fewer tries may end earlier.
 
     Delta debugging (Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", 2002): parts of the
@@ -214,13 +286,15 @@ def fewest(items: Sequence[T], breaks: Callable[[Sequence[T]], bool], most: int 
         return breaks(part)
 
     if kept and still([]):
-        return []
+        return Fewest((), True)
     parts = 2
-    while len(kept) > 1 and tries < most:
+    while len(kept) > 1:
         size = -(-len(kept) // parts)
         for begin in range(0, len(kept), size):
             rest = kept[:begin] + kept[begin + size :]
-            if tries < most and still(rest):
+            if tries >= most:
+                return Fewest(tuple(kept), False)
+            if still(rest):
                 kept = rest
                 parts = max(parts - 1, 2)
                 break
@@ -228,4 +302,4 @@ def fewest(items: Sequence[T], breaks: Callable[[Sequence[T]], bool], most: int 
             if size == 1:
                 break
             parts = min(2 * parts, len(kept))
-    return kept
+    return Fewest(tuple(kept), True)

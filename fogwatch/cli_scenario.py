@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from patrol.errors import BadInput
+from patrol.keyfile import fleet_key
 from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
+
+if TYPE_CHECKING:
+    from worldsim.timeline import Timeline
 
 app = typer.Typer(help="Show, check and describe scenario files.", no_args_is_help=True)
 
@@ -31,18 +35,23 @@ def show(what: What, settings: Settings = None) -> None:
 
 @app.command()
 def check(what: What, settings: Settings = None) -> None:
-    """Say whether the scenario can run: every value, the terrain, room for every robot; and what goes wrong when."""
+    """Say whether the scenario can run: values, terrain, the fleet's key, room for all; and what goes wrong when."""
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
+    fleet_key(scenario)
     from patrol.prepare import prepare  # here: needs the simulator's libraries, which `show` does without
 
     prepared = prepare(scenario)
     area = float(prepared.patrolled.sum()) * scenario.point**2
     told = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(f"{what}: can run")
-    typer.echo(f"  {len(scenario.roster)} robots, {told} of them from a given start, the others placed at random")
+    if len(scenario.roster) == 1:
+        typer.echo(f"  1 robot, {'from a given start' if told else 'placed at random'}")
+    else:
+        typer.echo(f"  {len(scenario.roster)} robots, {told} of them from a given start, the others placed at random")
     typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, in points of {scenario.point:g} m")
-    typer.echo(f"  {scenario.duration:g} s in {scenario.ticks} ticks of {scenario.step:g} s")
+    ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
+    typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
     for line in _faults(scenario):
         typer.echo(f"  {line}")
     typer.echo(f"  scenario hash {digest}")
@@ -56,13 +65,35 @@ def _faults(scenario: Scenario) -> Iterator[str]:
 
     timeline, step = Timeline(scenario), scenario.step
     count = "1 fault" if len(timeline.entries) == 1 else f"{len(timeline.entries)} faults"
-    healed = "to the end" if timeline.healed is None else f"healed at {timeline.healed * step:g} s"
-    yield f"{count}, {healed}"
+    remains = _remains(scenario, timeline)
+    if timeline.healed is None:
+        yield f"{count}, to the end{f'; {remains}' if remains else ''}"
+    elif remains:
+        yield f"{count}, over at {timeline.healed * step:g} s, but {remains}"
+    else:
+        yield f"{count}, healed at {timeline.healed * step:g} s"
     for entry in timeline.entries:
         begin = f"{entry.begin * step:g}"
         to = "end" if entry.end is None else f"{entry.end * step:g} s"
         when = f"{begin} s" if entry.end == entry.begin else f"{begin} to {to}"
         yield f"  {entry.id:<10} {entry.fault.kind:<10} {when:<16} {timeline.describe(entry)}"
+
+
+def _remains(scenario: Scenario, timeline: Timeline) -> str:
+    """Who does not patrol at the end, and why; nothing when all do."""
+    from patrol.records import Status
+    from worldsim.acts import standing_at_the_end
+
+    names = {spec.number: spec.name for spec in scenario.roster}
+    standing = standing_at_the_end(timeline, names, scenario.ticks)
+    told = []
+    for status, words in ((Status.DEAD, "dead"), (Status.PAUSED, "paused"), (Status.LEFT, "away")):
+        who = [names[number] for number, found in standing.items() if found is status]
+        if who:
+            all_of_many = len(who) == len(names) > 1
+            verb = "stay" if len(who) > 1 else "stays"
+            told.append(f"{'all' if all_of_many else ' '.join(who)} {verb} {words}")
+    return ", ".join(told)
 
 
 @app.command()

@@ -13,28 +13,48 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from experiments.chaos import IN_ONE_PROCESS, KEY, LIMIT_S, Breakage, Ran, Way, examine, narrow, random_scenario
-from fogwatch.api import Wishes, execute
+from experiments.chaos import (
+    IN_ONE_PROCESS,
+    KEY,
+    Breakage,
+    Patience,
+    Ran,
+    TooSlow,
+    Way,
+    examine,
+    narrow,
+    random_scenario,
+)
+from fogwatch.api import PACKAGES, Wishes, execute
 from fogwatch.progress import duration
+from fogwatch.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario
+from patrol.warmup import warm
 
 BROKEN = 1
 """The exit code when something did not hold."""
+UNKNOWN = 3
+"""The exit code when nothing broke, but something was too slow to tell."""
 MOST_NARROWED = 5
 """Scenarios that fewer faults are looked for; of more that break, the reason is most likely the same."""
 PLAIN_S = 10.0
 PROCESSES = "as processes"
+KEY_FILE = "fleet.key"
 
 
 class Hunt:
-    """Runs scenarios, shows how far it is, and writes down what breaks; a context manager around its bar."""
+    """Runs scenarios, shows how far it is, and writes down what breaks; a context manager around its bar.
+
+    Nothing but what breaks is written to its folder, which must be empty or not there yet.
+    """
 
     def __init__(self, folder: Path, processes: bool, console: Console) -> None:
         self._folder = folder
         self._processes = processes
         self._console = console
         self._broken: list[int] = []
+        self._slow: list[int] = []
         self._begun = self._told = time.monotonic()
         self._done = 0
         self._bar = Progress(
@@ -47,15 +67,18 @@ class Hunt:
             transient=True,
         )
         self._task = self._bar.add_task("chaos", total=None)
+        self._made = not folder.exists()
         try:
+            if folder.is_dir() and any(folder.iterdir()):
+                raise BadInput(f"--out {folder}: is not empty; choose a folder that is, or that does not exist yet")
             folder.mkdir(parents=True, exist_ok=True)
-            self._key.write_bytes(KEY)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
         except OSError as error:
             raise BadInput(f"--out {folder}: cannot be written ({error.strerror}); choose another folder") from None
-
-    @property
-    def _key(self) -> Path:
-        return self._folder / "fleet.key"
+        self._own = tempfile.TemporaryDirectory(prefix="fogwatch-chaos-")
+        self._key = Path(self._own.name) / KEY_FILE
+        self._key.write_bytes(KEY)
 
     def __enter__(self) -> Self:
         if self._console.is_terminal:
@@ -66,14 +89,27 @@ class Hunt:
         if self._console.is_terminal:
             self._bar.stop()
 
+    def begin(self, seed: int, runs: int) -> None:
+        """Say what is to come, and have the kernels compiled, so that no run waits for that."""
+        if not self._console.is_terminal:
+            seeds = f"seed {seed}" if runs == 1 else f"seeds {seed} to {seed + runs - 1}"
+            self._say(f"{_scenarios(runs)}, {seeds}, {self._ways_each} ...")
+        warm(PACKAGES, self._say)
+
     def run(self, seed: int, runs: int) -> None:
         """Run one scenario in all ways."""
         scenario = random_scenario(seed, self._key)
         self._bar.update(self._task, total=runs, completed=self._done, description=f"seed {seed}")
-        found = examine(scenario, self._ways(self._folder / f"seed-{seed}"))
-        if found is not None:
-            self._broken.append(seed)
-            self._report(seed, scenario, found)
+        try:
+            found = examine(scenario, self._ways(self._folder / f"seed-{seed}"))
+        except TooSlow as slow:
+            self._slow.append(seed)
+            self._say(f"seed {seed} is too slow to tell: {slow}")
+            self._say(f"  {self._again(seed)}")
+        else:
+            if found is not None:
+                self._broken.append(seed)
+                self._report(seed, scenario, found)
         self._done += 1
         self._bar.update(self._task, completed=self._done)
         now = time.monotonic()
@@ -83,71 +119,133 @@ class Hunt:
             self._say(f"{self._done}/{runs}: {len(self._broken)} broke; {duration(left)} left")
 
     def tidy(self) -> None:
-        """Leave no folder behind where nothing broke."""
-        if not self._broken:
-            self._key.unlink(missing_ok=True)
-            if not any(self._folder.iterdir()):
-                self._folder.rmdir()
+        """Leave nothing behind where nothing broke, but what was there before."""
+        self._own.cleanup()
+        if self._made and not any(self._folder.iterdir()):
+            self._folder.rmdir()
 
     def close(self, runs: int) -> int:
-        """Say what it came to; the exit code."""
-        ways = f"{len(self._ways(self._folder))} ways each"
+        """Say what it has come to, maybe before its end; the exit code."""
         spent = duration(time.monotonic() - self._begun)
-        if not self._broken:
-            self._say(f"{runs} scenarios, {ways}: all held, in {spent}")
-            return 0
-        seeds = ", ".join(map(str, self._broken))
-        self._say(f"{runs} scenarios, {ways}: {len(self._broken)} broke, in {spent}; seeds {seeds}")
-        return BROKEN
+        of = _scenarios(runs) if self._done == runs else f"{self._done} of {_scenarios(runs)}"
+        told = []
+        if self._broken:
+            told.append(f"{len(self._broken)} broke")
+        if self._slow:
+            told.append(f"{len(self._slow)} too slow to tell")
+        seeds = [f"seeds {', '.join(map(str, self._broken + self._slow))}"] if told else []
+        if not told:
+            told.append("all held" if self._done else "nothing known")
+        self._say(f"{of}, {self._ways_each}: {'; '.join([', '.join(told) + f', in {spent}', *seeds])}")
+        return BROKEN if self._broken else UNKNOWN if self._slow else 0
 
-    def _ways(self, folder: Path) -> Mapping[str, Way]:
+    @property
+    def _ways_each(self) -> str:
+        return f"{len(self._ways(None))} ways each"
+
+    def _again(self, seed: int) -> str:
+        return f"fogwatch chaos --runs 1 --seed {seed}{' --processes' if self._processes else ''}"
+
+    def _ways(self, folder: Path | None) -> Mapping[str, Way]:
         return {**IN_ONE_PROCESS, **({PROCESSES: as_processes(folder)} if self._processes else {})}
 
     def _report(self, seed: int, scenario: Scenario, found: Breakage) -> None:
-        """Say what broke, and write it down with as few faults as break it."""
+        """Say what broke, and write it down; as it was drawn first, and then with fewer faults."""
         self._say(f"seed {seed} breaks: {found.kind}")
         self._say(f"  {found.detail.strip().splitlines()[-1]}" if found.detail.strip() else "  nothing more is known")
-        narrowed, words = scenario, "as it was drawn"
+        words = "as it was drawn"
+        self._write(seed, scenario, found, words)
+        self._mend_run_folder(seed, scenario)
         if len(self._broken) <= MOST_NARROWED:
             narrowed, words = self._narrowed(scenario, found)
-        file = self._folder / f"seed-{seed}.yaml"
+            self._write(seed, narrowed, found, words)
+        self._say(f"  {words}")
+        self._say(f"  fogwatch run {self._file(seed)}{'' if PROCESSES in found.kind else ' --in-process'}")
+        self._say(f"  {self._again(seed)}")
+
+    def _file(self, seed: int) -> Path:
+        return self._folder / f"seed-{seed}.yaml"
+
+    def _write(self, seed: int, scenario: Scenario, found: Breakage, words: str) -> None:
+        """Write a scenario that breaks, and its key beside it, if it has one."""
         text = f"seed {seed} of fogwatch chaos breaks: {found.kind}\n{found.detail}\n{words}"
         comment = "\n".join(f"# {line}".rstrip() for line in text.splitlines())
-        file.write_text(f"{comment}\n\n{dump_scenario(narrowed)}", encoding="utf-8")
-        self._say(f"  {words}")
-        self._say(f"  fogwatch run {file}{'' if PROCESSES in found.kind else ' --in-process'}")
-        self._say(f"  fogwatch chaos --runs 1 --seed {seed}{' --processes' if self._processes else ''}")
+        self._file(seed).write_text(f"{comment}\n\n{dump_scenario(self._with_key(scenario))}", encoding="utf-8")
+
+    def _mend_run_folder(self, seed: int, scenario: Scenario) -> None:
+        """Have the scenario of a run folder that is kept name the key that stays."""
+        file = RunFolder(self._folder / f"seed-{seed}").scenario
+        if file.exists():
+            file.write_text(dump_scenario(self._with_key(scenario)), encoding="utf-8")
+
+    def _with_key(self, scenario: Scenario) -> Scenario:
+        """The scenario with its key, if it has one, in a file that stays."""
+        if scenario.radio.key is None:
+            return scenario
+        file = self._folder / KEY_FILE
+        file.write_bytes(KEY)
+        return scenario.model_copy(update={"radio": scenario.radio.model_copy(update={"key": str(file)})})
 
     def _narrowed(self, scenario: Scenario, found: Breakage) -> tuple[Scenario, str]:
         """The scenario with fewer faults, and what to say of that."""
         in_one = {name for name in IN_ONE_PROCESS if found.kind.startswith(f"{name}:")}
-        with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-") as folder:
-            ways = IN_ONE_PROCESS if in_one else self._ways(Path(folder) / "run")
+        ways = IN_ONE_PROCESS if in_one else self._ways(None)
+        slow = 0
 
-            def breaks(tried: Scenario) -> bool:
+        def breaks(tried: Scenario) -> bool:
+            nonlocal slow
+            try:
                 again = examine(tried, ways)
-                return again is not None and again.kind == found.kind
+            except TooSlow:
+                slow += 1
+                return False
+            return again is not None and again.kind == found.kind
 
-            self._bar.update(self._task, description="fewer faults")
-            if not breaks(scenario):
-                return scenario, "it does not break every time"
-            narrowed = narrow(scenario, breaks)
-        kinds = ", ".join(f"{fault.id} {fault.kind}" for fault in narrowed.faults) or "none"
-        return narrowed, f"faults that it takes, {len(narrowed.faults)} of {len(scenario.faults)}: {kinds}"
+        self._bar.update(self._task, description="fewer faults")
+        if not breaks(scenario):
+            return scenario, "as it was drawn; it does not break every time"
+        narrowed = narrow(scenario, breaks)
+        kinds = ", ".join(f"{fault.id} {fault.kind}" for fault in narrowed.kept) or "none"
+        words = f"broke in the same way with {len(narrowed.kept)} of {len(scenario.faults)} faults: {kinds}"
+        if slow:
+            words += f"; {slow} tries were too slow to tell, so fewer may do"
+        elif not narrowed.least:
+            words += "; the tries ran out, so fewer may do"
+        if len(narrowed.scenario.faults) > len(narrowed.kept):
+            words += "; clocks that are not wrong keep the places of others, and so the draws"
+        return narrowed.scenario, words
 
     def _say(self, line: str) -> None:
         self._console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def as_processes(folder: Path) -> Way:
-    """The way of running a scenario as a fleet of processes. Its run folder is taken away again if all is well."""
+def as_processes(keep: Path | None) -> Way:
+    """The way of running a scenario as a fleet of processes. keep: where its run folder goes if not all is well."""
 
     def run(scenario: Scenario) -> Ran:
-        shutil.rmtree(folder, ignore_errors=True)
-        end = time.monotonic() + LIMIT_S
-        result = execute(scenario, Wishes(folder, stop=lambda: time.monotonic() > end, draw=False))
-        if result.verdict.valid:
-            shutil.rmtree(folder, ignore_errors=True)
+        patience = Patience()
+        with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-", ignore_cleanup_errors=True) as folder:
+            out = Path(folder) / "run"
+            wishes = Wishes(out, begin=patience.begin, stop=patience.lost, draw=False)
+            well = False
+            try:
+                result = execute(scenario, wishes)
+                patience.check(str(result.summary["ended"]))
+                well = result.verdict.valid
+            except TooSlow:
+                well = True  # nobody knows, and there is nothing to look into
+                raise
+            except KeyboardInterrupt:
+                well = True
+                patience.check("")
+                raise
+            finally:
+                if not well and keep is not None and out.exists():
+                    shutil.move(out, keep)
         return Ran(result.trace_hash, result.verdict, str(result.summary["ended"]))
 
     return run
+
+
+def _scenarios(count: int) -> str:
+    return "1 scenario" if count == 1 else f"{count} scenarios"

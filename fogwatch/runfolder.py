@@ -120,7 +120,7 @@ def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
 
     Raises BadInput when it is not empty or cannot be written to.
     """
-    path = (out or _fresh(scenario.name, now)).absolute()
+    path = (out or untaken(RUNS / f"{scenario.name}-{now:%Y%m%d-%H%M%S}")).absolute()
     shown = f"--out {out}" if out else str(path)
     folder = RunFolder(path, made=not path.exists())
     if scenario.terrain.map is not None:
@@ -137,9 +137,8 @@ def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
     return folder
 
 
-def _fresh(name: str, now: datetime) -> Path:
-    """The default folder's name; two runs of one second get different ones."""
-    first = RUNS / f"{name}-{now:%Y%m%d-%H%M%S}"
+def untaken(first: Path) -> Path:
+    """A path where there is nothing yet: this one, or with a number after it."""
     path = first
     number = 2
     while path.exists():

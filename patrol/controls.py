@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Discriminator, Field, TypeAdapter, ValidationError
 
 from patrol.errors import BadInput
-from patrol.fault_roster import tick_of
+from patrol.fault_roster import tick_of, ticks_of
 from patrol.faults import Lasting
 from patrol.records import Event
 from patrol.scenario import Scenario, load_scenario
@@ -239,7 +239,7 @@ def _is_over(scenario: Scenario, k: int, name: str) -> bool:
     _, fault = _find(scenario, name)
     if not isinstance(fault, Lasting) or fault.lasts is None:
         return False
-    return tick_of(fault.at, scenario.step) + max(1, round(fault.lasts / scenario.step)) <= k
+    return tick_of(fault.at, scenario.step) + ticks_of(fault.lasts, scenario.step) <= k
 
 
 def _find(scenario: Scenario, name: str) -> tuple[int, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from patrol.faults import STRANGER, AnyFault, Partition, Spoof
+from patrol.faults import STRANGER, AnyFault, Forgery, Partition, Spoof
 from patrol.section import wrong
 from patrol.targets import check_name, check_who
 
@@ -15,8 +15,16 @@ def tick_of(at: float, step: float) -> int:
     return math.ceil(at / step - 1e-9)
 
 
+def ticks_of(lasts: float, step: float) -> int:
+    """How many ticks a time in s is, half a tick rounded up; at least one."""
+    return max(1, math.floor(lasts / step + 0.5 + 1e-9))
+
+
 def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, ticks: int) -> None:
-    """Raise for the first fault that names no robot of the roster, wants too many, or comes after the last tick."""
+    """Raise for the first fault that could do nothing.
+
+    It names no robot of the roster, wants too many or none, cuts nobody off, or comes after the last tick.
+    """
     for place, fault in enumerate(faults):
         where = f"faults.{place}"
         if tick_of(fault.at, step) >= ticks:
@@ -25,10 +33,26 @@ def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, 
         for name, field in type(fault).model_fields.items():
             if name in ("who", "sources", "targets", "victims"):
                 check_who(getattr(fault, name), names, f"{where}.{field.alias or name}")
-        if isinstance(fault, Partition) and not isinstance(fault.groups, str):
-            _check_groups(fault.groups, names, f"{where}.groups")
+        if isinstance(fault, Partition):
+            _check_partition(fault, names, f"{where}.groups")
         if isinstance(fault, Spoof) and fault.by != STRANGER:
-            check_name(fault.by, names, f"{where}.by")
+            _check_insider(fault, names, where)
+
+
+def _check_partition(fault: Partition, names: Sequence[str], where: str) -> None:
+    if not isinstance(fault.groups, str):
+        _check_groups(fault.groups, names, where)
+    elif len(names) == 1:
+        raise wrong(where, "there is one robot, and nobody to cut it off from; leave the partition out")
+
+
+def _check_insider(fault: Spoof, names: Sequence[str], where: str) -> None:
+    """Who forges is a robot, and not in its own name alone. Robots that are made up are in nobody's name."""
+    check_name(fault.by, names, f"{where}.by")
+    if isinstance(fault.payload, Forgery) and fault.payload.invented is not None:
+        return
+    if len(names) == 1 or fault.victims in (fault.by, (fault.by,)):
+        raise wrong(f"{where}.as", f"{fault.by} would forge in nobody's name but its own; name another, or another by")
 
 
 def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], where: str) -> None:

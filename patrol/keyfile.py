@@ -31,6 +31,8 @@ def fleet_key(scenario: Scenario) -> bytes | None:
 
 def new_key(path: Path) -> None:
     """Write a new random key, as text, to a file that nobody else can read. BadInput when the file is there already."""
+    if path.is_dir():
+        raise BadInput(f"{path}: is a folder; name a new file in it, such as {path / 'fleet.key'}")
     try:
         file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:

@@ -292,7 +292,9 @@ def _bandwidth(dice: Dice, robots: _Robots, when: _When) -> Found:
 
 def _spoof(dice: Dice, robots: _Robots, when: _When) -> Found:
     by = dice.choice(STRANGER, dice.choice(*robots.names))
-    others = [name for name in robots.names if name != by] or robots.names
+    if by == robots.names[0] and len(robots.names) == 1:
+        by = STRANGER  # nobody else's name is there to forge
+    others = [name for name in robots.names if name != by]
     offset = [dice.between(-20.0, 20.0), dice.between(-20.0, 20.0)]
     payload: Any = dice.choice(
         {"offset": offset},

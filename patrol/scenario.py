@@ -60,6 +60,11 @@ __all__ = [
 Overrides = Mapping[str, object]
 
 _HASH_FORMAT = "fogwatch-scenario/1"
+_ENTRIES = {
+    "faults": "{kind: kill, at: 60, who: one}",
+    "intruders": "{place: [10, 10], at: 60}",
+}
+"""The lists that are empty unless given, and what an entry looks like."""
 _IMAGES = (".pgm", ".png", ".jpg", ".jpeg", ".bmp")
 
 
@@ -202,6 +207,9 @@ def _override(raw: dict[str, Any], field: str, value: object) -> None:
     parts = field.split(".")
     if not all(parts):
         raise BadInput(f"override {field!r}: names no field; write for example patrol.dilatation")
+    top = parts[0]
+    if top in _ENTRIES and parts[1:] and parts[1].isdecimal() and not raw.get(top):
+        raise BadInput(f"override {field}: {top} is an empty list; give entries: {top}=[{_ENTRIES[top]}]")
     _set(raw, parts, copy.deepcopy(value), field)
 
 

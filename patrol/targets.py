@@ -39,13 +39,15 @@ Who = Annotated[
 
 
 def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], where: str) -> None:
-    """Raise when a target, found at the field `where`, cannot be among the robots of these names."""
+    """Raise when a target, found at the field `where`, cannot be among the robots of these names, or is nobody."""
     if isinstance(who, Some):
         if who.count is not None and who.count > len(names):
             raise wrong(f"{where}.count", f"there are {len(names)} robots; give at most that", who.count)
     elif isinstance(who, str):
         if who not in WORDS:
             check_name(who, names, where)
+        elif who == "minority" and len(names) == 1:
+            raise wrong(where, "there is one robot, and a minority of one is nobody; write one or all")
     else:
         for index, name in enumerate(who):
             check_name(name, names, f"{where}.{index}")

@@ -8,7 +8,7 @@ there wakes up in it. An act that makes no sense for a robot as it is then is sk
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
@@ -16,7 +16,7 @@ from patrol.journal import Event, Status
 from worldsim.hands import Hands, NoShow
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Act
+    from worldsim.timeline import Act, Timeline
     from worldsim.world import World
 
 SKIPPED = "skipped"
@@ -33,6 +33,15 @@ APPLIES: Mapping[str, frozenset[Status]] = {
 }
 """The robots that each kind of act makes sense for, by their status; none that is just being started."""
 
+BECOMES: Mapping[str, Status] = {
+    "kill": Status.DEAD,
+    "restart": Status.ALIVE,
+    "pause": Status.PAUSED,
+    "resume": Status.ALIVE,
+    "join": Status.ALIVE,
+    "leave": Status.LEFT,
+}
+"""What each kind of act makes of them, once it is done."""
 
 _AS_IT_IS = {status: status.name.lower() for status in Status} | {Status.LEFT: "gone", Status.ABSENT: "not there yet"}
 
@@ -40,6 +49,16 @@ HANDS_NEEDED = (
     "faults: robots' processes are to be killed, paused or started, and nobody here started them; run the scenario "
     "with: fogwatch run"
 )
+
+
+def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) -> dict[int, Status]:
+    """Each robot's status after so many ticks if its process does nothing else than what it is told to."""
+    standing = {number: Status.ABSENT if number in timeline.starts_absent else Status.ALIVE for number in numbers}
+    for k in range(ticks):
+        for act in timeline.acts(k):
+            if standing[act.number] in APPLIES[act.kind]:
+                standing[act.number] = BECOMES[act.kind]
+    return standing
 
 
 class Acts:

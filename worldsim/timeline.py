@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
-from patrol.fault_roster import tick_of
+from patrol.fault_roster import tick_of, ticks_of
 from patrol.faults import (
     PROCESS_KINDS,
     STRANGER,
@@ -165,7 +165,7 @@ class Timeline:
         begin = k + tick_of(fault.at, self._step)
         end: int | None = begin
         if isinstance(fault, Lasting):
-            end = None if fault.lasts is None else begin + max(1, round(fault.lasts / self._step))
+            end = None if fault.lasts is None else begin + ticks_of(fault.lasts, self._step)
         if isinstance(fault, OnLinks):
             sources = self._resolve(fault.sources, index, Field.FROM)
             return Entry(index, fault, begin, end, (), sources, self._resolve(fault.targets, index, Field.TO))

@@ -12,7 +12,10 @@ from experiments.chaos import (
     IN_ONE_PROCESS,
     KEY,
     Breakage,
+    Fewest,
+    Patience,
     Ran,
+    TooSlow,
     examine,
     fewest,
     in_process,
@@ -25,10 +28,12 @@ from patrol.faults import KINDS
 from patrol.scenario import Scenario, as_mapping, load_scenario
 from worldsim.checks import Check
 from worldsim.record import COMPLETED, INTERRUPTED
+from worldsim.timeline import Timeline
 from worldsim.verdict import Verdict
 
 GOOD = Ran("trace", Verdict("valid", (Check("complete", True, ""),)), COMPLETED)
 BAD = Verdict("invalid", (Check("fog", False, "thick"), Check("trace", True, ""), Check("moves", False, "wild")))
+FEW = {"terrain": {"builtin": "open"}, "point": 2, "robots": {"count": 4}, "duration": 10}
 SMALL = load_scenario({"terrain": {"builtin": "open"}, "duration": 100, "nemesis": {"interval": 5}})
 
 
@@ -98,6 +103,29 @@ def test_what_breaks_is_told(ran: Ran | Exception, kind: str, detail: str) -> No
     assert detail in found.detail
 
 
+def test_what_takes_too_long_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("experiments.chaos.LIMIT_S", 0.0)
+    with pytest.raises(TooSlow, match="in process: broken off after 0 s"):
+        examine(load_scenario(FEW), IN_ONE_PROCESS)
+    patience = Patience()
+    assert not patience.lost()
+    patience.begin()
+    assert patience.lost()
+    patience.check(COMPLETED)
+    with pytest.raises(TooSlow):
+        patience.check(INTERRUPTED)
+
+
+def test_a_breakage_names_where_it_was_raised() -> None:
+    def broken(scenario: Scenario) -> Ran:
+        with_faults(scenario, [None])
+        return GOOD
+
+    found = examine(SMALL, {"a": broken})
+    assert found is not None
+    assert found.kind.startswith("a: AttributeError at experiments.chaos:")
+
+
 def test_an_interruption_breaks_off() -> None:
     def interrupted(_: Scenario) -> Ran:
         raise KeyboardInterrupt
@@ -119,7 +147,7 @@ def test_delta_debugging_finds_exactly_what_it_takes(needed: set[int], count: in
         tries += 1
         return wanted <= set(part)
 
-    assert fewest(range(count), breaks, 10_000) == sorted(wanted)
+    assert fewest(range(count), breaks, 10_000) == Fewest(tuple(sorted(wanted)), True)
     assert tries < 10 + 4 * (len(wanted) + 1) * 12
 
 
@@ -127,7 +155,7 @@ def test_delta_debugging_finds_exactly_what_it_takes(needed: set[int], count: in
 def test_of_several_reasons_one_is_left(count: int, salt: int) -> None:
     either, other = salt % count, (salt // 7) % count
     found = fewest(range(count), lambda part: either in part or other in part, 10_000)
-    assert found in ([either], [other])
+    assert found in (Fewest((either,), True), Fewest((other,), True))
 
 
 def test_it_ends_after_so_many_tries() -> None:
@@ -138,7 +166,8 @@ def test_it_ends_after_so_many_tries() -> None:
         return {3, 17, 29} <= set(part)
 
     found = fewest(range(40), breaks, 6)
-    assert {3, 17, 29} <= set(found)
+    assert {3, 17, 29} <= set(found.items)
+    assert not found.least
     assert len(tried) <= 6
 
 
@@ -150,13 +179,29 @@ def test_a_scenario_is_narrowed_to_the_faults_that_break_it() -> None:
 
     def breaks(scenario: Scenario) -> bool:
         seen.append(len(scenario.faults))
-        return set(culprits) <= {fault.id for fault in scenario.faults}
+        return {SMALL.faults[1], SMALL.faults[6]} <= set(scenario.faults)
 
-    narrowed = narrow(SMALL, breaks)
-    assert [fault.id for fault in narrowed.faults] == culprits
+    found = narrow(SMALL, breaks)
+    narrowed = found.scenario
+    assert found.least
+    assert found.kept == (SMALL.faults[1], SMALL.faults[6])
+    assert [fault.id for fault in found.kept] == culprits
     assert narrowed == with_faults(SMALL, [SMALL.faults[1], SMALL.faults[6]])
-    assert narrowed.faults == (SMALL.faults[1], SMALL.faults[6])
     assert as_mapping(narrowed) | {"faults": 0} == as_mapping(SMALL) | {"faults": 0}
+
+
+def test_what_is_left_out_changes_no_other_draw() -> None:
+    """The robots that a word means depend on the fault's place; what stands in for another does nothing at all."""
+    words = [{"kind": kind, "who": "half", "at": at} for kind, at in (("pause", 4), ("join", 6), ("kill", 8))]
+    many = load_scenario({**FEW, "faults": [{"kind": "loss", "rate": 0.5}, *words, {"kind": "restart", "who": "all"}]})
+    alone = with_faults(many, [many.faults[3]])
+    assert [fault.kind for fault in alone.faults] == ["clock", "clock", "clock", "kill"]
+    assert [fault.id for fault in alone.faults] == ["f1", "f2", "f3", "f4"]
+    assert Timeline(alone).entries[3] == Timeline(many).entries[3]
+    assert Timeline(alone).starts_absent == frozenset()
+    nothing = with_faults(many, [])
+    assert nothing.faults == ()
+    assert in_process(with_faults(alone, [alone.faults[0]])).trace == in_process(nothing).trace
 
 
 def test_a_mistake_in_the_fleet_is_found_and_narrowed(key: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,14 +216,14 @@ def test_a_mistake_in_the_fleet_is_found_and_narrowed(key: Path, monkeypatch: py
     ways = {"in process": in_process}
     found = examine(scenario, ways)
     assert found is not None
-    assert found.kind == "in process: RuntimeError"
+    assert found.kind.startswith("in process: RuntimeError at worldsim.acts:")
 
     def breaks(tried: Scenario) -> bool:
         again = examine(tried, ways)
         return again is not None and again.kind == Breakage(found.kind, "").kind
 
     narrowed = narrow(scenario, breaks)
-    assert [fault.kind for fault in narrowed.faults] == ["pause"]
+    assert [fault.kind for fault in narrowed.kept] == ["pause"]
 
 
 def _pauses(scenario: Scenario) -> bool:

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from experiments.chaos import Breakage, Narrowed
 from experiments.inprocess import InProcessFleet
 from fogwatch.cli import app, guarded
-from patrol.scenario import load_scenario
+from patrol.scenario import Scenario, load_scenario
 
 
 def fogwatch(*words: str) -> int:
@@ -22,7 +23,9 @@ def signals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_holds_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "chaos"
     assert fogwatch("chaos", "--runs", "3", "--seed", "2000", "--out", str(out)) == 0
-    assert capsys.readouterr().out.startswith("3 scenarios, 2 ways each: all held, in ")
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "3 scenarios, seeds 2000 to 2002, 2 ways each ..."
+    assert said[-1].startswith("3 scenarios, 2 ways each: all held, in ")
     assert not out.exists()
 
 
@@ -40,17 +43,65 @@ def test_what_breaks_is_written_as_a_scenario_with_few_faults(
     assert "breaks: in process: RuntimeError" in said
     files = sorted(out.glob("seed-*.yaml"))
     assert len(files) > 1
-    assert [fault.kind for fault in load_scenario(files[0]).faults] == ["leave"]
+    *others, last = load_scenario(files[0]).faults
+    assert last.kind == "leave"
+    assert {(fault.kind, getattr(fault, "offset", 0.0)) for fault in others} <= {("clock", 0.0)}
+    assert "broke in the same way with 1 of " in said
     assert len(load_scenario(files[1]).faults) > 1
     for file in files:
         assert f"fogwatch run {file} --in-process" in said
         seed = file.stem.removeprefix("seed-")
         assert f"fogwatch chaos --runs 1 --seed {seed}\n" in said
         text = file.read_text(encoding="utf-8")
-        assert text.startswith(f"# seed {seed} of fogwatch chaos breaks: in process: RuntimeError\n# Traceback")
+        kind = "in process: RuntimeError at worldsim.acts:"
+        assert text.startswith(f"# seed {seed} of fogwatch chaos breaks: {kind}")
+        assert "\n# Traceback" in text
+        key = load_scenario(file).radio.key
+        assert key is None or Path(key) == out / "fleet.key"
         assert "# RuntimeError: robot" in text
+    assert any(load_scenario(file).radio.key for file in files)
     monkeypatch.undo()
-    assert fogwatch("scenario", "check", str(files[0])) == 0
+    for file in files:
+        assert fogwatch("scenario", "check", str(file)) == 0
+
+
+def test_a_folder_that_is_not_empty_is_left_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = tmp_path / "seed-2000"
+    kept.mkdir()
+    (kept / "mine").write_text("dear", encoding="utf-8")
+    (tmp_path / "fleet.key").write_bytes(b"a key that robots are using")
+    assert fogwatch("chaos", "--runs", "1", "--seed", "2000", "--out", str(tmp_path)) == 2
+    assert "is not empty; choose a folder that is" in capsys.readouterr().err
+    assert (tmp_path / "fleet.key").read_bytes() == b"a key that robots are using"
+    assert (kept / "mine").read_text(encoding="utf-8") == "dear"
+
+
+def test_an_empty_folder_stays(tmp_path: Path) -> None:
+    assert fogwatch("chaos", "--runs", "1", "--seed", "2000", "--out", str(tmp_path)) == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_too_slow_does_not_break(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("experiments.chaos.LIMIT_S", 0.0)
+    out = tmp_path / "chaos"
+    assert fogwatch("chaos", "--runs", "2", "--seed", "2000", "--out", str(out)) == 3
+    said = capsys.readouterr().out
+    assert "seed 2000 is too slow to tell: in process: broken off after 0 s" in said
+    assert "2 scenarios, 2 ways each: 2 too slow to tell, in " in said
+    assert "; seeds 2000, 2001" in said
+    assert not out.exists()
+
+
+def test_when_the_tries_run_out_it_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = Breakage("in process: refused", "no")
+    monkeypatch.setattr("fogwatch.hunt.examine", lambda *_: broken)
+    monkeypatch.setattr("fogwatch.hunt.narrow", lambda scenario, _: Narrowed(scenario, scenario.faults[:2], False))
+    assert fogwatch("chaos", "--runs", "1", "--seed", "2000", "--out", str(tmp_path / "chaos")) == 1
+    assert "the tries ran out, so fewer may do" in capsys.readouterr().out
 
 
 def test_a_seed_is_never_too_large(capsys: pytest.CaptureFixture[str]) -> None:
@@ -73,8 +124,28 @@ def test_an_interruption_is_130_and_leaves_nothing(
     monkeypatch.setattr(InProcessFleet, "leave", interrupt)
     out = tmp_path / "chaos"
     assert fogwatch("chaos", "--runs", "30", "--seed", "2000", "--out", str(out)) == 130
-    assert "interrupted" in capsys.readouterr().err
+    told = capsys.readouterr()
+    assert "interrupted" in told.err
+    assert " of 30 scenarios, 2 ways each: " in told.out.splitlines()[-1]
     assert not out.exists()
+
+
+def test_an_interruption_tells_what_broke_before(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def examined(scenario: Scenario, _: object) -> Breakage:
+        if scenario.name == "chaos-2002":
+            raise KeyboardInterrupt
+        return Breakage("in process: refused", "no")
+
+    monkeypatch.setattr("fogwatch.hunt.examine", examined)
+    monkeypatch.setattr("fogwatch.hunt.MOST_NARROWED", 0)
+    out = tmp_path / "chaos"
+    assert fogwatch("chaos", "--runs", "30", "--seed", "2000", "--out", str(out)) == 130
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("2 of 30 scenarios, 2 ways each: 2 broke, in ")
+    assert last.endswith("; seeds 2000, 2001")
+    assert sorted(path.suffix for path in out.iterdir() if path.stem.startswith("seed-")) == [".yaml", ".yaml"]
 
 
 @pytest.mark.processes

@@ -45,13 +45,41 @@ def test_check_tells_the_faults_as_they_are_resolved() -> None:
     )
     told = output("check", "open", "--set", "point=0.5", "--set", faults).splitlines()
     assert [line.rstrip() for line in told[4:8]] == [
-        "  3 faults, to the end",
+        "  3 faults, to the end; r2 stays dead",
         "    f1         kill       60 s             r2",
         "    f2         loss       10 to 15 s       all to all, rate 0.5",
         "    f3         range      0 to end         all, reach 9",
     ]
     healed = output("check", "open", "--set", "point=0.5", "--set", "faults=[{kind: pause, who: r1, at: 9, for: 1}]")
     assert "  1 fault, healed at 10 s\n" in healed
+
+
+@pytest.mark.parametrize(
+    ("faults", "told"),
+    [
+        ("{kind: kill, at: 5, who: all}", "1 fault, over at 5 s, but all stay dead"),
+        (
+            "{kind: kill, at: 5, who: r2}, {kind: pause, who: [r1, r3]}",
+            "2 faults, over at 5 s, but r2 stays dead, r1",
+        ),
+        ("{kind: leave, at: 5, who: r2}, {kind: loss, rate: 0.5}", "2 faults, to the end; r2 stays away"),
+        ("{kind: kill, at: 5, who: all}, {kind: restart, at: 9, who: all}", "2 faults, healed at 9 s"),
+        ("{kind: join, at: 5, who: r1}, {kind: pause, at: 6, for: 2, who: r1}", "2 faults, healed at 8 s"),
+    ],
+)
+def test_check_says_who_does_not_come_back(faults: str, told: str) -> None:
+    assert f"\n  {told}" in output("check", "open", "--set", "point=0.5", "--set", f"faults=[{faults}]")
+
+
+def test_check_reads_the_key(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"radio\.key: cannot read"):
+        output("check", "open", "--set", "point=0.5", "--set", f"radio.key={tmp_path / 'none'}")
+
+
+def test_check_counts_one_robot() -> None:
+    one = output("check", "open", "--set", "point=0.5", "--set", "robots.count=1", "--set", "duration=0.5")
+    assert "  1 robot, placed at random\n" in one
+    assert " 0.5 s in 1 tick of 0.5 s\n" in one
 
 
 def test_check_finds_what_the_file_alone_does_not_show() -> None:

@@ -198,6 +198,39 @@ def test_names_are_those_of_the_roster() -> None:
         load_scenario({**YARDS, "robots": robots, "faults": [{"kind": "kill", "who": "r1"}]})
 
 
+@pytest.mark.parametrize(
+    ("fault", "expected"),
+    [
+        ({"kind": "kill", "who": "minority"}, "faults.0.who: there is one robot, and a minority of one is nobody"),
+        ({"kind": "loss", "rate": 1, "to": "minority"}, "faults.0.to: there is one robot, and a minority of one"),
+        ({"kind": "partition", "groups": "halves"}, "faults.0.groups: there is one robot, and nobody to cut it off"),
+        ({"kind": "partition", "groups": "one"}, "faults.0.groups: there is one robot, and nobody to cut it off from"),
+        ({"kind": "partition", "groups": [["r1"]]}, "faults.0.groups: one group holds every robot, so nothing is cut"),
+        ({"kind": "spoof", "by": "r1", "payload": "random"}, "faults.0.as: r1 would forge in nobody's name but its"),
+    ],
+)
+def test_one_robot_is_refused_what_takes_two(fault: dict[str, Any], expected: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        load_scenario({**YARDS, "robots": {"count": 1}, "faults": [fault]})
+    assert expected in str(caught.value)
+
+
+@pytest.mark.parametrize("victims", ["r2", ["r2"]])
+def test_nobody_forges_in_its_own_name_alone(victims: object) -> None:
+    spoof = {"kind": "spoof", "by": "r2", "as": victims, "payload": "freeze"}
+    assert "faults.0.as: r2 would forge in nobody's name but its own; name another" in problem(spoof)
+    invented = {**spoof, "payload": {"invented": 2}}
+    assert load_scenario({**YARDS, "faults": [{**spoof, "as": ["r1", "r2"]}, invented]}).faults
+
+
+def test_an_entry_of_an_empty_list_is_told_how_to_be_given() -> None:
+    for source in (YARDS, {**YARDS, "faults": []}):
+        with pytest.raises(BadInput, match=r"faults\.0\.at: faults is an empty list; give entries: faults=\[{"):
+            load_scenario(source, {"faults.0.at": "30"})
+    with pytest.raises(BadInput, match=r"intruders\.1: intruders is an empty list; give entries: intruders=\[{place: "):
+        load_scenario(YARDS, {"intruders.1": "{}"})
+
+
 def test_the_line_of_the_file_is_named(tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     faults = "faults:\n- {kind: kill, who: one}\n- kind: loss\n  from: r1\n  rate: 1.2\n"

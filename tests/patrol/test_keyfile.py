@@ -34,6 +34,8 @@ def test_a_key_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="is there already"):
         new_key(path)
     assert path.read_bytes() == before
+    with pytest.raises(BadInput, match="is a folder; name a new file in it"):
+        new_key(tmp_path)
     with pytest.raises(BadInput, match="cannot be written"):
         new_key(tmp_path / "nowhere" / "fleet.key")
 
