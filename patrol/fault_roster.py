@@ -21,9 +21,10 @@ def ticks_of(lasts: float, step: float) -> int:
 
 
 def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, ticks: int) -> None:
-    """Raise for the first fault that could do nothing.
+    """Raise for the first fault that the roster or the duration rules out.
 
-    It names no robot of the roster, wants too many or none, cuts nobody off, or comes after the last tick.
+    It names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or comes
+    after the last tick.
     """
     for place, fault in enumerate(faults):
         where = f"faults.{place}"
