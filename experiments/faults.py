@@ -139,9 +139,9 @@ def _radio(setup: Setup) -> Iterator[Condition]:
     silence: dict[str, Any] = {"kind": "silence", "who": "all"}
     yield Condition("silence", "total silence", [silence])
     yield Condition("silence", "silence for a third", [{**silence, "at": third, "for": third}])
-    yield Condition(
-        "partition", "halves for a third", [{"kind": "partition", "groups": "halves", "at": third, "for": third}]
-    )
+    if setup.robots > 1:
+        parted: Faults = [{"kind": "partition", "groups": "halves", "at": third, "for": third}]
+        yield Condition("partition", "halves for a third", parted)
     for reach in REACHES_M:
         yield Condition("range", f"{reach} m", [{"kind": "range", "reach": reach}], float(reach))
 
@@ -177,10 +177,10 @@ def _forgeries(setup: Setup) -> Iterator[Condition]:
     for name, fault in forged.items():
         yield Condition("forgery", name, [fault])
         yield Condition("forgery", f"{name} (key)", [fault], settings={"radio.key": str(setup.key)})
-    insider: dict[str, Any] = {"kind": "spoof", "by": "r1", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}}
-    yield Condition(
-        "forgery", "all positions shifted by an insider (key)", [insider], settings={"radio.key": str(setup.key)}
-    )
+    if setup.robots > 1:
+        name = "all positions shifted by an insider (key)"
+        insider: dict[str, Any] = {"kind": "spoof", "by": "r1", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}}
+        yield Condition("forgery", name, [insider], settings={"radio.key": str(setup.key)})
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,7 +59,7 @@ def test_every_kernel_of_ours_is_found() -> None:
     found = kernel_files("patrol")
     assert "patrol.kernels.fog" in found
     assert all(path.is_file() for path in found.values())
-    assert kernel_files("monitor") == {}
+    assert kernel_files("experiments") == {}
 
 
 def test_a_warm_machine_compiles_and_says_nothing() -> None:
