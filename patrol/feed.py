@@ -203,5 +203,5 @@ def _inflated(packed: bytes, size: int) -> bytes:
 
 
 def thinned(values: Sequence[float], every: int) -> NDArray[np.float32]:
-    """Every so many-th of the values."""
-    return np.asarray(values, dtype=np.float32)[::every]
+    """Every so many-th of the values, as a copy: the values may grow while somebody still looks at these."""
+    return np.array(values, dtype=np.float32)[::every]
