@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.faults import VARIANTS, Finding
-from fogwatch.paper_picture import COLOURS
+from fogwatch.paper_picture import COLOURS, write_figure
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     panels[0].set_ylabel("mean MFoW (s)")
     panels[0].set_ylim(bottom=0.0)
     panels[0].legend(frameon=False, fontsize=8, loc="upper left")
-    _save(figure, files)
+    write_figure(figure, files)
     return True
 
 
@@ -71,7 +71,7 @@ def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     axes.set_xlabel("mean MFoW, as a ratio to the same seed without faults")
     _bare(axes)
     axes.legend(frameon=False, fontsize=9, loc="lower right")
-    _save(figure, files)
+    write_figure(figure, files)
     return True
 
 
@@ -101,15 +101,3 @@ def _bare(axes: Axes) -> None:
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-
-
-def _save(figure: Figure, files: Sequence[Path]) -> None:
-    import matplotlib as mpl
-
-    with mpl.rc_context({"svg.hashsalt": "fogwatch"}):
-        for file in files:
-            dated = {"Date": None} if file.suffix == ".svg" else {"Software": None}
-            try:
-                figure.savefig(file, metadata=dated)
-            except OSError as error:
-                raise BadInput(f"{file}: cannot be written ({error.strerror}); choose another --out") from None

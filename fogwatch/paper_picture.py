@@ -18,6 +18,7 @@ from patrol.terrain import Terrain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WALL = "#2b2f33"
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
@@ -35,7 +36,6 @@ DPI = 150
 def table_picture(comparison: Comparison, files: Sequence[Path]) -> None:
     """Draw a table into files, of the kinds that their names end with. BadInput where that cannot be done."""
     try:
-        import matplotlib as mpl
         from matplotlib.figure import Figure
     except ImportError:
         raise BadInput("pictures need matplotlib; install it with: pip install 'fogwatch[experiments]'") from None
@@ -53,6 +53,13 @@ def table_picture(comparison: Comparison, files: Sequence[Path]) -> None:
         f"points of {setup.point:g} m, sensor radius {setup.sensor_range:g} m, {len(setup.seeds)} seeds, 95 % intervals"
     )
     figure.suptitle(f"Table {table.number}: {table.title}\n{runs}", x=0.01, ha="left", fontsize=10)
+    write_figure(figure, files)
+
+
+def write_figure(figure: Figure, files: Sequence[Path]) -> None:
+    """Write a figure into files, of the kinds that their names end with; BadInput where that cannot be done."""
+    import matplotlib as mpl
+
     with mpl.rc_context({"svg.hashsalt": "fogwatch"}):
         for file in files:
             dated = {"Date": None} if file.suffix == ".svg" else {"Software": None}
