@@ -188,7 +188,8 @@ class Finding:
     """What a condition came to with a variant.
 
     mfow, late: mean MFoW over the whole run and over its second half, s. cost: the first as a ratio to the run of the
-    same seed without faults. delivered: share of the frames. belief: mean error of the believed ages, s.
+    same seed without faults. delivered: share of the frames. belief: mean error of the believed ages, s. stay: the
+    longest that any robot of any run stayed within a metre of one place, s.
     """
 
     condition: Condition
@@ -199,6 +200,7 @@ class Finding:
     delivered: Estimate | None
     belief: Estimate | None
     collisions: Estimate | None
+    stay: float | None
 
 
 def findings(outcome: Outcome, tried: Sequence[Condition]) -> list[Finding]:
@@ -224,6 +226,7 @@ def _finding(outcome: Outcome, condition: Condition, quiet: Condition, variant: 
         delivered=_mean(delivered[seed] / sent[seed] for seed in delivered if sent.get(seed)),
         belief=_mean(values("belief_error_s").values()),
         collisions=_mean(values("collisions").values()),
+        stay=max(values("longest_stay_s").values(), default=None),
     )
 
 
@@ -246,6 +249,7 @@ def as_json(setup: Setup, found: Sequence[Finding]) -> dict[str, Any]:
                 "variant": one.variant,
                 "faults": one.condition.faults,
                 **{name: _numbers(getattr(one, name)) for name in measures},
+                "longest_stay_s": one.stay,
             }
             for one in found
         ],

@@ -7,6 +7,17 @@ from collections.abc import Iterator, Sequence
 from experiments.faults import GROUPS, QUIET, VARIANTS, Finding, Setup
 from experiments.stats import Estimate
 
+HEADS = (
+    "variant",
+    "MFoW (s)",
+    "cost",
+    "late (s)",
+    "delivered",
+    "belief error (s)",
+    "collisions",
+    "longest stay (s)",
+)
+
 
 def page(
     setup: Setup, found: Sequence[Finding], *, command: str, wall_s: float, failed: int, pictures: Sequence[str]
@@ -30,7 +41,8 @@ def _head(setup: Setup, command: str, wall_s: float, failed: int, pictures: Sequ
         "Numbers are means over the seeds ± their 95 % interval. Cost: mean MFoW as a ratio to the run of the same "
         "variant and seed without faults. Late: mean MFoW of the second half of the run, whatever is still going on "
         "then. Belief error: how far the ages that robots believe are from the true ones, in the mean over points, "
-        "robots and time."
+        "robots and time. Longest stay: the longest that a living robot of any of the runs kept within a metre of one "
+        "place."
     )
     if failed:
         yield ""
@@ -49,8 +61,8 @@ def _groups(found: Sequence[Finding]) -> Iterator[str]:
             yield ""
             yield f"## {title[0].upper()}{title[1:]}"
             yield ""
-            yield "| | variant | MFoW (s) | cost | late (s) | delivered | belief error (s) | collisions |"
-            yield "|---|---|---|---|---|---|---|---|"
+            yield f"| | {' | '.join(HEADS)} |"
+            yield "|---|" + "---|" * len(HEADS)
             for name in dict.fromkeys(one.condition.name for one in here):
                 for variant in VARIANTS:
                     yield from (_row(one) for one in here if (one.condition.name, one.variant) == (name, variant))
@@ -59,7 +71,8 @@ def _groups(found: Sequence[Finding]) -> Iterator[str]:
 def _row(one: Finding) -> str:
     cost = "-" if one.condition.name == QUIET else _text(one.cost, 3)
     share = "-" if one.delivered is None else f"{100.0 * one.delivered.mean:.1f} %"
-    numbers = (_text(one.mfow), cost, _text(one.late), share, _text(one.belief), _text(one.collisions, 0))
+    stay = "-" if one.stay is None else f"{one.stay:.0f}"
+    numbers = (_text(one.mfow), cost, _text(one.late), share, _text(one.belief), _text(one.collisions, 0), stay)
     return f"| {one.condition.name} | {one.variant} | {' | '.join(numbers)} |"
 
 

@@ -87,7 +87,7 @@ def answer(
 
 
 def metrics_of(summary: Mapping[str, Any]) -> dict[str, float | None]:
-    """The numbers of a summary that depend on the scenario alone; of robots their sum, or mean where it says so."""
+    """The numbers of a summary that depend on the scenario alone; of robots their sum, or mean or most by its name."""
     robots = list(summary["robots"].values())
     plain = (
         "mfow_mean_s",
@@ -104,6 +104,7 @@ def metrics_of(summary: Mapping[str, Any]) -> dict[str, float | None]:
         **{name: summary[name] for name in plain},
         "dead_end_percent": 100.0 * sum(robot["dead_end_share"] for robot in robots) / len(robots),
         "collisions": sum(robot["collisions"] for robot in robots),
+        "longest_stay_s": max(robot["longest_stay_s"] for robot in robots),
         "distance_m": sum(robot["distance_m"] for robot in robots),
         **{f"messages_{name}": summary["messages"][name] for name in messages},
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 DEAD_END = "dead-end"
 """The state of a mind that is getting out of a dead end."""
 
+STAY_M = 1.0
+"""A robot that keeps within this distance of a place stays there."""
+
 
 @dataclass(slots=True)
 class _Robot:
@@ -45,6 +49,9 @@ class _Robot:
     rejected: int = 0
     rejected_before: int = 0
     status: Status = Status.ABSENT
+    place: tuple[float, float] | None = None
+    stayed: int = 0
+    longest_stay: int = 0
     decision_ms: list[float] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
 
@@ -54,6 +61,7 @@ class _Robot:
         self.living += row.status is Status.ALIVE
         self.collisions += row.bumped
         self.refused += row.refused
+        self._stay(row)
         if not row.bumped:
             command = Drive(row.c0, row.c1) if self.model == "car" else Velocity(row.c0, row.c1)
             self.distance_m += length(command, step)
@@ -65,14 +73,25 @@ class _Robot:
                 self.rejected_before += self.rejected
             self.rejected = row.rejected
 
-    def facts(self) -> dict[str, Any]:
-        """This robot's part of the summary."""
+    def _stay(self, row: RobotTick) -> None:
+        """A stay begins where the last one was left, and ends with the robot's life or `STAY_M` from there."""
+        if row.status is not Status.ALIVE:
+            self.place, self.stayed = None, 0
+        elif self.place is None or math.dist(self.place, (row.x, row.y)) > STAY_M:
+            self.place, self.stayed = (row.x, row.y), 0
+        else:
+            self.stayed += 1
+            self.longest_stay = max(self.longest_stay, self.stayed)
+
+    def facts(self, step: float) -> dict[str, Any]:
+        """This robot's part of the summary; step: of the run, s."""
         decisions = len(self.decision_ms)
         return {
             "status": self.status.name.lower(),
             "distance_m": self.distance_m,
             "dead_end_share": self.dead_ends / decisions if decisions else 0.0,
             "collisions": self.collisions,
+            "longest_stay_s": self.longest_stay * step,
             "decisions": decisions,
             "missed": self.living - decisions,
             "refused_commands": self.refused,
@@ -137,7 +156,7 @@ class Totals:
             "point_m": header.terrain.point,
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
             "messages": {**_messages(list(self._robots.values()), step), "forged": self._forged},
-            "robots": {facts.name: self._robots[facts.number].facts() for facts in header.robots},
+            "robots": {facts.name: self._robots[facts.number].facts(step) for facts in header.robots},
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
             **_of_processes(journal),
@@ -162,6 +181,7 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     `worldsim.traffic.MOST_ROBOTS`. `faults`: by id, the frames on a fault's links while it was active, and what it did
     to them. `bytes_per_robot_s`: bytes that a living robot sends per second.
 
+    `longest_stay_s`: the longest that a living robot kept within `STAY_M` of one place.
     `missed`: ticks in which no command came in time. `refused_commands`:
     those that made no sense. wall_s: wall time of the ticks, s, or None when unknown. For a fleet of processes,
     `refused`: messages that the world dropped unread, by reason;

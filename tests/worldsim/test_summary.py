@@ -110,3 +110,17 @@ def test_the_bound_is_that_of_the_formula() -> None:
     slower = [replace(spec, speed=spec.speed / 2) for spec in roster]
     assert lower_bound(area, slower, 10.0) == pytest.approx(2 * expected)
     assert lower_bound(500.0, roster, 10.0) == 0.0
+
+
+def test_the_longest_stay_is_the_longest_time_within_a_metre_of_a_place_alive(lab: Lab) -> None:
+    world = lab.patrol(ticks=20)
+    journal = lab.run(world)
+    for k in range(20):
+        robots = list(journal.records[k].robots)
+        robots[0] = replace(robots[0], x=2.0 * k, y=5.0)
+        robots[1] = replace(robots[1], x=5.0 + (0.9 if k % 2 else 0.0) + (3.0 if k > 13 else 0.0), y=5.0)
+        robots[2] = replace(robots[2], x=7.0, y=7.0, status=Status.PAUSED if k == 8 else Status.ALIVE)
+        robots[3] = replace(robots[3], x=0.3 * k, y=9.0)
+        journal.records[k] = replace(journal.records[k], robots=tuple(robots))
+    stays = {name: facts["longest_stay_s"] for name, facts in summary_of(world, journal)["robots"].items()}
+    assert stays == {"r1": 0.0, "r2": 13 * 0.5, "r3": 10 * 0.5, "r4": 3 * 0.5}
