@@ -25,7 +25,7 @@ from patrol.shapes import cover
 from patrol.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 
 if TYPE_CHECKING:
-    from patrol.scenario import TerrainSpec
+    from patrol.scenario_model import TerrainSpec
 
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")

@@ -20,6 +20,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from patrol.errors import BadInput
+from patrol.nemesis import written_out
 from patrol.scenario_errors import did_you_mean, one_line, show
 from patrol.scenario_model import (
     IntruderSpec,
@@ -175,7 +176,7 @@ def _resolve(
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))
     try:
-        return Scenario.model_validate(raw, context={"base": base}).written_out()
+        return written_out(Scenario.model_validate(raw, context={"base": base}))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
         raise BadInput(one_line(error, source, tuple(overrides), places)) from None

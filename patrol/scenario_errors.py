@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from patrol.faults import KINDS, Fault, Forgery, Jump, Wait
-from patrol.nemesis import NemesisSpec
+from patrol.nemesis_spec import NemesisSpec
 from patrol.scenario_model import (
     IntruderSpec,
     PatrolSpec,

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_va
 from patrol.fault_roster import check_faults
 from patrol.faults import PROCESS_KINDS, SENSE_KINDS, Faults
 from patrol.message import MAX_STEP_CM, MAX_TIME_MS
-from patrol.nemesis import NemesisSpec, room_for, unleash
+from patrol.nemesis_spec import NemesisSpec, room_for
 from patrol.pose import Pose, wrap
 from patrol.records import MAX_TICKS
 from patrol.scenario_values import (
@@ -297,13 +297,6 @@ class Scenario(Section):
         if self.nemesis is not None:
             room_for(self.nemesis, self.step, self.ticks)
         return self
-
-    def written_out(self) -> Self:
-        """The same scenario with concrete faults in the place of its nemesis, after those that it has."""
-        if self.nemesis is None:
-            return self
-        mapping = self.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
-        return type(self).model_validate(mapping | {"faults": mapping["faults"] + unleash(self)})
 
     def _check_direct(self) -> None:
         if self.factor is None:
