@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from patrol.controls import prepared_as_operated
-from patrol.faults import PROCESS_KINDS
+from patrol.faults import PROCESS_KINDS, SENSE_KINDS
 from worldsim.body_checks import BodiesApart, MovesAreTrue
 from worldsim.checks import (
     Check,
@@ -22,9 +22,12 @@ from worldsim.direct import DirectLinks
 from worldsim.fault_checks import DownAreSilent, ExitCodes, StatusesFollow
 from worldsim.frame_checks import FramesAreTrue, LinksAddUp
 from worldsim.hearing_checks import ForgedAsConfigured, Hearing
-from worldsim.radio_checks import Replay, radio_checks
+from worldsim.radio_checks import NothingCrossed, Replay, WithinBandwidth
+from worldsim.reach_checks import WithinReach
 from worldsim.recovery import Recovers
+from worldsim.share_checks import DelaysAsAsked, LossesAsAsked
 from worldsim.timeline import Timeline
+from worldsim.timing_checks import OnTime
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
@@ -98,7 +101,7 @@ class Judge:
             BodiesApart(journal, prepared, timeline),
             MovesAreTrue(prepared, timeline),
             FramesAreTrue(journal, prepared),
-            *((replay, *radio_checks(journal, timeline)) if carried else ()),
+            *((replay, *_radio_checks(journal, prepared, timeline)) if carried else ()),
         ]
         if verify_fog:
             self._of_poses.append(FogIsTrue(prepared))
@@ -145,6 +148,25 @@ def judge(
     for record in journal.ticks:
         judging.tick(record)
     return judging.verdict()
+
+
+def _radio_checks(journal: RunRecord, prepared: Prepared, timeline: Timeline) -> list[Tally]:
+    """The checks besides the replay that a scenario's radio faults call for."""
+    kinds = {entry.fault.kind for entry in timeline.entries}
+    checks: list[Tally] = []
+    if kinds & {"silence", "partition"}:
+        checks.append(NothingCrossed(journal, timeline))
+    if "range" in kinds:
+        checks.append(WithinReach(journal, prepared.terrain, timeline))
+    if "bandwidth" in kinds:
+        checks.append(WithinBandwidth(journal, timeline))
+    if "loss" in kinds:
+        checks.append(LossesAsAsked(timeline))
+    if kinds - {*PROCESS_KINDS, *SENSE_KINDS}:
+        checks.append(OnTime(journal, timeline))
+    if kinds & {"delay", "duplicate", "reorder"}:
+        checks.append(DelaysAsAsked(timeline, prepared.scenario.step))
+    return checks
 
 
 def _outcome(journal: RunRecord, checks: Iterable[Check]) -> Outcome:

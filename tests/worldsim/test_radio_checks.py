@@ -14,8 +14,9 @@ from patrol.message import Position, encode
 from patrol.pose import Pose
 from patrol.random import draw
 from patrol.records import FORGED
-from worldsim.radio_checks import LossesAsAsked, NothingCrossed, WithinBandwidth
+from worldsim.radio_checks import NothingCrossed, WithinBandwidth
 from worldsim.record import MemoryJournal
+from worldsim.share_checks import LossesAsAsked
 from worldsim.timeline import Timeline
 from worldsim.verdict import Verdict, judge
 

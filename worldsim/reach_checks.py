@@ -1,0 +1,142 @@
+"""The verdict's check of radio range: true places and walls, looked at without the code that carries frames."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.faults import Delay, Duplicate, Range, Reorder
+from patrol.records import FORGED, sent_at
+from worldsim.airborne import NO_ROBOT, active, fault_of, forgers_of, kind_of, sent
+from worldsim.checks import Check, names_of
+
+if TYPE_CHECKING:
+    from patrol.records import TickRecord
+    from patrol.terrain import Terrain
+    from worldsim.ether import Link
+    from worldsim.record import RunRecord
+    from worldsim.timeline import Entry, Timeline
+
+ROUNDING_M = 1e-9
+"""Distances as near to the reach as that count as either, m."""
+
+GRAZING_M = 1e-5
+"""A line that passes a wall's corner as closely as that may count as a line of sight or not, m."""
+
+Place = tuple[float, float]
+
+
+class Sightlines:
+    """How many points of wall lie on a line, from running sums along each column and each row of the terrain."""
+
+    def __init__(self, terrain: Terrain) -> None:
+        opaque = ~terrain.passable
+        self._origin = terrain.origin
+        self._point = terrain.point
+        self._sums = tuple(_running(mask) for mask in (opaque, opaque.T))
+
+    def walls(self, a: Place, b: Place, margin: float) -> int:
+        """Points of wall that the line from a to b touches, widened by `margin` m or, where negative, narrowed."""
+        (x0, y0), (x1, y1) = (
+            tuple((place[axis] - self._origin[axis]) / self._point for axis in (0, 1)) for place in (a, b)
+        )
+        by_column, by_row = self._sums
+        sums = by_column
+        if abs(y1 - y0) > abs(x1 - x0):
+            sums, x0, y0, x1, y1 = by_row, y0, x0, y1, x1
+        if x0 > x1:
+            x0, y0, x1, y1 = x1, y1, x0, y0
+        more = margin / self._point
+        begin, end = x0 - more, x1 + more
+        if begin > end:
+            return 0
+        height, width = sums.shape[0] - 1, sums.shape[1]
+        columns = np.arange(max(math.floor(begin), 0), min(math.floor(end), width - 1) + 1)
+        slope = (y1 - y0) / (x1 - x0) if x1 > x0 else 0.0
+        enters, leaves = (y0 + slope * (np.clip(columns + side, begin, end) - x0) for side in (0, 1))
+        low = np.clip(np.floor(np.minimum(enters, leaves) - more), 0, height).astype(np.int64)
+        high = np.clip(np.floor(np.maximum(enters, leaves) + more) + 1.0, low, height).astype(np.int64)
+        return int(np.sum(sums[high, columns] - sums[low, columns]))
+
+
+class WithinReach:
+    """What came through a `range` was within reach and, where walls count, in sight when it was sent.
+
+    What was stopped by one was not.
+    """
+
+    def __init__(self, journal: RunRecord, terrain: Terrain, timeline: Timeline) -> None:
+        self._names = {**names_of(journal), FORGED: "a forger"}
+        self._ranges = [entry for entry in timeline.entries if isinstance(entry.fault, Range)]
+        self._ids = {entry.id: entry for entry in self._ranges}
+        self._forgers = forgers_of(timeline)
+        self._late = any(isinstance(entry.fault, Delay | Duplicate | Reorder) for entry in timeline.entries)
+        self._sightlines = Sightlines(terrain)
+        self._places: dict[int, NDArray[np.float64]] = {}
+        self._origins: dict[Link, int] = {}
+        self._problem = ""
+        self._stopped = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        if self._problem:
+            return
+        if not self._late:  # what was sent earlier has arrived
+            self._places.clear()
+            self._origins.clear()
+        if any(active(entry, record.k) for entry in self._ranges):
+            self._places[record.k] = np.array([(row.x, row.y) for row in record.robots])
+            self._origins |= {link: origin for origin, link in sent(record, self._forgers) if link[0] == FORGED}
+        for link in record.deliveries:
+            self._came_through(link)
+        for drop in record.dropped:
+            if kind_of(drop[3]) == "range":
+                self._was_stopped(drop[:3], record.k, fault_of(drop[3]))
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        good = f"{self._stopped} frames were out of reach, and no other was stopped"
+        return Check("reach", not self._problem, self._problem or good)
+
+    def _came_through(self, link: Link) -> None:
+        k = sent_at(link[2])
+        if k not in self._places:
+            return
+        for entry in self._ranges:
+            if active(entry, k) and self._out_of_reach(entry, link, k, sure=True):
+                self._problem = self._problem or f"{self._named(link, k)} came through range {entry.id}"
+
+    def _was_stopped(self, link: Link, k: int, fault: str) -> None:
+        self._stopped += 1
+        entry = self._ids.get(fault)
+        if entry is None or not active(entry, k) or not self._out_of_reach(entry, link, k, sure=False):
+            self._problem = self._problem or f"{self._named(link, k)} was stopped by range {fault} and within reach"
+
+    def _out_of_reach(self, entry: Entry, link: Link, k: int, *, sure: bool) -> bool:
+        """Whether a frame of tick k is out of reach: for sure, or as far as rounding can tell."""
+        fault = entry.fault
+        source, to, _ = link
+        origin = self._origins.get(link, NO_ROBOT) if source == FORGED else source
+        if not isinstance(fault, Range) or origin not in entry.who:
+            return False
+        a, b = (self._place(k, number) for number in (origin, to))
+        if math.dist(a, b) > fault.reach + (ROUNDING_M if sure else -ROUNDING_M):
+            return True
+        margin = -GRAZING_M if sure else GRAZING_M
+        return not fault.through_walls and self._sightlines.walls(a, b, margin) > 0
+
+    def _place(self, k: int, number: int) -> Place:
+        x, y = self._places[k][number - 1]
+        return float(x), float(y)
+
+    def _named(self, link: Link, k: int) -> str:
+        source, to, _ = link
+        return f"a frame from {self._names.get(source, source)} to {self._names.get(to, to)} of tick {k}"
+
+
+def _running(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Counts of set points below each row, column by column; int64 (h + 1, w)."""
+    return np.pad(np.cumsum(mask, axis=0, dtype=np.int64), ((1, 0), (0, 0)))
