@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from patrol.faults import STRANGER, AnyFault, Forgery, Partition, Spoof
 from patrol.section import wrong
-from patrol.targets import check_name, check_who
+from patrol.targets import Drawing, Target, check_name, check_who, meant
 
 
 def tick_of(at: float, step: float) -> int:
@@ -20,11 +20,11 @@ def ticks_of(lasts: float, step: float) -> int:
     return max(1, math.floor(lasts / step + 0.5 + 1e-9))
 
 
-def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, ticks: int) -> None:
+def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, ticks: int, seed: int) -> None:
     """Raise for the first fault that the roster or the duration rules out.
 
     It names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or comes
-    after the last tick.
+    after the last tick. names: in the order of the robots' numbers. step: s. seed: the scenario's, for who is drawn.
     """
     for place, fault in enumerate(faults):
         where = f"faults.{place}"
@@ -37,7 +37,7 @@ def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, 
         if isinstance(fault, Partition):
             _check_partition(fault, names, f"{where}.groups")
         if isinstance(fault, Spoof) and fault.by != STRANGER:
-            _check_insider(fault, names, where)
+            _check_insider(fault, names, (seed, place, Target.AS))
 
 
 def _check_partition(fault: Partition, names: Sequence[str], where: str) -> None:
@@ -47,13 +47,19 @@ def _check_partition(fault: Partition, names: Sequence[str], where: str) -> None
         raise wrong(where, "there is one robot, and nobody to cut it off from; leave the partition out")
 
 
-def _check_insider(fault: Spoof, names: Sequence[str], where: str) -> None:
+def _check_insider(fault: Spoof, names: Sequence[str], drawing: Drawing) -> None:
     """Who forges is a robot, and not in its own name alone. Robots that are made up are in nobody's name."""
+    seed, place, _ = drawing
+    where = f"faults.{place}"
     check_name(fault.by, names, f"{where}.by")
     if isinstance(fault.payload, Forgery) and fault.payload.invented is not None:
         return
-    if len(names) == 1 or fault.victims in (fault.by, (fault.by,)):
-        raise wrong(f"{where}.as", f"{fault.by} would forge in nobody's name but its own; name another, or another by")
+    numbers = {name: number for number, name in enumerate(names, start=1)}
+    if meant(fault.victims, numbers, drawing) != (numbers[fault.by],):
+        return
+    drawn = len(names) > 1 and fault.victims not in (fault.by, (fault.by,))
+    chance = f"with seed {seed} that is {fault.by} itself, which " if drawn else f"{fault.by} "
+    raise wrong(f"{where}.as", f"{chance}would forge in nobody's name but its own; name another, or another by")
 
 
 def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], where: str) -> None:

@@ -293,7 +293,7 @@ class Scenario(Section):
             if (value := _at(self, field)) < self.point:
                 raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
         self._check_roster()
-        check_faults(self.faults, [spec.name for spec in self.roster], self.step, self.ticks)
+        check_faults(self.faults, [spec.name for spec in self.roster], self.step, self.ticks, self.seed)
         if self.nemesis is not None:
             room_for(self.nemesis, self.step, self.ticks)
         return self

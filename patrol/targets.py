@@ -1,18 +1,39 @@
-"""Whom a fault befalls: robots by name, or so many of them, drawn."""
+"""Whom a fault befalls: robots by name, or so many of them, drawn.
+
+Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
+the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in a run.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from enum import IntEnum
 from typing import Annotated, Self
 
 from pydantic import Field, Tag, model_validator
 
+from patrol.random import Purpose, draw
 from patrol.scenario_values import Count, RobotName, Share, at_least, by_shape, expecting
 from patrol.section import Section, wrong
 
 WORDS = ("one", "minority", "half", "all")
 """Targets by size; in a target these words never mean a robot of that name, in a list of names they do."""
+
+
+class Target(IntEnum):
+    """Which of a fault's targets a draw is for."""
+
+    WHO = 0
+    FROM = 1
+    TO = 2
+    GROUPS = 3
+    AS = 4
+
+
+Drawing = tuple[int, int, Target]
+"""What a target is drawn from: the scenario's seed, the fault's place among all faults, and the field."""
 
 
 class Some(Section):
@@ -61,3 +82,28 @@ def check_name(name: str, names: Sequence[str], where: str) -> None:
         near = get_close_matches(name, names, n=1, cutoff=0.6)
         some = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
         raise wrong(where, f"there is no robot {name}; {f'did you mean {near[0]}?' if near else f'robots are {some}'}")
+
+
+def meant(who: str | tuple[str, ...] | Some, numbers: Mapping[str, int], drawing: Drawing) -> tuple[int, ...]:
+    """The robots that a target means, ascending. numbers: of all robots by name, which `check_who` has seen."""
+    if isinstance(who, tuple):
+        return tuple(sorted(numbers[name] for name in who))
+    if isinstance(who, str) and who not in WORDS:
+        return (numbers[who],)
+    return tuple(sorted(in_drawn_order(numbers.values(), drawing)[: size_of(who, len(numbers))]))
+
+
+def in_drawn_order(numbers: Iterable[int], drawing: Drawing) -> list[int]:
+    """Robots in an order drawn for one field of one fault."""
+    seed, index, field = drawing
+    return sorted(numbers, key=lambda number: (draw(seed, Purpose.FAULT, index, field, number), number))
+
+
+def size_of(who: str | Some, robots: int) -> int:
+    """How many of so many robots a target by size means."""
+    if isinstance(who, Some):
+        if who.count is not None:
+            return who.count
+        return max(1, math.floor((who.fraction or 0.0) * robots + 0.5))
+    sizes = {"one": 1, "minority": max((robots - 1) // 2, min(robots - 1, 1)), "half": max(robots // 2, 1)}
+    return sizes.get(who, robots)

@@ -6,12 +6,10 @@ the robots with the lowest draws. So it depends on no other fault, and on nothin
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Literal
 
 from patrol.fault_roster import tick_of, ticks_of
@@ -28,25 +26,14 @@ from patrol.faults import (
     Pause,
     Spoof,
 )
-from patrol.random import Purpose, draw
 from patrol.records import Event
 from patrol.scenario import Scenario
-from patrol.targets import WORDS, Some
+from patrol.targets import Some, Target, in_drawn_order, meant
 
 FAULT_EVENT = "fault"
 """The kind of the journal's events that tell of faults."""
 
 ActKind = Literal["kill", "restart", "pause", "resume", "join", "leave"]
-
-
-class Field(IntEnum):
-    """Which of a fault's targets a draw is for."""
-
-    WHO = 0
-    FROM = 1
-    TO = 2
-    GROUPS = 3
-    AS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,33 +154,22 @@ class Timeline:
         if isinstance(fault, Lasting):
             end = None if fault.lasts is None else begin + ticks_of(fault.lasts, self._step)
         if isinstance(fault, OnLinks):
-            sources = self._resolve(fault.sources, index, Field.FROM)
-            return Entry(index, fault, begin, end, (), sources, self._resolve(fault.targets, index, Field.TO))
+            sources = self._resolve(fault.sources, index, Target.FROM)
+            return Entry(index, fault, begin, end, (), sources, self._resolve(fault.targets, index, Target.TO))
         if isinstance(fault, Partition):
             return Entry(index, fault, begin, end, groups=self._grouped(fault, index))
         if isinstance(fault, Spoof):
             forger = 0 if fault.by == STRANGER else self._names[fault.by]
-            return Entry(index, fault, begin, end, self._resolve(fault.victims, index, Field.AS), (forger,))
-        return Entry(index, fault, begin, end, self._resolve(fault.who, index, Field.WHO))
+            return Entry(index, fault, begin, end, self._resolve(fault.victims, index, Target.AS), (forger,))
+        return Entry(index, fault, begin, end, self._resolve(fault.who, index, Target.WHO))
 
-    def _resolve(self, who: str | tuple[str, ...] | Some, index: int, field: Field) -> tuple[int, ...]:
+    def _resolve(self, who: str | tuple[str, ...] | Some, index: int, field: Target) -> tuple[int, ...]:
         """The robots that a target means, ascending."""
-        if isinstance(who, tuple):
-            return tuple(sorted(self._names[name] for name in who))
-        if isinstance(who, str) and who not in WORDS:
-            return (self._names[who],)
-        drawn = self._drawn(index, field)
-        return tuple(sorted(drawn[: size_of(who, len(drawn))]))
-
-    def _drawn(self, index: int, field: Field) -> list[int]:
-        """All robots in an order drawn for one field of one fault."""
-        return sorted(
-            self._names.values(), key=lambda number: (draw(self._seed, Purpose.FAULT, index, field, number), number)
-        )
+        return meant(who, self._names, (self._seed, index, field))
 
     def _grouped(self, fault: Partition, index: int) -> tuple[tuple[int, ...], ...]:
         if isinstance(fault.groups, str):
-            drawn = self._drawn(index, Field.GROUPS)
+            drawn = in_drawn_order(self._names.values(), (self._seed, index, Target.GROUPS))
             first = 1 if fault.groups == "one" else len(drawn) // 2
             groups = [drawn[:first], drawn[first:]]
         else:
@@ -225,16 +201,6 @@ class Timeline:
             for k in changes
         ]
         return changes, active
-
-
-def size_of(who: str | Some, robots: int) -> int:
-    """How many of so many robots a target by size means."""
-    if isinstance(who, Some):
-        if who.count is not None:
-            return who.count
-        return max(1, math.floor((who.fraction or 0.0) * robots + 0.5))
-    sizes = {"one": 1, "minority": max((robots - 1) // 2, min(robots - 1, 1)), "half": max(robots // 2, 1)}
-    return sizes.get(who, robots)
 
 
 def _absent_at_first(entries: Sequence[Entry]) -> frozenset[int]:

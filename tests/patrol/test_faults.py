@@ -6,7 +6,7 @@ from typing import Any, get_args
 import pytest
 
 from patrol.errors import BadInput
-from patrol.faults import INSTANT, KINDS, PROCESS_KINDS, AnyFault, OneFault, Wait
+from patrol.faults import INSTANT, KINDS, PROCESS_KINDS, AnyFault, OneFault, Spoof, Wait
 from patrol.scenario import (
     as_mapping,
     dump_scenario,
@@ -15,6 +15,7 @@ from patrol.scenario import (
     scenario_hash,
     scenario_schema,
 )
+from patrol.targets import Target, meant
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "robots": {"count": 5}, "duration": 100}
 EVERY_KIND: list[dict[str, Any]] = [
@@ -221,6 +222,24 @@ def test_nobody_forges_in_its_own_name_alone(victims: object) -> None:
     assert "faults.0.as: r2 would forge in nobody's name but its own; name another" in problem(spoof)
     invented = {**spoof, "payload": {"invented": 2}}
     assert load_scenario({**YARDS, "faults": [{**spoof, "as": ["r1", "r2"]}, invented]}).faults
+
+
+@pytest.mark.parametrize("victims", ["one", {"count": 1}, {"fraction": 0.1}])
+def test_nor_does_who_is_drawn_to_be_its_own_victim(victims: object) -> None:
+    def spoof(by: str) -> dict[str, Any]:
+        fault = {"kind": "spoof", "by": by, "as": victims, "payload": "freeze"}
+        return {**YARDS, "seed": 5, "robots": {"count": 3}, "faults": [fault]}
+
+    (fault,) = load_scenario(spoof("stranger")).faults
+    assert isinstance(fault, Spoof)
+    (number,) = meant(fault.victims, {"r1": 1, "r2": 2, "r3": 3}, (5, 0, Target.AS))
+    victim = f"r{number}"
+    with pytest.raises(BadInput) as caught:
+        load_scenario(spoof(victim))
+    says = f"faults.0.as: with seed 5 that is {victim} itself, which would forge in nobody's name but its own; name "
+    assert says in str(caught.value)
+    for other in {"r1", "r2", "r3"} - {victim}:
+        load_scenario(spoof(other))
 
 
 def test_an_entry_of_an_empty_list_is_told_how_to_be_given() -> None:

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.scenario import Scenario, load_scenario
-from worldsim.timeline import Act, Timeline, size_of
+from patrol.targets import size_of
+from worldsim.timeline import Act, Timeline
 
 OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}, "duration": 100, "step": 0.5}
 
