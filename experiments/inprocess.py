@@ -87,8 +87,10 @@ class InProcessFleet:
         """Drop a mind; it has nothing to put in order."""
         self._minds.pop(number, None)
 
-    def pause(self, number: int) -> None:
-        """Nothing: a mind that is not called stands still."""
+    def pause(self, number: int) -> str:
+        """Nothing: a mind that is not called stands still, and has no process to look at."""
+        del number
+        return ""
 
     def resume(self, number: int) -> None:
         """Nothing: it is called again."""

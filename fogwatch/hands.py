@@ -22,6 +22,10 @@ class Doer(Protocol):
         """SIGSTOP, and waited for."""
         ...
 
+    def state(self, robot: int) -> str:
+        """A process's state as the system tells it, empty where nobody can tell."""
+        ...
+
     def resume(self, robot: int) -> None:
         """SIGCONT."""
         ...
@@ -40,6 +44,7 @@ class HandsServer:
 
     def __init__(self, end: socket.socket, doer: Doer) -> None:
         self._end = end
+        self._doer = doer
         self._does: Mapping[str, Callable[[Request], None]] = {
             "kill": lambda request: doer.kill(request.robot),
             "pause": lambda request: doer.pause(request.robot),
@@ -60,13 +65,13 @@ class HandsServer:
     def _serve(self) -> None:
         with self._end.makefile("rb") as lines, suppress(OSError):
             for line in lines:
-                self._end.sendall(answer_line(self._do(line)))
+                self._end.sendall(self._do(line))
 
-    def _do(self, line: bytes) -> str:
-        """Do what a line asks for; what was wrong, or nothing."""
+    def _do(self, line: bytes) -> bytes:
+        """Do what a line asks for; the answer. Whether a paused process stands still is looked at."""
         try:
             request = Request.read(line)
             self._does[request.do](request)
+            return answer_line(state=self._doer.state(request.robot) if request.do == "pause" else "")
         except Exception as error:  # noqa: BLE001 - whatever went wrong is the world's to tell
-            return f"{type(error).__name__}: {error}"
-        return ""
+            return answer_line(f"{type(error).__name__}: {error}")

@@ -184,6 +184,14 @@ class Launch:
         with suppress(ChildProcessError):  # it has ended by itself
             os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
 
+    def state(self, robot: int) -> str:
+        """What a robot's process does by proc(5), T where it is stopped; empty where there is no proc."""
+        try:
+            stat = Path(f"/proc/{self._child(robot).process.pid}/stat").read_text(encoding="ascii", errors="replace")
+        except OSError:
+            return ""
+        return stat.rpartition(")")[2].split()[0]
+
     def resume(self, robot: int) -> None:
         """SIGCONT to a robot's process."""
         self._child(robot).process.send_signal(signal.SIGCONT)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 SKIPPED = "skipped"
 WAITING = "waiting"
-"""Kinds of events that change no status."""
+LOOKED_AT = "looked at"
+"""Kinds of events that change no status; the last tells what was seen of a process that was paused."""
 
 APPLIES: Mapping[str, frozenset[Status]] = {
     "kill": frozenset({Status.ALIVE, Status.PAUSED}),
@@ -108,8 +109,10 @@ class Acts:
                 hands.kill(number)
                 yield world.stand_down(number, Status.DEAD, reason, away=act.wreck == "removed")
             case "pause":
-                hands.pause(number)
+                seen = hands.pause(number)
                 yield world.stand_down(number, Status.PAUSED, reason)
+                if seen:
+                    yield Event(world.tick, LOOKED_AT, number, seen)
             case "resume":
                 hands.resume(number)
                 yield world.wake(number, reason)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from patrol.journal import Status, TickRecord
 from patrol.phases import FIRST_INCARNATION
 from patrol.records import FORGED
+from worldsim.acts import LOOKED_AT
 from worldsim.checks import Check, names_of
-from worldsim.hands import process_name
+from worldsim.hands import STOPPED, UNSEEN, process_name
 from worldsim.roll import Roll
 
 if TYPE_CHECKING:
@@ -69,6 +70,49 @@ class DownAreSilent:
     def check(self) -> Check:
         """The result, once all ticks are in."""
         return Check("the down are silent", not self._problem, self._problem or f"over {self._looked} ticks of robots")
+
+
+class PausedStandStill:
+    """Every process that was to be paused was seen to be stopped; a world that only ignored it would tell the same."""
+
+    def __init__(self, journal: RunRecord, *, processes: bool) -> None:
+        """processes: whether robots were processes."""
+        self._journal = journal
+        self._processes = processes
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        name = "the paused stand still"
+        names = names_of(self._journal)
+        pauses = self._pauses()
+        if not self._processes:
+            return Check(name, True, "there were no processes", judged=False)
+        wrong = [
+            f"{names.get(robot, robot)} was paused at tick {k}, and {seen or 'nobody looked whether it was'}"
+            for k, robot, seen in pauses
+            if seen not in (STOPPED, UNSEEN)
+        ]
+        if wrong:
+            return Check(name, False, "; ".join(wrong))
+        unseen = sum(seen == UNSEEN for _, _, seen in pauses)
+        if unseen:
+            return Check(name, True, f"{unseen} of {len(pauses)} could not be looked at", judged=False)
+        return Check(name, True, f"{len(pauses)} were seen to")
+
+    def _pauses(self) -> list[tuple[int, int, str]]:
+        """Tick and robot of each pause, and what was seen of the process then."""
+        pauses: list[tuple[int, int, str]] = []
+        for event in self._journal.events:
+            if event.robot is None:
+                continue
+            if event.kind == Status.PAUSED.name.lower():
+                pauses.append((event.k, event.robot, ""))
+            elif event.kind == LOOKED_AT and pauses and pauses[-1] == (event.k, event.robot, ""):
+                pauses[-1] = (event.k, event.robot, event.detail)
+        return pauses
 
 
 class ExitCodes:

@@ -15,6 +15,10 @@ from typing import Protocol
 
 from worldsim.seats import Interrupted, Seats
 
+STOPPED = "its process stands still"
+UNSEEN = "its process cannot be looked at here"
+"""What was seen of a process that was to be stopped; anything else is wrong."""
+
 START_S = 60.0
 """How long a process that was started may take to take its robot's place, s of wall time."""
 
@@ -26,8 +30,8 @@ class Hands(Protocol):
         """End a robot's mind at once; it is gone afterwards, whatever it was doing."""
         ...
 
-    def pause(self, number: int) -> None:
-        """Stop it where it is."""
+    def pause(self, number: int) -> str:
+        """Stop it where it is; what was seen of its process then, in words, or nothing where it has none."""
         ...
 
     def resume(self, number: int) -> None:
@@ -78,9 +82,13 @@ class Request:
         return cls(str(says["do"]), int(says["robot"]), int(says["incarnation"]))
 
 
-def answer_line(problem: str = "") -> bytes:
-    """The launcher's answer to a request: done, or the problem."""
-    return json.dumps({"problem": problem}).encode() + b"\n"
+def answer_line(problem: str = "", state: str = "") -> bytes:
+    """The launcher's answer to a request: done, or the problem.
+
+    state: of a process that was paused, as the system tells it (proc(5)): "T" for one that is stopped; empty where
+    nobody can tell.
+    """
+    return json.dumps({"problem": problem, "state": state}).encode() + b"\n"
 
 
 def process_name(robot: str, incarnation: int) -> str:
@@ -106,9 +114,10 @@ class SeatedHands:
         self._do("kill", number)
         self._seats.vacate(number)
 
-    def pause(self, number: int) -> None:
-        """SIGSTOP; its process stands still."""
-        self._do("pause", number)
+    def pause(self, number: int) -> str:
+        """SIGSTOP; its process stands still, and was looked at to see that it does."""
+        state = self._do("pause", number)
+        return {"T": STOPPED, "": UNSEEN}.get(state, f"its process has the state {state} and does not stand still")
 
     def resume(self, number: int) -> None:
         """SIGCONT."""
@@ -147,7 +156,9 @@ class SeatedHands:
             except (Interrupted, Handless):
                 return
 
-    def _do(self, what: str, number: int, incarnation: int = 0) -> None:
+    def _do(self, what: str, number: int, incarnation: int = 0) -> str:
+        """Have something done; the state of the process afterwards, where the launcher tells."""
         answer = json.loads(self._ask(Request(what, number, incarnation).line()))
         if answer["problem"]:
             raise Handless(f"{what} robot {number}: {answer['problem']}")
+        return str(answer["state"])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from patrol.controls import prepared_as_operated
-from patrol.faults import PROCESS_KINDS, SENSE_KINDS
+from patrol.faults import PROCESS_KINDS, SENSE_KINDS, Pause
 from worldsim.body_checks import BodiesApart, MovesAreTrue
 from worldsim.checks import (
     Check,
@@ -19,7 +19,7 @@ from worldsim.checks import (
     TraceAgrees,
 )
 from worldsim.direct import DirectLinks
-from worldsim.fault_checks import DownAreSilent, ExitCodes, StatusesFollow
+from worldsim.fault_checks import DownAreSilent, ExitCodes, PausedStandStill, StatusesFollow
 from worldsim.frame_checks import FramesAreTrue, LinksAddUp
 from worldsim.hearing_checks import ForgedAsConfigured, Hearing
 from worldsim.radio_checks import NothingCrossed, Replay, WithinBandwidth
@@ -103,6 +103,8 @@ class Judge:
             FramesAreTrue(journal, prepared),
             *((replay, *_radio_checks(journal, prepared, timeline)) if carried else ()),
         ]
+        if any(isinstance(entry.fault, Pause) for entry in timeline.entries):
+            self._always.append(PausedStandStill(journal, processes=bool(exit_codes)))
         if verify_fog:
             self._of_poses.append(FogIsTrue(prepared))
         befalls_frames = any(entry.fault.kind not in PROCESS_KINDS for entry in timeline.entries)

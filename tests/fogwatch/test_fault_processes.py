@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
+from fogwatch.launcher import Launch
 from patrol.journal import RobotTick, Status, read_journal
+from worldsim.acts import LOOKED_AT
+from worldsim.hands import STOPPED
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -55,8 +58,11 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
     assert one.verdict.valid, one.verdict.failed
     assert many.verdict.valid, many.verdict.failed
     assert many.trace_hash == one.trace_hash
-    events = [read_journal(run.folder / "journal").events for run in (one, many)]
-    assert events[0] == events[1]
+    journals = [read_journal(run.folder / "journal") for run in (one, many)]
+    told = [[event for event in journal.events if event.kind != LOOKED_AT] for journal in journals]
+    assert told[0] == told[1]
+    looks = [[(e.robot, e.detail) for e in journal.events if e.kind == LOOKED_AT] for journal in journals]
+    assert looks == [[], [(3, STOPPED), (3, STOPPED)]]
     codes = {"the router": 0, "the world": 0, "anna": -9, "anna (2)": 0, "bert": -9, "bert (2)": 0}
     codes |= {"carl": 0, "dora": -9, "dora (2)": 0, "emil": 0}
     assert many.summary["exit_codes"] == codes
@@ -65,6 +71,15 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
     header, *lines = (many.folder / "ticks.csv").read_text(encoding="ascii").splitlines()
     last = dict(zip(header.split(","), lines[-1].split(","), strict=True))
     assert [last[name] for name in ("living", "paused", "dead", "lost", "away")] == ["3", "1", "0", "0", "1"]
+
+
+def test_hands_that_stop_nobody_are_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The world speaks to nobody who is paused, so that nothing else shows whether a process was stopped."""
+    monkeypatch.setattr(Launch, "pause", lambda _self, _robot: None)
+    faults = [{"kind": "pause", "who": "r2", "at": 2, "for": 2}]
+    run = fogwatch.run({**COARSE, "duration": 6, "robots": 2 * [{}], "faults": faults}, out=tmp_path, in_process=False)
+    assert [check.name for check in run.verdict.failed] == ["the paused stand still"]
+    assert "r2 was paused at tick 4, and its process has the state " in run.verdict.failed[0].detail
 
 
 def test_a_planned_death_is_told_as_planned(start: Callable[..., Run]) -> None:

@@ -35,9 +35,13 @@ class Office:
         self.launch.children["r1"] = Child("r1", self.process, folder / "log")
         self.server = HandsServer(ours, self.launch)
 
-    def ask(self, what: str, robot: int = 1) -> str:
+    def answer(self, what: str, robot: int = 1) -> dict[str, str]:
         self.end.sendall(Request(what, robot).line())
-        return str(json.loads(self.lines.readline())["problem"])
+        answer: dict[str, str] = json.loads(self.lines.readline())
+        return answer
+
+    def ask(self, what: str, robot: int = 1) -> str:
+        return self.answer(what, robot)["problem"]
 
     def state(self) -> str:
         stat = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii")
@@ -56,10 +60,15 @@ def office(tmp_path: Path) -> Iterator[Office]:
 
 def test_a_paused_process_stands_still_when_that_is_answered(office: Office) -> None:
     for _ in range(3):
-        assert office.ask("pause") == ""
+        assert office.answer("pause") == {"problem": "", "state": "T"}
         assert office.state() == "T"
         assert office.ask("resume") == ""
         assert office.state() != "T"
+
+
+def test_a_process_that_nobody_stopped_is_seen_to_run(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Launch, "pause", lambda _self, _robot: None)
+    assert office.answer("pause")["state"] in ("R", "S")
 
 
 @pytest.mark.parametrize("paused", [False, True])

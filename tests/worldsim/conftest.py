@@ -39,7 +39,7 @@ class RandomFleet:
     silent: (number, k, phase) at which a robot does not answer any more. killed: (number, status) by the tick after
     which it is gone. heard: what arrived, by tick. done: what its hands were asked for. late: the tick before which a
     robot that is started arrives, where that is not at once; NEVER for one that never does. key: of the frames' tags.
-    inboxes: what they hear with, by robot.
+    inboxes: what they hear with, by robot. seen: what its hands see of who is paused.
     """
 
     world: World
@@ -52,6 +52,7 @@ class RandomFleet:
     finished: int | None = None
     key: bytes | None = None
     inboxes: dict[int, Inbox] = field(default_factory=dict)
+    seen: str = ""
 
     def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
         return {
@@ -99,8 +100,9 @@ class RandomFleet:
     def kill(self, number: int) -> None:
         self.done.append(("kill", number))
 
-    def pause(self, number: int) -> None:
+    def pause(self, number: int) -> str:
         self.done.append(("pause", number))
+        return self.seen
 
     def resume(self, number: int) -> None:
         self.done.append(("resume", number))

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import Event, RobotTick, Status
+from worldsim.acts import LOOKED_AT
+from worldsim.hands import STOPPED, UNSEEN
 from worldsim.record import MemoryJournal
 from worldsim.verdict import judge
 
@@ -33,7 +35,7 @@ Run = tuple[MemoryJournal, "World"]
 @pytest.fixture
 def run(lab: Lab) -> Run:
     world = lab.world([DISC] * 3, STARTS, duration=0.5 * TICKS, faults=FAULTS)
-    return lab.run(world), world
+    return lab.run(world, lab.fleet(world, seed=world.scenario.seed, seen=STOPPED)), world
 
 
 def failures(run: Run, exits: dict[str, int | None] | None = None) -> dict[str, str]:
@@ -61,6 +63,7 @@ def test_what_was_planned_is_valid(run: Run) -> None:
     assert details["statuses"] == "6 changes as planned"
     assert details["exit codes"] == "4 processes ended with 0, 1 were killed as planned"
     assert details["the down are silent"] == "over 15 ticks of robots"
+    assert details["the paused stand still"] == "1 were seen to"
 
 
 @pytest.mark.parametrize(
@@ -149,3 +152,34 @@ def test_how_a_lost_or_belated_process_ends_says_nothing(run: Run) -> None:
     assert failures(run, {"r2 (3)": 130, "r3 (2)": 130}) == {}
     run[0].events += (Event(TICKS, "lost", 1, "its process was gone"),)
     assert list(failures(run, {"r1": 1})) == ["nobody lost"]
+
+
+EXITS: dict[str, int | None] = {"r1": 0}
+
+
+def seen(run: Run, *details: str) -> None:
+    """What was seen of r1 when it was paused."""
+    events = [event for event in run[0].events if event.kind != LOOKED_AT]
+    place = next(place for place, event in enumerate(events) if event.kind == "paused")
+    events[place + 1 : place + 1] = [Event(6, LOOKED_AT, 1, detail) for detail in details]
+    run[0].events = tuple(events)
+
+
+def test_a_paused_process_that_does_not_stand_still_fails(run: Run) -> None:
+    seen(run, "its process has the state S and does not stand still")
+    says = "r1 was paused at tick 6, and its process has the state S and does not stand still"
+    assert failures(run, EXITS) == {"the paused stand still": says}
+
+
+def test_a_pause_that_nobody_looked_at_fails_where_there_are_processes(run: Run) -> None:
+    seen(run)
+    says = "r1 was paused at tick 6, and nobody looked whether it was"
+    assert failures(run, EXITS) == {"the paused stand still": says}
+    (check,) = [c for c in judge(run[0], {}, run[1].prepared).checks if c.name == "the paused stand still"]
+    assert (check.ok, check.judged, check.detail) == (True, False, "there were no processes")
+
+
+def test_where_nobody_can_look_it_is_not_judged(run: Run) -> None:
+    seen(run, UNSEEN)
+    (check,) = [c for c in judge(run[0], EXITS, run[1].prepared).checks if c.name == "the paused stand still"]
+    assert (check.ok, check.judged, check.detail) == (True, False, "1 of 1 could not be looked at")

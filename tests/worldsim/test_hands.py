@@ -22,7 +22,7 @@ from patrol.phases import (
     decode_to_robot,
 )
 from patrol.pose import Pose
-from worldsim.hands import START_S, Handless, NoShow, Request, SeatedHands, answer_line, process_name
+from worldsim.hands import START_S, STOPPED, UNSEEN, Handless, NoShow, Request, SeatedHands, answer_line, process_name
 from worldsim.seats import GRACE_S, RECOVERY_S, Interrupted, Seats, Wire
 
 KEYS = FleetKeys("f")
@@ -33,7 +33,7 @@ RUN, HASH = 9, "c" * 64
 class Stage:
     """Two robots whose processes come and go as the launcher is asked, and a clock that only waiting moves.
 
-    slow: seconds until a started process says hello, None for never. problem: what the launcher answers.
+    slow: seconds until a started process says hello, None for never. problem, state: what the launcher answers.
     """
 
     def __init__(self, *, waits: bool = True, absent: tuple[int, ...] = ()) -> None:
@@ -45,6 +45,7 @@ class Stage:
         self.incarnation = {number: 1 for number in NAMES if number not in absent}
         self.slow: float | None = 1.0
         self.problem = ""
+        self.state = ""
         self.ending = False
         posts = {number: self.post_of(number) for number in NAMES}
         wire = Wire(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending)
@@ -71,7 +72,7 @@ class Stage:
             self.presence(request.robot, True, self.slow)
         if request.do in ("kill", "leave"):
             self.presence(request.robot, False)
-        return answer_line(self.problem)
+        return answer_line(self.problem, self.state)
 
     def presence(self, number: int, present: bool, after_s: float = 0.0) -> None:
         self.letters.append((self.time + after_s, KEYS.alive(NAMES[number]), Presence(present)))
@@ -103,7 +104,8 @@ def test_requests_and_answers_are_lines() -> None:
     line = Request("start", 3, 2).line()
     assert line.endswith(b"\n")
     assert Request.read(line) == Request("start", 3, 2)
-    assert json.loads(answer_line("no such robot")) == {"problem": "no such robot"}
+    assert json.loads(answer_line("no such robot")) == {"problem": "no such robot", "state": ""}
+    assert json.loads(answer_line(state="T")) == {"problem": "", "state": "T"}
 
 
 def test_a_robots_processes_have_names_that_no_robot_can_have() -> None:
@@ -195,6 +197,16 @@ def test_a_token_that_went_during_a_pause_has_time_to_come_back() -> None:
     assert stage.seats.gone([2]) == []
     stage.time += RECOVERY_S + GRACE_S + 0.1
     assert stage.seats.gone([2]) == [2]
+
+
+@pytest.mark.parametrize(
+    ("state", "says"),
+    [("T", STOPPED), ("", UNSEEN), ("S", "its process has the state S and does not stand still")],
+)
+def test_what_was_seen_of_a_paused_process_is_told(state: str, says: str) -> None:
+    stage = Stage()
+    stage.state = state
+    assert stage.hands.pause(2) == says
 
 
 def test_what_the_launcher_cannot_do_is_told() -> None:
