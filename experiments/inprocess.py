@@ -233,7 +233,7 @@ def _run(
     events: Callable[[Event], None] | None,
     stop: Callable[[], bool],
 ) -> None:
-    recorder = Recorder(writer)
+    recorder = Recorder(writer, world.scenario.spares)
 
     def on_tick(record: TickRecord) -> None:
         recorder.tick(record)

@@ -191,7 +191,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     from worldsim.timeline import Timeline
 
     names = [spec.name for spec in scenario.roster]
-    _check_memory(len(names))
+    _check_memory(len(names) - len(scenario.spares))
     prepared = prepare(scenario) if len(names) > EAGER else None
     fleet = f"{scenario.name}-{os.urandom(4).hex()}"
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
@@ -235,8 +235,10 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
 
 def _announce(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> None:
     """Say what begins, now that nothing is wrong with it."""
-    count = len(scenario.roster)
+    count = len(scenario.roster) - len(scenario.spares)
     robots = "1 robot" if count == 1 else f"{count} robots"
+    if scenario.spares:
+        robots += f", {len(scenario.spares)} more to join,"
     wishes.show.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
 
 

@@ -28,7 +28,7 @@ from fogwatch import (
 )
 from patrol.errors import BadInput
 from patrol.lifeline import heed
-from patrol.scenario import BUILTINS, open_scenario, parse_overrides
+from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
 
 INTERRUPTED = 130
 UNKNOWN = 3
@@ -55,6 +55,8 @@ app.add_typer(cli_paper.app, name="paper")
 app.add_typer(cli_experiment.app, name="experiment")
 
 EXIT_CODES = "Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 could not be judged, 130 interrupted."
+PAGE_SPARES = 2
+"""How many robots a page can add unless the scenario or the command line says so."""
 BODY = "Robots"
 RUN = "Run"
 
@@ -69,6 +71,10 @@ def run(
         ),
     ],
     robots: Annotated[int | None, typer.Option(metavar="N", help="How many robots.", rich_help_panel=BODY)] = None,
+    spare: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="How many more may join; 2 where there is a page.", rich_help_panel=BODY),
+    ] = None,
     model: Annotated[str | None, typer.Option(metavar="car|holonomic", help="Kind.", rich_help_panel=BODY)] = None,
     radius: Annotated[float | None, typer.Option(metavar="M", help="Body radius, m.", rich_help_panel=BODY)] = None,
     speed: Annotated[float | None, typer.Option(metavar="M/S", help="Top speed, m/s.", rich_help_panel=BODY)] = None,
@@ -118,6 +124,11 @@ def run(
         raise BadInput(f"--port {port}: no TCP port; give one from 1 to 65535")
     ending = heed(None, patience=0)
     scenario = open_scenario(what, {**given, **parse_overrides(settings or [])})
+    served = page and not quiet and not in_process
+    if spare is not None:
+        scenario = with_spares(scenario, spare)
+    elif served and isinstance(scenario.robots, RobotGroup) and scenario.robots.spare is None:
+        scenario = with_spares(scenario, min(PAGE_SPARES, MAX_ROBOTS - scenario.robots.count))
 
     from rich.console import Console
 
@@ -140,7 +151,7 @@ def run(
         urgent=lambda: ending.times > 1,
         recording=recording,
         report=report,
-        page=page and not quiet,
+        page=served,
         recovery=recovery,
     )
     try:

@@ -172,7 +172,7 @@ def _standing(metrics: Metrics) -> str:
     """How many robots are alive, and what has become of the others."""
     count = Counter(robot.status for robot in metrics.robots)
     others = [f"{count[status]} {status.name.lower()}" for status in Status if status != Status.ALIVE and count[status]]
-    alive = f"{count[Status.ALIVE]}/{len(metrics.robots)} robots"
+    alive = f"{count[Status.ALIVE]}/{len(metrics.robots) - count[Status.ABSENT]} robots"
     return f"{alive} ({', '.join(others)})" if others else alive
 
 

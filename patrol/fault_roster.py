@@ -20,12 +20,16 @@ def ticks_of(lasts: float, step: float) -> int:
     return max(1, math.floor(lasts / step + 0.5 + 1e-9))
 
 
-def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, ticks: int, seed: int) -> None:
+def check_faults(
+    faults: Sequence[AnyFault], names: Sequence[str], spares: frozenset[int], step: float, ticks: int, seed: int
+) -> None:
     """Raise for the first fault that the roster or the duration rules out.
 
     It names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or comes
-    after the last tick. names: in the order of the robots' numbers. step: s. seed: the scenario's, for who is drawn.
+    after the last tick. names: of the whole roster, in the order of the robots' numbers. spares: numbers of those that
+    are spare; sizes are of the others. step: s. seed: the scenario's, for who is drawn.
     """
+    fleet = len(names) - len(spares)
     for place, fault in enumerate(faults):
         where = f"faults.{place}"
         if tick_of(fault.at, step) >= ticks:
@@ -33,21 +37,21 @@ def check_faults(faults: Sequence[AnyFault], names: Sequence[str], step: float, 
             raise wrong(f"{where}.at", ends, fault.at)
         for name, field in type(fault).model_fields.items():
             if name in ("who", "sources", "targets", "victims"):
-                check_who(getattr(fault, name), names, f"{where}.{field.alias or name}")
+                check_who(getattr(fault, name), names, fleet, f"{where}.{field.alias or name}")
         if isinstance(fault, Partition):
-            _check_partition(fault, names, f"{where}.groups")
+            _check_partition(fault, names, fleet, f"{where}.groups")
         if isinstance(fault, Spoof) and fault.by != STRANGER:
-            _check_insider(fault, names, (seed, place, Target.AS))
+            _check_insider(fault, names, spares, (seed, place, Target.AS))
 
 
-def _check_partition(fault: Partition, names: Sequence[str], where: str) -> None:
+def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: str) -> None:
     if not isinstance(fault.groups, str):
         _check_groups(fault.groups, names, where)
-    elif len(names) == 1:
+    elif fleet == 1:
         raise wrong(where, "there is one robot, and nobody to cut it off from; leave the partition out")
 
 
-def _check_insider(fault: Spoof, names: Sequence[str], drawing: Drawing) -> None:
+def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], drawing: Drawing) -> None:
     """Who forges is a robot, and not in its own name alone. Robots that are made up are in nobody's name."""
     seed, place, _ = drawing
     where = f"faults.{place}"
@@ -55,7 +59,7 @@ def _check_insider(fault: Spoof, names: Sequence[str], drawing: Drawing) -> None
     if isinstance(fault.payload, Forgery) and fault.payload.invented is not None:
         return
     numbers = {name: number for number, name in enumerate(names, start=1)}
-    if meant(fault.victims, numbers, drawing) != (numbers[fault.by],):
+    if meant(fault.victims, numbers, spares, drawing) != (numbers[fault.by],):
         return
     drawn = len(names) > 1 and fault.victims not in (fault.by, (fault.by,))
     chance = f"with seed {seed} that is {fault.by} itself, which " if drawn else f"{fault.by} "

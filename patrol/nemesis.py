@@ -42,7 +42,7 @@ def unleash(scenario: Scenario) -> list[dict[str, Any]]:
     end, width = room_for(spec, step, scenario.ticks)
     seed = scenario.seed if spec.seed is None else spec.seed
     kinds = tuple(KINDS) if spec.kinds == "all" else spec.kinds
-    robots = _Robots([robot.name for robot in scenario.roster], _coming_and_going(scenario))
+    robots = _Robots([robot.name for robot in scenario.roster if not robot.spare], _coming_and_going(scenario))
     taken = {fault.id for fault in scenario.faults}
     found: list[dict[str, Any]] = []
     for slot in range(math.ceil(end / width)):

@@ -56,6 +56,7 @@ __all__ = [
     "parse_overrides",
     "scenario_hash",
     "scenario_schema",
+    "with_spares",
 ]
 
 Overrides = Mapping[str, object]
@@ -103,6 +104,13 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
     if "image" in raw and "terrain" not in raw:
         return load_scenario({"terrain": {"map": str(path)}}, overrides)
     return load_scenario(path, overrides)
+
+
+def with_spares(scenario: Scenario, spare: int) -> Scenario:
+    """The same with so many spare robots, which are not there until they join. BadInput where it lists its robots."""
+    if not isinstance(scenario.robots, RobotGroup):
+        raise BadInput(f"--spare {spare}: {scenario.name} lists its robots; mark those that are to join as spare: true")
+    return load_scenario(as_mapping(scenario), {"robots.spare": spare}, called="--spare")
 
 
 def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
@@ -244,7 +252,8 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
 def _robot_meaning(spec: RobotSpec) -> list[Any]:
     start = None if spec.start is None else [spec.start.x, spec.start.y, spec.start.heading]
     turning = spec.turning_radius if spec.model == "car" else None
-    return [spec.name, spec.model, spec.speed, spec.radius, turning, start]
+    meaning = [spec.name, spec.model, spec.speed, spec.radius, turning, start]
+    return [*meaning, "spare"] if spec.spare else meaning
 
 
 def _digest(meaning: Mapping[str, Any]) -> str:

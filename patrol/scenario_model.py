@@ -41,6 +41,7 @@ from patrol.scenario_values import (
     Sectors,
     Seed,
     Separation,
+    Spares,
     Start,
     Starts,
     Tolerance,
@@ -83,13 +84,26 @@ class RobotGroup(Body):
     """Robots that are all alike."""
 
     count: Count = Field(5, description="how many")
+    spare: Spares | None = Field(None, description="how many more there are that may join; null: none")
     starts: Starts = Field("random", description="random, or [x, y] or [x, y, heading] (m, rad) of the first robots")
 
     @model_validator(mode="after")
     def _no_more_starts_than_robots(self) -> Self:
-        if self.starts != "random" and len(self.starts) > self.count:
-            raise wrong("starts", f"{len(self.starts)} starts for {self.count} robots; raise count or drop some")
+        if self.starts != "random" and len(self.starts) > self.whole:
+            raise wrong("starts", f"{len(self.starts)} starts for {self.whole} robots; raise count or drop some")
         return self
+
+    @model_validator(mode="after")
+    def _no_more_than_there_may_be(self) -> Self:
+        if self.whole > MAX_ROBOTS:
+            most = MAX_ROBOTS - self.count
+            raise wrong("spare", f"there may be {MAX_ROBOTS} robots in all; give at most {most}", self.spare)
+        return self
+
+    @property
+    def whole(self) -> int:
+        """How many there are with the spare ones, which come last."""
+        return self.count + (self.spare or 0)
 
 
 class RobotEntry(Body):
@@ -97,6 +111,7 @@ class RobotEntry(Body):
 
     name: RobotName | None = Field(None, description="r1, r2, ... unless given")
     start: Start = Field("random", description="random, [x, y] or [x, y, heading] (m, rad; heading 0 unless given)")
+    spare: Flag | None = Field(None, description="true: not there until it joins")
 
 
 RobotList = Annotated[
@@ -222,7 +237,10 @@ class IntruderSpec(Section):
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """One robot of the roster. number: 1..N. speed: m/s. radius, turning_radius: m. start: None for a random one."""
+    """One robot of the roster. number: 1..N. speed: m/s. radius, turning_radius: m. start: None for a random one.
+
+    spare: it is not there until it joins.
+    """
 
     number: int
     name: str
@@ -231,6 +249,7 @@ class RobotSpec:
     radius: float
     turning_radius: float
     start: Pose | None
+    spare: bool = False
 
 
 class Scenario(Section):
@@ -258,6 +277,11 @@ class Scenario(Section):
     def roster(self) -> tuple[RobotSpec, ...]:
         """The robots in the order of their numbers, 1..N."""
         return tuple(_roster(self.robots))
+
+    @property
+    def spares(self) -> frozenset[int]:
+        """Numbers of the robots that are not there until they join."""
+        return frozenset(spec.number for spec in self.roster if spec.spare)
 
     @property
     def ticks(self) -> int:
@@ -293,7 +317,8 @@ class Scenario(Section):
             if (value := _at(self, field)) < self.point:
                 raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
         self._check_roster()
-        check_faults(self.faults, [spec.name for spec in self.roster], self.step, self.ticks, self.seed)
+        names = [spec.name for spec in self.roster]
+        check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
         if self.nemesis is not None:
             room_for(self.nemesis, self.step, self.ticks)
         return self
@@ -308,6 +333,8 @@ class Scenario(Section):
                 raise wrong(f"faults.{place}", limit)
 
     def _check_roster(self) -> None:
+        if all(spec.spare for spec in self.roster):
+            raise wrong("robots", "all of them are spare, so nobody patrols; take spare off one")
         names: dict[str, int] = {}
         for spec in self.roster:
             field = "robots" if isinstance(self.robots, RobotGroup) else f"robots.{spec.number - 1}"
@@ -321,17 +348,17 @@ class Scenario(Section):
 def _roster(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
     if isinstance(robots, RobotGroup):
         given = () if robots.starts == "random" else robots.starts
-        poses = [*map(_pose, given), *[None] * (robots.count - len(given))]
-        return [_spec(number, None, robots, pose) for number, pose in enumerate(poses, start=1)]
+        poses = [*map(_pose, given), *[None] * (robots.whole - len(given))]
+        return [_spec(number, None, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
     return [
-        _spec(number, entry.name, entry, None if entry.start == "random" else _pose(entry.start))
+        _spec(number, entry.name, entry, None if entry.start == "random" else _pose(entry.start), bool(entry.spare))
         for number, entry in enumerate(robots, start=1)
     ]
 
 
-def _spec(number: int, name: str | None, body: Body, start: Pose | None) -> RobotSpec:
+def _spec(number: int, name: str | None, body: Body, start: Pose | None, spare: bool) -> RobotSpec:
     name = name or f"r{number}"
-    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start)
+    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start, spare)
 
 
 def _pose(place: tuple[float, ...]) -> Pose:

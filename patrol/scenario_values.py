@@ -80,6 +80,7 @@ Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _bare("a number above 
 Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _bare("a number from 0 to below 1")]
 Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _bare("a whole number from 0 to 2^63 - 1")]
 Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _bare(f"a whole number from 1 to {MAX_ROBOTS}")]
+Spares = Annotated[int, Strict(), Field(ge=0, le=MAX_ROBOTS), _bare(f"a whole number from 0 to {MAX_ROBOTS}")]
 Ticks = Annotated[int, Strict(), Field(ge=1, le=10**9), _bare("a whole number from 1 to 1e9")]
 Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare("a whole number from 3 to 3600")]
 Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare(f"a whole number from 0 to {MAX_TRAIL}")]

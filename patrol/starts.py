@@ -45,6 +45,8 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
     Explicit starts are checked: the body on the terrain, clear of walls and of the other bodies. The others are drawn,
     headings too, from one part of the widest body's C-space, with two points to spare between bodies: the part that
     holds the first explicit start, or else the preferred one. A draw depends on the seed and the robot's number.
+    Spare robots are placed last, so that the others start where they would without spare ones that are no wider; one
+    for which there is no room left gets a drawn place all the same, for it waits until nobody stands there.
     Raises BadInput for an explicit start that does not fit and where no place is left.
     """
     placed: dict[int, tuple[Pose, float]] = {}
@@ -60,11 +62,12 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
         if first is None:
             _check_not_shut_in(terrain, widest, part)
         places = np.flatnonzero(part)
-        for spec in sorted(waiting, key=lambda spec: (-spec.radius, spec.number)):
+        for spec in sorted(waiting, key=lambda spec: (spec.spare, -spec.radius, spec.number)):
             pose = _place(terrain, spec, seed, places, list(placed.values()))
             if pose is None:
+                fleet = sum(not one.spare for one in roster)
                 raise BadInput(
-                    f"robots: {len(roster)} robots do not fit on {terrain.name}: no place is left for a body of radius "
+                    f"robots: {fleet} robots do not fit on {terrain.name}: no place is left for a body of radius "
                     f"{spec.radius:g} m after {len(placed)}; use fewer or smaller robots"
                 )
             placed[spec.number] = (pose, spec.radius)
@@ -181,7 +184,9 @@ def _place(
         left &= np.hypot(xs - other.x, ys - other.y) >= spaced - TOLERANCE
     open_places = np.flatnonzero(left)
     if open_places.size == 0:
-        return None
+        if not spec.spare:
+            return None
+        open_places = np.arange(places.size)
     chosen = open_places[int(draw(seed, Purpose.START, spec.number, DRAWS + 1) * open_places.size)]
     return Pose(float(xs[chosen]), float(ys[chosen]), heading)
 

@@ -1,7 +1,8 @@
 """Whom a fault befalls: robots by name, or so many of them, drawn.
 
 Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
-the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in a run.
+the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in a run. Spare robots
+are among all and in no draw, so that a fault means the same robots with them and without.
 """
 
 from __future__ import annotations
@@ -59,15 +60,18 @@ Who = Annotated[
 ]
 
 
-def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], where: str) -> None:
-    """Raise when a target, found at the field `where`, cannot be among the robots of these names, or is nobody."""
+def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], fleet: int, where: str) -> None:
+    """Raise when a target, found at the field `where`, cannot be among the robots of these names, or is nobody.
+
+    fleet: how many of them are not spare.
+    """
     if isinstance(who, Some):
-        if who.count is not None and who.count > len(names):
-            raise wrong(f"{where}.count", f"there are {len(names)} robots; give at most that", who.count)
+        if who.count is not None and who.count > fleet:
+            raise wrong(f"{where}.count", f"there are {fleet} robots; give at most that", who.count)
     elif isinstance(who, str):
         if who not in WORDS:
             check_name(who, names, where)
-        elif who == "minority" and len(names) == 1:
+        elif who == "minority" and fleet == 1:
             raise wrong(where, "there is one robot, and a minority of one is nobody; write one or all")
     else:
         for index, name in enumerate(who):
@@ -84,13 +88,18 @@ def check_name(name: str, names: Sequence[str], where: str) -> None:
         raise wrong(where, f"there is no robot {name}; {f'did you mean {near[0]}?' if near else f'robots are {some}'}")
 
 
-def meant(who: str | tuple[str, ...] | Some, numbers: Mapping[str, int], drawing: Drawing) -> tuple[int, ...]:
+def meant(
+    who: str | tuple[str, ...] | Some, numbers: Mapping[str, int], spares: frozenset[int], drawing: Drawing
+) -> tuple[int, ...]:
     """The robots that a target means, ascending. numbers: of all robots by name, which `check_who` has seen."""
     if isinstance(who, tuple):
         return tuple(sorted(numbers[name] for name in who))
     if isinstance(who, str) and who not in WORDS:
         return (numbers[who],)
-    return tuple(sorted(in_drawn_order(numbers.values(), drawing)[: size_of(who, len(numbers))]))
+    if who == "all":
+        return tuple(sorted(numbers.values()))
+    fleet = [number for number in numbers.values() if number not in spares]
+    return tuple(sorted(in_drawn_order(fleet, drawing)[: size_of(who, len(fleet))]))
 
 
 def in_drawn_order(numbers: Iterable[int], drawing: Drawing) -> list[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -77,9 +78,10 @@ class Complete:
 class TraceAgrees:
     """The trace hash recomputed from the ticks is the recorded one."""
 
-    def __init__(self, journal: RunRecord) -> None:
+    def __init__(self, journal: RunRecord, spares: Collection[int]) -> None:
+        """spares: numbers of the scenario's spare robots."""
         self._journal = journal
-        self._trace = TraceHash()
+        self._trace = TraceHash(spares)
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""

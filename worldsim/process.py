@@ -201,7 +201,7 @@ def _record(
         feed = _feed(world, journal, header, link, keys, lambda: _manner(world, operator))
         if operator is not None:
             operator.rest = feed.rest
-        recorder = Recorder(feed)
+        recorder = Recorder(feed, scenario.spares)
         on_tick, on_event = _sinks(world, link, keys, recorder, table, feed.between)
         reason = INTERRUPTED
         began = time.monotonic()

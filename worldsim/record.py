@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -40,7 +40,7 @@ def header_of(world: World, started: str | None = None) -> Header:
         robots=tuple(RobotFacts(spec.number, spec.name, spec.model, spec.radius) for spec in scenario.roster),
         terrain=TerrainFacts(terrain.name, terrain.width, terrain.height, terrain.point, terrain.origin),
         patrolled_area_m2=area,
-        bound_s=lower_bound(area, scenario.roster, scenario.sensor.range),
+        bound_s=lower_bound(area, [spec for spec in scenario.roster if not spec.spare], scenario.sensor.range),
         started=started,
     )
 
@@ -116,9 +116,10 @@ class MemoryJournal:
 class Recorder:
     """Writes a run's records in their order and keeps the trace hash."""
 
-    def __init__(self, writer: Writer) -> None:
+    def __init__(self, writer: Writer, spares: Collection[int] = ()) -> None:
+        """spares: numbers of the scenario's spare robots."""
         self._writer = writer
-        self._trace = TraceHash()
+        self._trace = TraceHash(spares)
 
     def tick(self, record: TickRecord) -> None:
         """A tick is over."""

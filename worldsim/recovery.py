@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from patrol.footprint import sensor_footprint
 from patrol.pose import Pose
-from patrol.records import Status, TickRecord
+from patrol.records import RobotTick, Status, TickRecord
 from worldsim.checks import Check
 from worldsim.timeline import FAULT_EVENT, Timeline
 from worldsim.truth import Truth
@@ -34,6 +34,7 @@ class Recovers:
         self._prepared = prepared
         self._step = scenario.step
         self._names = {spec.number: spec.name for spec in scenario.roster}
+        self._spares = scenario.spares
         self._healed = Timeline(scenario).healed
         self._baseline_s = baseline_s
         self._missing = ""
@@ -47,7 +48,7 @@ class Recovers:
         if self._healed is None or record.k < self._healed or self._seen_at is not None or self._missing:
             return
         if self._truth is None:
-            gone = [row for row in record.robots if row.status is not Status.ALIVE]
+            gone = [row for row in record.robots if row.status is not Status.ALIVE and not self._stays_away(row)]
             if gone:
                 self._missing = f"{self._names.get(gone[0].number, gone[0].number)} is {gone[0].status.name.lower()}"
                 return
@@ -57,6 +58,10 @@ class Recovers:
         self._truth.observe(record.k, poses)
         if self._truth.fog.seen == self._truth.fog.points:
             self._seen_at = record.k
+
+    def _stays_away(self, row: RobotTick) -> bool:
+        """Whether a robot is spare and nobody has called it."""
+        return row.status is Status.ABSENT and row.number in self._spares
 
     def check(self) -> Check:
         """The result, once all ticks are in."""

@@ -83,9 +83,10 @@ class Timeline:
         self._seed = scenario.seed
         self._names = {spec.name: spec.number for spec in scenario.roster}
         self._of_number = {number: name for name, number in self._names.items()}
+        self._spares = scenario.spares
         asked = [*((0, fault) for fault in scenario.faults), *extra]
         self.entries = tuple(self._entry(index, k, fault) for index, (k, fault) in enumerate(asked))
-        self.starts_absent = _absent_at_first(self.entries[: len(scenario.faults)])
+        self.starts_absent = _absent_at_first(self.entries[: len(scenario.faults)]) | self._spares
         self.needs_hands = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
         self._acts = self._all_acts()
         self._changes, self._active = self._all_active()
@@ -165,13 +166,14 @@ class Timeline:
 
     def _resolve(self, who: str | tuple[str, ...] | Some, index: int, field: Target) -> tuple[int, ...]:
         """The robots that a target means, ascending."""
-        return meant(who, self._names, (self._seed, index, field))
+        return meant(who, self._names, self._spares, (self._seed, index, field))
 
     def _grouped(self, fault: Partition, index: int) -> tuple[tuple[int, ...], ...]:
         if isinstance(fault.groups, str):
-            drawn = in_drawn_order(self._names.values(), (self._seed, index, Target.GROUPS))
+            fleet = (number for number in self._names.values() if number not in self._spares)
+            drawn = in_drawn_order(fleet, (self._seed, index, Target.GROUPS))
             first = 1 if fault.groups == "one" else len(drawn) // 2
-            groups = [drawn[:first], drawn[first:]]
+            groups = [drawn[:first], [*drawn[first:], *self._spares]]
         else:
             groups = [[self._names[name] for name in group] for group in fault.groups]
             named = {number for group in groups for number in group}

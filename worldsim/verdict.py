@@ -89,7 +89,7 @@ class Judge:
         carried = prepared.scenario.radio.via == "ether"
         self._always: list[Tally] = [
             Complete(journal),
-            TraceAgrees(journal),
+            TraceAgrees(journal, prepared.scenario.spares),
             NobodyLost(journal),
             ExitCodes(journal, exit_codes, timeline),
             DownAreSilent(journal),

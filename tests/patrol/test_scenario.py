@@ -22,6 +22,7 @@ from patrol.scenario import (
     parse_overrides,
     scenario_hash,
     scenario_schema,
+    with_spares,
 )
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
@@ -105,6 +106,41 @@ def test_a_list_makes_a_roster() -> None:
         ("r3", 1.0, "car"),
     ]
     assert [spec.start for spec in roster] == [Pose(5, 6, 0), None, None]
+
+
+def test_spare_robots_come_last_and_change_nothing_that_is_there_without_them() -> None:
+    plain = load_scenario({**YARDS, "robots": {"count": 3}})
+    spared = with_spares(plain, 2)
+    assert [spec.name for spec in spared.roster] == ["r1", "r2", "r3", "r4", "r5"]
+    assert spared.spares == {4, 5}
+    assert spared.roster[:3] == plain.roster
+    assert "spare" not in as_mapping(plain)["robots"]
+    assert load_scenario(as_mapping(spared)) == spared
+    assert scenario_hash(with_spares(plain, 0)) == scenario_hash(plain) != scenario_hash(spared)
+    listed = load_scenario({**YARDS, "robots": [{}, {"name": "extra", "spare": True}]})
+    assert listed.spares == {2}
+    with pytest.raises(BadInput, match=r"^--spare 1: scenario lists its robots; mark those that are to join as spare"):
+        with_spares(load_scenario({**YARDS, "name": "scenario", "robots": [{}]}), 1)
+
+
+@pytest.mark.parametrize(
+    ("robots", "problem"),
+    [
+        ({"count": 64_999, "spare": 2}, "there may be 65000 robots in all; give at most 1"),
+        ([{"spare": True}], "all of them are spare, so nobody patrols; take spare off one"),
+        ({"spare": -1}, "expected a whole number from 0 to 65000"),
+        ({"count": 1, "spare": 1, "starts": [[1, 1], [2, 2], [3, 3]]}, "3 starts for 2 robots"),
+    ],
+)
+def test_spare_robots_that_cannot_be(robots: Any, problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        load_scenario({**YARDS, "robots": robots})
+
+
+def test_sizes_are_of_the_robots_that_are_not_spare() -> None:
+    fault = {"kind": "kill", "at": 1, "who": {"count": 3}}
+    with pytest.raises(BadInput, match="there are 2 robots; give at most that"):
+        load_scenario({**YARDS, "robots": {"count": 2, "spare": 2}, "faults": [fault]})
 
 
 def test_paths_are_relative_to_the_file_and_absolute_once_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -65,6 +66,19 @@ def test_a_crowd_fills_the_last_gap_and_one_more_is_refused() -> None:
         assert abs(fitting[0].x - fitting[1].x) >= 4.0
     with pytest.raises(BadInput, match=r"3 robots do not fit on lane: no place is left .* after 2"):
         place_starts(terrain, robots(1.0, 1.0, 1.0), 1)
+
+
+def test_spare_robots_move_nobody_and_may_have_to_wait_for_their_place() -> None:
+    terrain = Terrain("field", building(), 0.1, (-5.0, 3.0))
+    fleet = robots(0.2, 0.3)
+    for radius in (0.1, 0.3):
+        spare = replace(robots(0.2, 0.3, radius)[2], spare=True)
+        assert place_starts(terrain, [*fleet, spare], 3)[:2] == place_starts(terrain, fleet, 3)
+    room = Terrain("closet", np.ones((6, 6), dtype=np.bool_), 0.1, (0.0, 0.0))
+    one, other = robots(0.2, 0.2)
+    with pytest.raises(BadInput, match=r"^robots: 2 robots do not fit"):
+        place_starts(room, [one, other], 3)
+    assert len(place_starts(room, [one, replace(other, spare=True)], 3)) == 2
 
 
 def test_robots_start_inside_a_building_and_not_around_it() -> None:

@@ -66,3 +66,12 @@ def test_diagnostics_and_the_order_of_delivery_do_not_matter(other: TickRecord) 
 )
 def test_whatever_happened_matters(other: TickRecord) -> None:
     assert trace_hash([other]) != trace_hash([TICK])
+
+
+def test_a_spare_robot_is_no_robot_of_a_tick_before_it_has_joined() -> None:
+    waiting = replace(GONE, number=3, status=Status.ABSENT)
+    with_it = replace(TICK, robots=(CAR, GONE, waiting))
+    assert trace_hash([with_it], {3}) == trace_hash([TICK])
+    assert trace_hash([with_it]) != trace_hash([TICK])
+    joined = replace(TICK, robots=(CAR, GONE, replace(waiting, status=Status.LEFT)))
+    assert trace_hash([joined], {3}) == trace_hash([joined])

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.scenario import Scenario, load_scenario
+from patrol.scenario import RobotGroup, Scenario, load_scenario
 from patrol.targets import size_of
 from worldsim.timeline import Act, Timeline
 
+SPARED = RobotGroup(count=5, spare=2)
 OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}, "duration": 100, "step": 0.5}
 
 
@@ -175,6 +176,21 @@ def test_who_joins_is_absent_from_the_beginning() -> None:
     line = timeline({"kind": "join", "who": ["r4", "r5"], "at": 20}, {"kind": "leave", "who": "r1"})
     assert line.starts_absent == {4, 5}
     assert line.acts(40) == (Act("join", 4, "f1"), Act("join", 5, "f1"))
+
+
+def test_a_fault_means_the_same_robots_with_spare_ones_and_without() -> None:
+    faults: list[dict[str, Any]] = [
+        {"kind": "kill", "at": 1, "who": "half"},
+        {"kind": "drift", "who": {"fraction": 0.4}},
+        {"kind": "partition", "groups": "halves"},
+        {"kind": "loss", "rate": 0.5},
+    ]
+    plain = timeline(*faults).entries
+    spared = Timeline(scenario(*faults).model_copy(update={"robots": SPARED}))
+    assert spared.starts_absent == {6, 7}
+    assert [entry.who for entry in spared.entries[:2]] == [entry.who for entry in plain[:2]]
+    assert spared.entries[2].groups == (plain[2].groups[0], (*plain[2].groups[1], 6, 7))
+    assert spared.entries[3].sources == spared.entries[3].targets == (1, 2, 3, 4, 5, 6, 7)
 
 
 def test_who_leaves_before_it_joins_was_there() -> None:
