@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from monitor.follow import HEARD, Follower
 from monitor.observer import as_sent
 from monitor.source import Answer, Layer, Links, RobotShape, RobotState, Series, State, Static
-from patrol.controls import CONTROLS, OPERATOR, amended, read_control, told
+from patrol.controls import CONTROLS, OPERATOR, amended, in_force, read_control, told
 from patrol.errors import BadInput
 from patrol.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.fog import Fog
@@ -91,6 +91,7 @@ class LiveSource:
         self._header = header
         self._ground = so_far.ground
         self._scenario: Scenario = load_scenario(header.scenario)
+        self._planned = len(self._scenario.faults)
         facts = header.terrain
         self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
         self._footprint = sensor_footprint(self._scenario, self._terrain)
@@ -330,7 +331,7 @@ class LiveSource:
 
     def _state(self) -> State:
         last = self._last
-        k = 0 if last is None else last.k
+        k, coming = (0, 0) if last is None else (last.k, last.k + 1)
         return State(
             k=k,
             time_s=k * self._step,
@@ -343,6 +344,7 @@ class LiveSource:
             links=self._links,
             ended=self._ended,
             intruders=tuple(one.place for one in self._scenario.intruders if one.is_there(k * self._step)),
+            faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
         )
 

@@ -106,8 +106,9 @@ class State:
     running: ticks go on by themselves. pace: the factor of real time that is asked for, negative where a replay goes
     backwards, None for as fast as it goes. ticks_per_s: by the wall clock, lately. robots: in roster order. mfow_s,
     fog_mean_s: of the first layer; None where nothing is known. links: None where nobody tells. ended: why no more
-    ticks will come, None while some may. intruders: (x, y), m, those that are there. note: what is wrong now, such as
-    that nothing has been heard for some time.
+    ticks will come, None while some may. intruders: (x, y), m, those that are there. faults: those that operators have
+    asked for and that are in force, as entries of a scenario's faults. note: what is wrong now, such as that nothing
+    has been heard for some time.
     """
 
     k: int
@@ -121,6 +122,7 @@ class State:
     links: Links | None = None
     ended: str | None = None
     intruders: tuple[tuple[float, float], ...] = ()
+    faults: tuple[Mapping[str, Any], ...] = ()
     note: str = ""
 
 

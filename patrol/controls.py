@@ -26,7 +26,7 @@ from pydantic import Discriminator, Field, TypeAdapter, ValidationError
 
 from patrol.errors import BadInput
 from patrol.fault_roster import tick_of, ticks_of
-from patrol.faults import Lasting
+from patrol.faults import PROCESS_KINDS, Lasting
 from patrol.records import Event
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario_errors import did_you_mean, show
@@ -163,6 +163,21 @@ def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
     return scenario
 
 
+def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
+    """The lasting faults of radio and senses that are active in tick k, as entries of a scenario's faults.
+
+    first: the place of the first that is looked at; operators' faults come behind the scenario's own.
+    """
+    return tuple(
+        fault.model_dump(mode="json", exclude_none=True)
+        for fault in scenario.faults[first:]
+        if isinstance(fault, Lasting)
+        and fault.kind not in PROCESS_KINDS
+        and tick_of(fault.at, scenario.step) <= k
+        and not _has_ended(fault, scenario.step, k)
+    )
+
+
 def prepared_as_operated(prepared: Prepared, events: Iterable[Event]) -> Prepared:
     """The same of a prepared scenario: operators change neither terrain nor robots."""
     scenario = operated(prepared.scenario, events)
@@ -237,9 +252,11 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
 def _is_over(scenario: Scenario, k: int, name: str) -> bool:
     """Whether a lasting fault has ended before tick k or does so anyway."""
     _, fault = _find(scenario, name)
-    if not isinstance(fault, Lasting) or fault.lasts is None:
-        return False
-    return tick_of(fault.at, scenario.step) + ticks_of(fault.lasts, scenario.step) <= k
+    return isinstance(fault, Lasting) and _has_ended(fault, scenario.step, k)
+
+
+def _has_ended(fault: Lasting, step: float, k: int) -> bool:
+    return fault.lasts is not None and tick_of(fault.at, step) + ticks_of(fault.lasts, step) <= k
 
 
 def _find(scenario: Scenario, name: str) -> tuple[int, Any]:

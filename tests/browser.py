@@ -51,7 +51,7 @@ class Look:
         self.page.on("websocket", lambda socket: self._asked.append(socket.url))
         self.page.on("console", lambda message: self._complaints.append(message.text))
         self.page.on("pageerror", lambda error: self._complaints.append(str(error)))
-        self.page.goto(address, wait_until="commit")
+        self.page.goto(address, wait_until="domcontentloaded")
 
     def __enter__(self) -> Look:
         return self

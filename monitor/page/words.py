@@ -67,6 +67,7 @@ def state_words(state: State) -> str:
             "ended": state.ended,
             "note": state.note,
             "intruders": [list(place) for place in state.intruders],
+            "faults": [dict(fault) for fault in state.faults],
             "robots": [
                 [
                     int(robot.status),

@@ -53,6 +53,69 @@ def share(look: Look) -> float:
     return float(told.partition("(")[2].partition(" %")[0]) / 100.0
 
 
+def adds_robots(look: Look, run: Run) -> None:
+    """The button brings in the spare robots one by one, each a process that drives, and then says that that is all."""
+    look.page.click("#tab-faults")
+    for place, name in ((3, "r4"), (4, "r5")):
+        row = f"document.querySelectorAll('#rows tr')[{place}].textContent"
+        assert "absent" in look.evaluate(row)
+        assert name not in run.children()
+        look.page.click("#join")
+        look.until(f"{row}.includes('patrolling')")
+        assert name in run.children()
+    look.page.click("#join")
+    look.until("document.getElementById('answer').textContent.includes('--spare')")
+
+
+def keeps_what_is_in_force(look: Look) -> None:
+    """After a reload the controls show the faults that are still active, and can end them."""
+    set_loss = """() => { const loss = document.getElementById('loss'); loss.value = 35;
+        loss.dispatchEvent(new Event('input', {bubbles: true})); }"""
+    pressed = "document.getElementById('silence').getAttribute('aria-pressed') === '%s'"
+    loss = "document.getElementById('lossvalue').textContent === '%s %%'"
+    look.page.select_option("#who", "2")
+    look.page.click("#silence")
+    look.evaluate(set_loss)
+    look.until("document.getElementById('answer').textContent.includes('loss')")
+    look.page.reload()
+    look.until("document.body.dataset.frames > 0")
+    look.page.click("#tab-faults")
+    look.page.select_option("#who", "2")
+    look.until(pressed % "true")
+    look.until(loss % 35)
+    look.page.select_option("#who", "0")
+    look.until(pressed % "false")
+    look.page.select_option("#who", "2")
+    look.page.click("#silence")
+    look.until(pressed % "false")
+    look.evaluate(set_loss.replace("35", "0"))
+    look.page.wait_for_timeout(500)
+    look.page.reload()
+    look.until("document.body.dataset.frames > 0")
+    look.until(loss % 0)
+    look.page.click("#tab-faults")
+    look.page.select_option("#who", "2")
+    look.until(pressed % "false")
+
+
+def places_an_intruder_by_keys(look: Look) -> None:
+    """The cross begins in the middle and goes where the arrows send it; Enter places."""
+    said = "document.getElementById('answer').textContent"
+    look.press("i")
+    look.until("document.activeElement.id === 'canvas'")
+    tip = "document.getElementById('tip').textContent"
+    look.until(f"{tip} !== ''")
+    x0, y0 = (float(part) for part in look.evaluate(tip).partition(" m")[0].split(","))
+    for key in ("ArrowRight", "ArrowRight", "Shift+ArrowUp"):
+        look.press(key)
+    look.press("Enter")
+    look.until(f"{said}.includes('intruder at')")
+    x, y = (float(part) for part in look.evaluate(said).partition("(")[2].partition(")")[0].split(","))
+    # 12 pixels to the right and 60 up; the tip rounds to 0.1 m.
+    assert x > x0 + 0.5
+    assert abs((y - y0) - 5.0 * (x - x0)) < 0.5
+
+
 @pytest.mark.timeout(900)
 def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, start: Callable[..., Run]) -> None:
     run = start(FLEET, "--page", "--no-report", "--no-recording")
@@ -71,7 +134,7 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
 
         look.page.click("#intruder")
         look.page.click("#canvas", position={"x": 455, "y": 300})
-        look.until("document.getElementById('answer').textContent.includes('intruder')")
+        look.until("document.getElementById('answer').textContent.includes('intruder at')")
 
         look.page.click("#tab-links")
         look.until("document.querySelector('#matrix').height > 100")
@@ -89,6 +152,10 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
             look.page.wait_for_timeout(100)
         assert share(look) < 0.9
 
+        adds_robots(look, run)
+        keeps_what_is_in_force(look)
+        places_an_intruder_by_keys(look)
+
         look.page.click("#play")
         look.until("document.getElementById('mode').textContent === 'paused'")
         tick = look.evaluate("document.getElementById('clock').title")
@@ -102,7 +169,7 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
     last = list(journal.ticks)[-1]
     assert last.robots[1].status is Status.DEAD
     asked = [event.detail for event in journal.events if event.kind == "operator"]
-    for word in ("kill", "loss", "intruder", "pause", "step", "go"):
+    for word in ("kill", "join", "silence", "loss", "intruder", "pause", "step", "go"):
         assert any(word in detail for detail in asked), word
     assert run.summary()["verdict"]["valid"]
     assert (run.folder / "timeline.yaml").exists()

@@ -85,6 +85,31 @@ def test_any_time_any_fog_and_what_a_point_is(chromium: Any, page: ServedPage) -
             assert look.evaluate(f"!document.getElementById('{pane}').hidden")
 
 
+def legend(look: Look, fog: str) -> str:
+    look.page.select_option("#layer", fog)
+    return str(look.evaluate("document.getElementById('ticks').textContent"))
+
+
+def seek(look: Look, k: int) -> None:
+    look.evaluate(
+        f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
+            s.dispatchEvent(new Event('input')); }}"""
+    )
+    look.until(f"document.getElementById('clock').title === 'tick {k}'")
+
+
+def test_the_scale_does_not_depend_on_the_way_to_a_time(chromium: Any, page: ServedPage) -> None:
+    shown = []
+    for way in ([70, 3, 12, 0, 20], [20], [0, 5, 10, 15, 20]):
+        with Look(chromium, page.address) as look:
+            look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
+            for k in way:
+                seek(look, k)
+            shown.append([legend(look, fog) for fog in ("d3", "3", "0")])
+    assert shown[0] == shown[1] == shown[2]
+    assert [text.partition("≥")[2] for text in shown[0]] == [" 10 s", " 40 s", " 40 s"]
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 800)])
 def test_it_fits_in_light_and_in_the_dark(

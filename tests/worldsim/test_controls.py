@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from experiments.inprocess import InProcessFleet, mind_maker, run_in_process
-from patrol.controls import OPERATOR, Answer, prepared_as_operated, read_control
+from patrol.controls import OPERATOR, Answer, amended, in_force, prepared_as_operated, read_control
 from patrol.errors import BadInput
 from patrol.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
-from patrol.records import TickRecord
+from patrol.records import Status, TickRecord
 from patrol.scenario import load_scenario
 from worldsim.controls import Asked, Operator
 from worldsim.loop import run_ticks
@@ -90,7 +90,7 @@ def run(
     make = mind_maker(prepared)
     fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in world.living}, make)
     journal = MemoryJournal(header_of(world))
-    recorder = Recorder(journal)
+    recorder = Recorder(journal, world.scenario.spares)
     times: list[float] = []
 
     def on_tick(record: TickRecord) -> None:
@@ -207,3 +207,36 @@ def test_robots_that_nobody_here_started_are_not_killed() -> None:
     kill = {"do": "fault", "fault": {"kind": "kill", "who": "r1"}}
     _, desk, *_ = run(prepared, {1: [kill]}, handy=False, ticks=3)
     assert "were not started" in desk.answers[0][1].text
+
+
+def test_what_an_operator_has_asked_for_is_in_force_until_it_ends() -> None:
+    scenario = load_scenario(SMALL)
+    silence = {"do": "fault", "fault": {"kind": "silence", "id": "hush", "who": "r1"}}
+    for control in (silence, {"do": "fault", "fault": {"kind": "loss", "id": "fade", "rate": 0.4, "for": 2}}):
+        scenario, _ = amended(scenario, 6, read_control(control))
+    scenario, _ = amended(scenario, 6, read_control({"do": "fault", "fault": {"kind": "pause", "who": "r2"}}))
+
+    def ids(k: int) -> list[str]:
+        return [fault["id"] for fault in in_force(scenario, k, len(SMALL["faults"]))]
+
+    assert [ids(k) for k in (5, 6, 9, 10)] == [[], ["hush", "fade"], ["hush", "fade"], ["hush"]]
+    assert [fault["kind"] for fault in in_force(scenario, 10)] == ["loss", "silence"]
+    scenario, _ = amended(scenario, 12, read_control({"do": "heal", "id": "hush"}))
+    assert ids(11) == ["hush"]
+    assert ids(12) == []
+
+
+def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
+    faults = SMALL["faults"][:1]
+    prepared = prepare(load_scenario({**SMALL, "robots": {"count": 3, "spare": 2}, "faults": faults}))
+    unasked, *_ = run(prepared, {})
+    journal, desk, *_ = run(prepared, {5: [{"do": "fault", "fault": {"kind": "join", "who": "r5"}}]})
+    assert [answer.done for _, answer in desk.answers] == [True]
+    there = [row.status for row in journal.records[-1].robots]
+    assert there == [Status.ALIVE, Status.ALIVE, Status.ALIVE, Status.ABSENT, Status.ALIVE]
+    assert len({(row.x, row.y) for record in journal.records[6:] for row in record.robots[4:]}) > 5
+    again = run_in_process(prepared_as_operated(prepared, journal.events), threads=1)
+    assert again.verdict.valid, again.verdict.failed
+    assert again.journal.end == journal.end
+    without = run_in_process(prepare(load_scenario({**SMALL, "robots": {"count": 3}, "faults": faults})), threads=1)
+    assert without.journal.end == unasked.end

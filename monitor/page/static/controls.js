@@ -6,6 +6,7 @@ import { clock } from "./store.js";
 const PACES = [0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
 const FASTEST = "as fast as it goes";
 const SETTLED_MS = 250;
+const NEWS_MS = 3000;
 const ALIVE = 1, PAUSED = 2;
 const AWAY = [0, 5];
 
@@ -16,8 +17,8 @@ export class Controls {
     this.ask = ask;
     this.map = map;
     this.seeking = 0;
-    this.silenced = new Map();
-    this.loss = null;
+    this.expected = new Map();
+    this.called = new Map();
     this.lossTimer = 0;
     $("play").addEventListener("click", () => this.#turn());
     $("step").addEventListener("click", () => this.#do({ do: "step" }));
@@ -55,8 +56,8 @@ export class Controls {
       : "This page may only look. Open the address as it was printed, key included, to ask for something.";
     $("who").replaceChildren(...facts.robots.map((robot, place) => new Option(robot.name, String(place))));
     $("intruder").hidden = !can("intruder");
-    this.silenced.clear();
-    this.loss = null;
+    this.expected.clear();
+    this.called.clear();
   }
 
   /** A new state. */
@@ -82,9 +83,10 @@ export class Controls {
     $("pauseone").disabled = status !== ALIVE;
     $("resumeone").disabled = status !== PAUSED;
     $("restart").disabled = AWAY.includes(status);
-    $("silence").setAttribute("aria-pressed", String(this.silenced.has(this.#who())));
+    const inForce = this.#inForce();
+    $("silence").setAttribute("aria-pressed", String(inForce.some((fault) => silences(fault, this.#who()))));
+    if (!this.lossTimer) this.#showLoss(Math.max(0, ...inForce.filter(losesEverywhere).map((fault) => fault.rate)));
     $("silence").disabled = AWAY.includes(status);
-    $("join").disabled = !state.robots.some(([one]) => AWAY.includes(one));
   }
 
   /** A robot was chosen on the map or in the list. */
@@ -101,10 +103,12 @@ export class Controls {
 
   /** Aim at where an intruder is to stand, or do so no more. */
   aim(on) {
-    this.map.aiming = on;
+    this.map.aim(on);
     $("intruder").setAttribute("aria-pressed", String(on));
     $("canvas").classList.toggle("aim", on);
-    if (on) this.#say("click on the map where the intruder is to stand");
+    if (!on) return;
+    $("canvas").focus();
+    this.#say("click on the map where the intruder is to stand; or move the cross with the arrows, and Enter");
   }
 
   place(x, y) {
@@ -118,6 +122,7 @@ export class Controls {
     const paces = [...$("pace").options].map((option) => option.value);
     const at = paces.indexOf($("pace").value);
     if (key === " " && can("pause")) this.#turn();
+    else if (key === "i" && can("intruder")) this.aim(true);
     else if (key === "." && can("step")) this.#do({ do: "step" });
     else if ((key === "," || key === "/") && can("seek")) this.#pace(String((key === "," ? -1 : 1) * Math.abs(this.store.state.pace)));
     else if (key === "]" && can("pace")) this.#pace(paces[Math.min(at + 1, paces.length - 1)]);
@@ -142,15 +147,26 @@ export class Controls {
     return this.#do({ do: "fault", fault }, `${fault.kind} ${typeof fault.who === "string" ? fault.who : ""}: asked for`);
   }
 
-  async #silence() {
-    const who = this.#who(), before = this.silenced.get(who);
-    if (before) {
-      if (await this.#heal(before)) this.silenced.delete(who);
-    } else {
-      const id = `silence-${who}-${Date.now().toString(36)}`;
-      if (await this.#fault({ kind: "silence", id, who, direction: "both" })) this.silenced.set(who, id);
+  /** The operators' faults that are in force: as the state tells, but for what it cannot tell yet. */
+  #inForce() {
+    const told = this.store.state.faults, now = performance.now();
+    for (const [id, { fault, until }] of this.expected) {
+      if (now > until || told.some((one) => one.id === id) === (fault !== null)) this.expected.delete(id);
     }
+    const coming = [...this.expected.values()].map(({ fault }) => fault).filter(Boolean);
+    return [...told.filter((one) => !this.expected.has(one.id)), ...coming];
+  }
+
+  /** A fault was asked for, or one ended (null): the next states will say so. */
+  #expect(id, fault) {
+    this.expected.set(id, { fault, until: performance.now() + NEWS_MS });
     this.renew();
+  }
+
+  async #silence() {
+    const who = this.#who(), before = this.#inForce().filter((fault) => silences(fault, who));
+    if (before.length) for (const { id } of before) await this.#heal(id);
+    else await this.#lasting({ kind: "silence", id: `silence-${who}-${Date.now().toString(36)}`, who, direction: "both" });
   }
 
   #lossMoved() {
@@ -160,25 +176,37 @@ export class Controls {
   }
 
   async #setLoss(rate) {
-    if (this.loss) {
-      const before = this.loss;
-      this.loss = null;
-      await this.#heal(before);
-    }
-    if (rate > 0) {
-      const id = `loss-${Date.now().toString(36)}`;
-      if (await this.#fault({ kind: "loss", id, rate })) this.loss = id;
-    }
+    const mine = this.lossTimer;
+    for (const { id } of this.#inForce().filter(losesEverywhere)) await this.#heal(id);
+    if (rate > 0) await this.#lasting({ kind: "loss", id: `loss-${Date.now().toString(36)}`, rate });
+    if (mine === this.lossTimer) this.lossTimer = 0;
+    this.renew();
   }
 
-  #heal(id) {
-    return this.#do({ do: "heal", id }, "healed");
+  #showLoss(rate) {
+    const share = Math.round(100 * rate);
+    $("loss").value = String(share);
+    $("lossvalue").textContent = `${share} %`;
+  }
+
+  async #lasting(fault) {
+    if (await this.#fault(fault)) this.#expect(fault.id, fault);
+  }
+
+  async #heal(id) {
+    if (await this.#do({ do: "heal", id }, "healed")) this.#expect(id, null);
   }
 
   #join() {
-    const { facts, state } = this.store;
-    const place = state.robots.findIndex(([status]) => AWAY.includes(status));
-    if (place >= 0) this.#fault({ kind: "join", who: facts.robots[place].name });
+    const { facts, state } = this.store, now = performance.now();
+    const away = facts.robots.map((robot) => robot.name).filter((_, place) => AWAY.includes(state.robots[place][0]));
+    const who = away.find((name) => !(this.called.get(name) > now));
+    if (who) {
+      this.called.set(who, now + NEWS_MS);
+      this.#fault({ kind: "join", who });
+    } else {
+      this.#say(away.length ? `${away.join(", ")}: on the way` : "all robots are there; fogwatch run --spare N has more to add");
+    }
   }
 
   async #do(control, text = "") {
@@ -190,4 +218,14 @@ export class Controls {
   #say(text) {
     $("answer").textContent = text;
   }
+}
+
+/** Whether a fault keeps one robot, and it alone, from hearing and being heard. */
+function silences({ kind, who, direction }, robot) {
+  return kind === "silence" && direction === "both" && String(who) === robot;
+}
+
+/** Whether a fault loses frames on all links alike, as the slider does. */
+function losesEverywhere(fault) {
+  return fault.kind === "loss" && (fault.from ?? "all") === "all" && (fault.to ?? "all") === "all" && !fault.mean_burst;
 }

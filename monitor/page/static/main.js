@@ -32,7 +32,6 @@ let asked = 0;
 let drawing = false;
 let owed = false;
 let drawn = 0;
-let difference = null;
 
 connect();
 addEventListener("resize", redraw);
@@ -100,6 +99,9 @@ function changed(what, says) {
       redraw();
       break;
     case "series":
+      legend();
+      chart.renew();
+      break;
     case "bands":
       chart.renew();
       break;
@@ -153,7 +155,6 @@ function choose() {
   const numbers = value.startsWith(DIFFERENCE) ? [Number(value.slice(1)), 0] : [Number(value)];
   map.shown = { kind: value.startsWith(DIFFERENCE) ? "difference" : "ages", layers: numbers, oldest: map.shown.oldest };
   map.dirtyFog = true;
-  difference = null;
   send({ type: "show", layers: numbers });
   legend(true);
   redraw();
@@ -184,20 +185,13 @@ function say(text) {
 }
 
 let shownScale = "";
-/** The scale follows the largest age, in round steps, and does not flicker between two of them. */
+/** The scale ends, in round steps, at the run's largest MFoW; while it goes on, at the largest so far. */
 function legend(force = false) {
   const { facts, state } = store;
   if (!facts) return;
   const { kind } = map.shown;
-  let most;
-  if (kind === "difference") {
-    most = difference ??= roundUp(Math.max(Math.min((state?.mfow ?? 60) / 4, 60), 10));
-  } else {
-    const oldest = Math.max(state?.mfow ?? (state ? state.time : 0), 10);
-    const before = map.shown.seconds ?? 0;
-    most = oldest > before || oldest < before * 0.4 || force ? roundUp(oldest * (oldest > before ? 1.05 : 1)) : before;
-    map.shown.seconds = most;
-  }
+  const stalest = Math.max(store.stalest || (state?.time ?? 0), 10);
+  const most = roundUp(kind === "difference" ? Math.max(Math.min(stalest / 4, 60), 10) : stalest);
   map.shown.oldest = Math.max(1, Math.round(most / facts.step));
   if (!force && shownScale === `${kind} ${most}`) return;
   shownScale = `${kind} ${most}`;
@@ -266,7 +260,10 @@ function key(event) {
   if (target.matches?.("select, input, textarea") && !(event.key === "Escape")) return;
   const onButton = target.matches?.("button");
   const pans = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
-  if (event.key in pans && target === $("canvas")) map.pan(...pans[event.key]);
+  if (event.key in pans && target === $("canvas")) {
+    if (map.aiming) map.steer(...pans[event.key].map((by) => -by / (event.shiftKey ? 1 : 10)));
+    else map.pan(...pans[event.key]);
+  } else if (event.key === "Enter" && target === $("canvas") && map.aiming) map.clickHere();
   else if (event.key === "+" || event.key === "=") map.zoomAt(1.25);
   else if (event.key === "-") map.zoomAt(0.8);
   else if (event.key === "0") fit();

@@ -19,7 +19,7 @@ export class MapView {
     this.centre = null;
     this.shown = { kind: "ages", layers: [0], oldest: 100 };
     this.selected = -1;
-    this.aiming = false;
+    this.aiming = this.steered = false;
     this.dirtyFog = true;
     this.pointers = new Map();
     this.hovered = null;
@@ -89,6 +89,7 @@ export class MapView {
     context.drawImage(this.fog.canvas, left, top, width * point * this.scale, height * point * this.scale);
     this.#scaleBar();
     if (store.state) this.#robots();
+    if (this.aiming && this.hovered) this.#cross();
     this.#hover();
   }
 
@@ -256,6 +257,17 @@ export class MapView {
     line(c, x, y - size * 0.3, x, y + size * 0.15);
   }
 
+  #cross() {
+    const c = this.context, r = this.ratio, arm = 14 * r;
+    const [x, y] = this.hovered.map((value) => value * r);
+    for (const [colour, wide] of [["#ffffff", 5], ["#c1121f", 2]]) {
+      c.strokeStyle = colour;
+      c.lineWidth = wide * r;
+      line(c, x - arm, y, x + arm, y);
+      line(c, x, y - arm, x, y + arm);
+    }
+  }
+
   #scaleBar() {
     const c = this.context, r = this.ratio, most = (120 * r) / this.scale;
     const power = 10 ** Math.floor(Math.log10(most));
@@ -314,6 +326,30 @@ export class MapView {
     return best;
   }
 
+  /** Aim at a place for a click, from the middle on unless a pointer is there; or do so no more. */
+  aim(on) {
+    if (on) this.hovered ??= [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2];
+    else if (this.aiming && this.steered) this.hovered = null;
+    this.aiming = on;
+    this.steered = false;
+    this.told.redraw();
+  }
+
+  /** Move the aim by pixels of the page. */
+  steer(dx, dy) {
+    const [x, y] = this.hovered;
+    const within = (value, most) => Math.min(Math.max(value, 0), most - 1);
+    this.hovered = [within(x + dx, this.canvas.clientWidth), within(y + dy, this.canvas.clientHeight)];
+    this.steered = true;
+    this.told.redraw();
+  }
+
+  /** A click at the place that is aimed at. */
+  clickHere() {
+    this.steered = true;
+    this.told.click(...this.toWorld(...this.hovered.map((value) => value * this.ratio)));
+  }
+
   zoomAt(factor, px = this.canvas.width / 2, py = this.canvas.height / 2) {
     if (!this.store.facts) return;
     const before = this.toWorld(px, py);
@@ -349,7 +385,7 @@ export class MapView {
     });
     canvas.addEventListener("pointermove", (event) => {
       const here = at(event), before = this.pointers.get(event.pointerId);
-      this.hovered = event.pointerType === "touch" ? null : here;
+      this.hovered = event.pointerType === "touch" && !this.aiming ? null : here;
       if (before) {
         const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
         if (others.length) {
@@ -372,7 +408,7 @@ export class MapView {
     canvas.addEventListener("pointerup", up);
     canvas.addEventListener("pointercancel", up);
     canvas.addEventListener("pointerleave", () => {
-      this.hovered = null;
+      if (!this.aiming) this.hovered = null;
       this.told.redraw();
     });
   }

@@ -3,6 +3,8 @@
 import { SERIES, themed, AGES } from "./colours.js";
 import { seconds, standing } from "./store.js";
 
+const ABSENT = 0;
+
 export const $ = (id) => document.getElementById(id);
 
 export class Robots {
@@ -64,7 +66,7 @@ export class Links {
     const { canvas, store } = this;
     const links = store.links;
     if (!links || canvas.closest("[hidden]")) return;
-    const n = store.facts.robots.length, colours = themed();
+    const shown = this.#shown(), n = shown.length, colours = themed();
     const ratio = window.devicePixelRatio || 1, whole = canvas.clientWidth * ratio;
     const label = n <= 16 ? 30 * ratio : 0;
     const side = (whole - label) / n;
@@ -75,7 +77,7 @@ export class Links {
     const share = $("linkwhat").value === "share";
     for (let from = 0; from < n; from++) {
       for (let to = 0; to < n; to++) {
-        const value = from === to ? null : share ? this.#share(from, to) : this.#age(from, to);
+        const value = from === to ? null : share ? this.#share(shown[from], shown[to]) : this.#age(shown[from], shown[to]);
         const x = label + to * side, y = label + from * side, gap = Math.min(1.5 * ratio, side * 0.08);
         c.fillStyle = value === null ? colours.grid : css(share ? 1 - value : Math.min(value / 20, 1));
         if (from !== to || n > 16) c.fillRect(x + gap / 2, y + gap / 2, side - gap, side - gap);
@@ -85,12 +87,17 @@ export class Links {
         }
       }
       if (label) {
-        const name = store.facts.robots[from].name.slice(0, 4);
+        const name = store.facts.robots[shown[from]].name.slice(0, 4);
         this.#text(c, name, label / 2, label + (from + 0.5) * side, colours.muted, 11 * ratio);
         this.#text(c, name, label + (from + 0.5) * side, label / 2, colours.muted, 11 * ratio);
       }
     }
-    this.grid = { label, side, n, ratio };
+    this.grid = { label, side, shown, ratio };
+  }
+
+  /** Places of the robots that have been there. */
+  #shown() {
+    return this.store.facts.robots.map((_, place) => place).filter((place) => this.store.state?.robots[place]?.[0] !== ABSENT);
   }
 
   #share(from, to) {
@@ -105,12 +112,12 @@ export class Links {
 
   #hover(event) {
     if (!this.grid) return;
-    const { label, side, n, ratio } = this.grid;
+    const { label, side, shown, ratio } = this.grid;
     const box = this.canvas.getBoundingClientRect();
-    const to = Math.floor(((event.clientX - box.left) * ratio - label) / side);
-    const from = Math.floor(((event.clientY - box.top) * ratio - label) / side);
-    if (from < 0 || to < 0 || from >= n || to >= n || from === to) return;
-    const at = from * n + to, { sent, delivered } = this.store.links;
+    const to = shown[Math.floor(((event.clientX - box.left) * ratio - label) / side)];
+    const from = shown[Math.floor(((event.clientY - box.top) * ratio - label) / side)];
+    if (from === undefined || to === undefined || from === to) return;
+    const at = from * this.store.facts.robots.length + to, { sent, delivered } = this.store.links;
     const names = this.store.facts.robots.map((robot) => robot.name);
     const share = this.#share(from, to), age = this.#age(from, to);
     $("linktip").textContent = share === null ? `${names[from]} to ${names[to]}: nothing sent`

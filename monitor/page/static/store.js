@@ -18,6 +18,7 @@ export class Store {
     this.layers = new Map();
     this.trails = [];
     this.series = { k: [], mfow: [], mean: [] };
+    this.stalest = 0;
     this.events = [];
     this.bands = [];
     this.links = null;
@@ -35,11 +36,13 @@ export class Store {
       case "state":
         this.#trail(says);
         this.state = says;
+        this.stalest = Math.max(this.stalest, says.mfow ?? 0);
         break;
       case "series":
         this.series.k.push(...says.k);
         this.series.mfow.push(...says.mfow);
         this.series.mean.push(...says.mean);
+        this.stalest = says.mfow.reduce((most, value) => Math.max(most, value ?? 0), this.stalest);
         break;
       case "events":
         this.events.push(...says.events);
