@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -64,6 +64,7 @@ class Forger:
         self._seed = scenario.seed
         self._step = scenario.step
         self._robots = len(scenario.roster)
+        self._spares = scenario.spares
         self._bounds = terrain.bounds
         self._senses = senses
         self._key = key
@@ -86,19 +87,25 @@ class Forger:
     ) -> list[Forged]:
         """The frames forged in tick k; call for each tick in turn.
 
-        frames: what the robots send in this tick. poses: the true ones of all bodies.
+        frames: what the robots send in this tick. poses: the true ones of all bodies. Nobody forges in the name of a
+        spare robot that has not joined yet.
         """
         self._sent.append(frames)
+        unknown = {number for number in self._spares if statuses[number] is Status.ABSENT}
         forged: list[Forged] = []
         for entry in self.timeline.at(k):
             if not isinstance(entry.fault, Spoof):
                 continue
             origin = entry.sources[0]
             if origin == NOBODY or statuses[origin] is Status.ALIVE:
-                forged += (Forged(origin, entry.id, frame) for frame in self._frames(entry, entry.fault, k, poses))
+                forged += (
+                    Forged(origin, entry.id, frame) for frame in self._frames(entry, entry.fault, k, poses, unknown)
+                )
         return forged
 
-    def _frames(self, entry: Entry, fault: Spoof, k: int, poses: Mapping[int, Pose]) -> Iterator[bytes]:
+    def _frames(
+        self, entry: Entry, fault: Spoof, k: int, poses: Mapping[int, Pose], unknown: Collection[int]
+    ) -> Iterator[bytes]:
         payload = fault.payload
         if isinstance(payload, Forgery) and payload.invented is not None:
             last = min(self._robots + payload.invented, MAX_ROBOT)
@@ -106,6 +113,8 @@ class Forger:
                 yield self._sign(entry, Position.of(number, k, k * self._step, self._anywhere(entry, number, k)))
             return
         for victim in entry.who:
+            if victim in unknown:
+                continue
             if isinstance(payload, Forgery) and payload.replay is not None:
                 yield from self._repeated(self._age(entry), victim)
                 continue
