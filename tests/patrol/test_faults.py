@@ -232,7 +232,7 @@ def test_nor_does_who_is_drawn_to_be_its_own_victim(victims: object) -> None:
 
     (fault,) = load_scenario(spoof("stranger")).faults
     assert isinstance(fault, Spoof)
-    (number,) = meant(fault.victims, {"r1": 1, "r2": 2, "r3": 3}, (5, 0, Target.AS))
+    (number,) = meant(fault.victims, {"r1": 1, "r2": 2, "r3": 3}, frozenset(), (5, 0, Target.AS))
     victim = f"r{number}"
     with pytest.raises(BadInput) as caught:
         load_scenario(spoof(victim))
