@@ -40,7 +40,8 @@ class Run:
                     continue
             except OSError:
                 continue
-            if "-m" not in words or (f"{self.folder}/scenario.yaml" not in words and "fogwatch.router" not in words):
+            ours = any(word.startswith(f"{self.folder}/") for word in words)
+            if "-m" not in words or not (ours or "fogwatch.router" in words):
                 continue
             if "fogwatch.router" in words and self._parent(entry) != self.process.pid:
                 continue

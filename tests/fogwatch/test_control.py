@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
+from monitor.process import READY
 from patrol.access import FILE, read_access
 from patrol.controls import ASK, OPERATOR, Answer, read_answer, request
 from patrol.journal import Status, read_journal
@@ -65,6 +67,27 @@ def operate(start: Callable[..., Run]) -> Any:
     yield begin
     for one in operators:
         one.link.close()
+
+
+def test_a_page_that_dies_takes_nothing_with_it(operate: Callable[..., Operating], tmp_path: Path) -> None:
+    """It is killed while the fleet drives and it shows that; held before, for a page takes its time to come."""
+    scenario = {**COARSE, "duration": 300, "robots": 3 * [{}]}
+    at = operate(scenario, "--page")
+    log = at.run.folder / "logs" / "page.log"
+    at.run.until(lambda: log.exists() and READY in log.read_text(encoding="utf-8"))
+    held = at.step(8)
+    page = at.run.children()["monitor"]
+    assert at.ask(do="go").done
+    at.run.until(lambda: at.run.ticks() > held)
+    os.kill(page, signal.SIGKILL)
+    assert at.run.end() == 0, at.run.errors
+    assert "the page was killed by SIGKILL" in at.run.errors
+    assert not at.run.children()
+    summary = at.run.summary()
+    assert (summary["ended"], summary["ticks"]) == ("completed", 600)
+    assert summary["verdict"]["valid"], summary["verdict"]
+    assert summary["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
+    assert summary["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one").trace_hash
 
 
 def test_what_an_operator_does_is_replayed_to_the_same_trace(operate: Callable[..., Operating], tmp_path: Path) -> None:
