@@ -13,7 +13,7 @@ from agent.claims import share_table
 from agent.direction import sector_table
 from agent.force import ForceLaw
 from agent.ground import Ground
-from agent.kernels.force import gather, gather_from_posts
+from agent.kernels.force import gather
 from agent.paths.regions import Regions
 from agent.paths.straight import Straight
 from agent.paths.wave import Wave
@@ -159,11 +159,10 @@ class Field:
         grids = (paths.state, paths.length, paths.bend)
         place = (paths.start_row, paths.start_col, paths.row0, paths.col0)
         law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)
-        gather(*grids, first, last, span, *place, standing, *law, *forces)
         here = paths.row0 + paths.start_row
-        gather_from_posts(
-            self._posts.between(here - span, here + span), *grids, first, last, *place, beyond, *law, *forces
-        )
+        posts = self._posts.between(here - span, here + span)
+        for points, seen in ((None, standing), (posts, beyond)):
+            gather(points, *grids, first, last, span, *place, seen, *law, *forces)
 
 
 def _window(paths: str, sizes: tuple[int, int, int], scratch: dict[str, Window], regions: RegionSplit | None) -> Window:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.footprint import View
-from patrol.kernels.fog import observe, observe_in_part
+from patrol.kernels.fog import observe
 
 NEVER = -1
 """``last_seen`` of a point that nobody has seen yet; its age counts from tick 0."""
@@ -54,22 +54,8 @@ class Fog:
             grown = np.zeros(2 * (tick + 2), dtype=np.int64)
             grown[: self._histogram.size] = self._histogram
             self._histogram = grown
-        if view.quality is None:
-            self._sum += observe(
-                self.last_seen, self.patrolled, self._histogram, view.mask, view.row0, view.col0, tick, self._box
-            )
-        else:
-            self._sum += observe_in_part(
-                self.last_seen,
-                self.patrolled,
-                self._histogram,
-                view.mask,
-                view.quality,
-                view.row0,
-                view.col0,
-                tick,
-                self._box,
-            )
+        state = (self.last_seen, self.patrolled, self._histogram)
+        self._sum += observe(*state, view.mask, view.quality, view.row0, view.col0, tick, self._box)
         first_row, last_row, first_col, last_col = (int(edge) for edge in self._box)
         return (first_row, last_row, first_col, last_col) if first_row <= last_row else None
 

@@ -25,22 +25,29 @@ boolean = types.boolean
 
 # fmt: off
 @njit(
-    types.void(
-        STATE, GRID, GRID, int64, int64, int64, int64, int64, int64, int64,
-        GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
-    ),
+    [
+        types.void(
+            posts, STATE, GRID, GRID, int64, int64, int64, int64, int64, int64, int64,
+            GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
+        )
+        for posts in (types.none, ROWS)
+    ],
     cache=True,
     nogil=True,
 )
 def gather(
-    state, length, bend, first, last, span, start_row, start_col, row0, col0,
+    posts, state, length, bend, first, last, span, start_row, start_col, row0, col0,
     seen, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
 ):
-    """Add to ``sums`` the forces of the settled points whose path is longer than ``first`` and at most ``last``.
+    """Add to ``sums`` the forces of points the way to which is longer than ``first`` and at most ``last``.
 
+    posts: None for the points that a body can stand on, at most ``span`` rows and columns from the robot. Or patrolled
+    points on which no body fits: such a point pulls from its post, the nearest reachable point that sees it, for going
+    there is all it takes. int32 (n, 4), row and column of each point and of its post, as in `agent.posts.Posts`; those
+    that can be near.
     state, length, bend: the wave's grids over its window, whose element (0, 0) lies over the terrain's point
-    (row0, col0); the robot's own point (start_row, start_col) in it exerts no force. Lengths in hundredths of a point;
-    only points within ``span`` rows and columns of the robot are looked at.
+    (row0, col0); what is not settled, and the robot's own point (start_row, start_col) in it, exert no force. Lengths
+    in hundredths of a point.
     seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above ``tick``
     means that nothing there has an age.
     pull: float64, f by age in ticks. decay: float64, g by length in hundredths of a point.
@@ -53,14 +60,25 @@ def gather(
     """
     rows, cols = state.shape
     middle = sector.shape[0] // 2
-    for row in range(max(0, start_row - span), min(rows, start_row + span + 1)):
-        for col in range(max(0, start_col - span), min(cols, start_col + span + 1)):
+    if posts is None:
+        top, bottom = max(0, start_row - span), min(rows, start_row + span + 1)
+        left, right = max(0, start_col - span), min(cols, start_col + span + 1)
+    else:
+        top, bottom, left, right = 0, posts.shape[0], 0, 1
+    for i in range(top, bottom):
+        for j in range(left, right):
+            if posts is None:
+                row, col, seen_row, seen_col = i, j, row0 + i, col0 + j
+            else:
+                row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
+                if row < 0 or row >= rows or col < 0 or col >= cols:
+                    continue
             if state[row, col] & 3 != 3:
                 continue
             far = length[row, col]
             if far <= first or far > last:
                 continue
-            when = seen[row0 + row, col0 + col]
+            when = seen[seen_row, seen_col]
             if when > tick:
                 continue
             force = pull[tick - max(when, 0)] * decay[far]
@@ -82,56 +100,6 @@ def gather(
             if force > strongest[0] and when < tick:
                 strongest[0] = force
                 source[0] = row * cols + col
-
-
-@njit(
-    types.void(
-        ROWS, STATE, GRID, GRID, int64, int64, int64, int64, int64, int64,
-        GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
-    ),
-    cache=True,
-    nogil=True,
-)
-def gather_from_posts(
-    posts, state, length, bend, first, last, start_row, start_col, row0, col0,
-    seen, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
-):
-    """Add to ``sums`` the forces of patrolled points on which no body fits.
-
-    Such a point pulls from its post, the nearest reachable point that sees it: going there is all it takes.
-
-    posts: int32 (n, 4), row and column of each point and of its post, as in `agent.posts.Posts`; those that can be
-    near. The rest as in `gather`.
-    """
-    rows, cols = state.shape
-    middle = sector.shape[0] // 2
-    for index in range(posts.shape[0]):
-        row = posts[index, 2] - row0
-        col = posts[index, 3] - col0
-        if row < 0 or row >= rows or col < 0 or col >= cols or state[row, col] & 3 != 3:
-            continue
-        far = length[row, col]
-        if far <= first or far > last:
-            continue
-        when = seen[posts[index, 0], posts[index, 1]]
-        if when > tick:
-            continue
-        force = pull[tick - max(when, 0)] * decay[far]
-        if share.size > 0:
-            force *= share[min(max(far - rival[row, col] + share.size // 2, 0), share.size - 1)]
-        turn = bend[row, col]
-        up = turn // cols - start_row
-        across = turn % cols - start_col
-        if as_vector:
-            scale = force / math.sqrt(up * up + across * across)
-            sums[0] += scale * across
-            sums[1] += scale * up
-            sums[2] += force
-        else:
-            sums[sector[middle + up, middle + across]] += force
-        if force > strongest[0] and when < tick:
-            strongest[0] = force
-            source[0] = row * cols + col
 
 
 # fmt: on
