@@ -43,6 +43,16 @@ def falling_order(level, counts, order):
     return int64(counts[highest])
 
 
+@njit(int64(int64, int64, int64, int64), cache=True, nogil=True)
+def _beside(at, side, width, count):
+    """The point to the left, to the right, above or below (side 0 to 3) of one of `count`; -1 where there is none."""
+    col = at % width
+    if (side == 0 and col == 0) or (side == 1 and col == width - 1):
+        return -1
+    other = at + (side == 1) - (side == 0) + width * ((side == 3) - (side == 2))
+    return other if 0 <= other < count else -1
+
+
 @njit(int64(LIST, int64), cache=True, nogil=True)
 def _root(parent, at):
     """The root of a point's pool, halving the path on the way."""
@@ -50,6 +60,16 @@ def _root(parent, at):
         parent[at] = parent[parent[at]]
         at = int64(parent[at])
     return at
+
+
+@njit(int64(LIST, LIST, int64, int64), cache=True, nogil=True)
+def _join(parent, size, a, b):
+    """Make one pool of two, given by their roots; its root is that of the larger one."""
+    if size[a] < size[b]:
+        a, b = b, a
+    parent[b] = a
+    size[a] += size[b]
+    return a
 
 
 @njit(int64(NODES, int64, int64, int64, int64, int64), cache=True, nogil=True)
@@ -83,12 +103,9 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
         top[at] = at
         node[at] = -1
         high_enough = wider * math.sqrt(here) + 1.0
-        col = at % width
         for side in range(4):
-            if (side == 0 and col == 0) or (side == 1 and col == width - 1):
-                continue
-            other = at + (side == 1) - (side == 0) + width * ((side == 3) - (side == 2))
-            if other < 0 or other >= level.shape[0] or parent[other] < 0:
+            other = _beside(at, side, width, level.shape[0])
+            if other < 0 or parent[other] < 0:
                 continue
             a = _root(parent, at)
             b = _root(parent, other)
@@ -107,13 +124,11 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
                     count = _new_node(nodes, count, top[b], -1, -1, -1)
                 joined = count
                 count = _new_node(nodes, count, -1, at, node[a], node[b])
-            if size[a] < size[b]:
-                a, b = b, a
-            parent[b] = a
-            size[a] += size[b]
-            node[a] = joined
-            if level[top[b]] > level[top[a]]:
-                top[a] = top[b]
+            root = _join(parent, size, a, b)
+            smaller = b if root == a else a
+            node[root] = joined
+            if level[top[smaller]] > level[top[root]]:
+                top[root] = top[smaller]
     for place in range(order.shape[0]):
         at = int64(order[place])
         if parent[at] == at and node[at] < 0 and (size[at] >= room or level[top[at]] >= body):
@@ -133,22 +148,15 @@ def spread_rooms(level, order, width, parent, size, label):
         at = int64(order[place])
         parent[at] = at
         size[at] = 1
-        col = at % width
         for side in range(4):
-            if (side == 0 and col == 0) or (side == 1 and col == width - 1):
-                continue
-            other = at + (side == 1) - (side == 0) + width * ((side == 3) - (side == 2))
-            if other < 0 or other >= level.shape[0] or parent[other] < 0:
+            other = _beside(at, side, width, level.shape[0])
+            if other < 0 or parent[other] < 0:
                 continue
             a = _root(parent, at)
             b = _root(parent, other)
             if a == b or (label[a] > 0 and label[b] > 0):
                 continue
-            if size[a] < size[b]:
-                a, b = b, a
-            parent[b] = a
-            size[a] += size[b]
-            label[a] = max(label[a], label[b])
+            label[_join(parent, size, a, b)] = max(label[a], label[b])
     for place in range(order.shape[0]):
         at = int64(order[place])
         label[at] = label[_root(parent, at)]
