@@ -90,47 +90,47 @@ class Lasting(Fault):
     lasts: Positive | None = Field(None, alias="for", description="s, how long; null: to the end")
 
 
-class Kill(Fault):
+class OnRobots(Fault):
+    """A fault of some robots."""
+
+    who: Who = Field(description=WHO)
+
+
+class Kill(OnRobots):
     """A robot's process is gone at once; its body stays in the way, or is carried off."""
 
     kind: Literal["kill"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
     wreck: Literal["stays", "removed"] = Field("stays", description="stays | removed")
 
 
-class Restart(Fault):
+class Restart(OnRobots):
     """A dead robot's process is started anew, with an empty memory; a living or paused one is killed first."""
 
     kind: Literal["restart"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
 
 
-class Pause(Lasting):
+class Pause(OnRobots, Lasting):
     """A robot's process is stopped, and goes on after a while."""
 
     kind: Literal["pause"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
 
 
-class Resume(Fault):
+class Resume(OnRobots):
     """A paused robot's process goes on."""
 
     kind: Literal["resume"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
 
 
-class Join(Fault):
+class Join(OnRobots):
     """Robots that are not there, or have left, appear at their starts; who joins first of all is absent until then."""
 
     kind: Literal["join"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
 
 
-class Leave(Fault):
+class Leave(OnRobots):
     """Robots end their patrol in good order and are taken off the terrain."""
 
     kind: Literal["leave"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
 
 
 class OnLinks(Lasting):
@@ -205,11 +205,10 @@ class Partition(Lasting):
     )
 
 
-class Silence(Lasting):
+class Silence(OnRobots, Lasting):
     """Robots hear nothing, are not heard, or both."""
 
     kind: Literal["silence"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
     direction: Literal["in", "out", "both"] = Field("both", description="in (hears nothing) | out (not heard) | both")
 
 
@@ -268,22 +267,20 @@ class Jump(Section):
     size: NotNegative = Field(description="m, of each jump, in a direction that is drawn")
 
 
-class Drift(Lasting):
+class Drift(OnRobots, Lasting):
     """Robots are wrong about where they are."""
 
     kind: Literal["drift"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
     bias: Corner = Field((0.0, 0.0), description="m, [dx, dy] from the beginning on")
     growth: Corner = Field((0.0, 0.0), description="m/s, [dx, dy] by which the bias grows")
     noise: NotNegative = Field(0.0, description="m, standard deviation in x and in y, new in each tick")
     jump: Jump | None = Field(None, description="{every: s, size: m}, jumps that add up")
 
 
-class Clock(Lasting):
+class Clock(OnRobots, Lasting):
     """Robots' clocks are wrong."""
 
     kind: Literal["clock"] = Field(description=KIND)
-    who: Who = Field(description=WHO)
     offset: Number = Field(0.0, description="s, by which the clock is ahead")
     rate: Growth = Field(0.0, description="s/s, by which it gains")
 
