@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.eyes import Telemetry, Traffic, show
 from patrol.lifeline import INTERRUPTED, Ending, heed
+from patrol.options import TOGETHER, fleet_parser, prepared_as_told
 from patrol.phases import FIRST_INCARNATION
 
 if TYPE_CHECKING:
@@ -23,14 +24,8 @@ if TYPE_CHECKING:
     from agent.robots import Radio, Robot, Sensed
     from patrol.scenario import RobotSpec, Scenario
 
-HELP = """
-One robot of a fleet whose router and world run elsewhere. All processes are given the same scenario file and the same
-name for the fleet:
-
-  python -m fogwatch.router --listen tcp/0.0.0.0:7447
-  python -m worldsim --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
-  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r1
-  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r2
+HELP = f"""
+One robot of a fleet whose router and world run elsewhere. {TOGETHER}
 
 They may be started in any order. Where the scenario's radio.via is direct, --radio says what the robots hear each other
 by: a multicast group, which needs no router, or a router of their own; unless given, the fleet's.
@@ -139,15 +134,11 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
     from agent.mind import Mind, MindSetup
     from agent.refine import psi_field
     from patrol.keyfile import fleet_key
-    from patrol.prepare import Prepared, prepare
 
+    prepared = prepared_as_told(scenario, options, ending)
+    if prepared is None:
+        return None
     static: Path | None = options.static
-    limit_s = options.wait if options.lifeline is None else math.inf  # a launcher may have a large map to work on
-    if static is not None and not ending.wait_for(static, limit_s):
-        if ending:
-            return None
-        raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")
-    prepared = prepare(scenario) if static is None else Prepared.load(scenario, static)
     psi = None
     if scenario.patrol.avoidance == "goal-refinement":
         reach = scenario.patrol.refine_reach
@@ -199,20 +190,8 @@ class Eyes:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m agent",
-        description="One robot of a simulated fleet, as a process.",
-        epilog=HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = fleet_parser("agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
     add = parser.add_argument
-    add("--router", required=True, metavar="tcp/HOST:PORT", help="the router that the fleet meets at")
-    add("--fleet", required=True, metavar="NAME", help="the fleet's name, the same for all its processes")
-    add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add("--robot", required=True, metavar="NAME", help="which robot of the scenario this is")
-    add("--radio", metavar="LOCATOR", help="direct radio: a multicast group or a router (default: the fleet's router)")
-    add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="how often this robot was started")
-    add("--wait", type=float, default=60.0, metavar="S", help="how long to wait for router and world (%(default)g s)")
-    add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
     return parser.parse_args(arguments)

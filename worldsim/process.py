@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 import shutil
 import socket
@@ -20,6 +19,7 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.lifeline import Ending, heed
+from patrol.options import TOGETHER, fleet_parser, prepared_as_told
 
 if TYPE_CHECKING:
     from patrol.journal import Event, Header, JournalWriter, TickRecord
@@ -37,14 +37,8 @@ if TYPE_CHECKING:
     from worldsim.table import TicksTable
     from worldsim.world import World
 
-HELP = """
-The world of a fleet whose router and robots run elsewhere. All processes are given the same scenario file and the same
-name for the fleet:
-
-  python -m fogwatch.router --listen tcp/0.0.0.0:7447
-  python -m worldsim --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
-  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r1
-  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r2
+HELP = f"""
+The world of a fleet whose router and robots run elsewhere. {TOGETHER}
 
 The run begins when all robots of the scenario are there. The folder gets the journal, ticks.csv and, started by hand,
 summary.json. Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown, 130 interrupted.
@@ -86,16 +80,11 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     warm(("patrol", "worldsim"), _say)
 
     from patrol.link import open_links
-    from patrol.prepare import Prepared, prepare
     from worldsim.seats import Interrupted, Missing
 
-    static: Path | None = options.static
-    limit_s = options.wait if options.lifeline is None else math.inf  # a launcher may have a large map to work on
-    if static is not None and not ending.wait_for(static, limit_s):
-        if ending:
-            return EXIT_INTERRUPTED
-        raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")
-    prepared = prepare(scenario) if static is None else Prepared.load(scenario, static)
+    prepared = prepared_as_told(scenario, options, ending)
+    if prepared is None:
+        return EXIT_INTERRUPTED
 
     links = open_links(router, radio, options.wait, _say, lambda: bool(ending))
     if links is None:
@@ -374,22 +363,10 @@ def _say(line: str) -> None:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m worldsim",
-        description="The world of a simulated fleet, as a process.",
-        epilog=HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = fleet_parser("worldsim", "The world of a simulated fleet, as a process.", HELP, "router and robots")
     add = parser.add_argument
-    add("--router", required=True, metavar="tcp/HOST:PORT", help="the router that the fleet meets at")
-    add("--fleet", required=True, metavar="NAME", help="the fleet's name, the same for all its processes")
-    add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add("--out", required=True, type=Path, metavar="DIR", help="folder for the journal and ticks.csv")
-    add("--radio", metavar="LOCATOR", help="direct radio: a multicast group or a router (default: the fleet's router)")
-    add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
-    add("--wait", type=float, default=60.0, metavar="S", help="how long to wait for router and robots (%(default)g s)")
     add("--deadline", type=float, default=10.0, metavar="S", help="lockstep: wall time for an answer (%(default)g s)")
-    add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
     add("--control", type=Path, metavar="FILE", help="obey operators who have the token in this file (default: nobody)")
     add("--hands", type=int, metavar="FD", help="socket to ask for kills, pauses and starts (set by the launcher)")
     return parser.parse_args(arguments)
