@@ -20,6 +20,9 @@ from patrol.scenario_errors import did_you_mean
 
 CALLED = "the faults experiment"
 QUIET = "no faults"
+KILLED, RESTARTED = "one killed", "one killed and restarted"
+FEWER = "one robot fewer"
+WITH_TRAIL = " with trail"
 
 VARIANTS: Mapping[str, Mapping[str, object]] = {
     "final algorithm": {"patrol.separation": "none"},
@@ -126,7 +129,7 @@ def case_name(condition: Condition, variant: str) -> str:
 
 def _losses() -> Iterator[Condition]:
     with_trail: dict[str, object] = {"radio.trail": TRAIL}
-    for end, settings in (("", {}), (" with trail", with_trail)):
+    for end, settings in (("", {}), (WITH_TRAIL, with_trail)):
         for rate in INDEPENDENT:
             yield Condition(f"loss{end}", f"{100 * rate:g} % lost", [{"kind": "loss", "rate": rate}], rate, settings)
         for rate in BURSTS:
@@ -150,8 +153,8 @@ def _robots(setup: Setup) -> Iterator[Condition]:
     fifth = setup.duration / 5.0
     last = f"r{setup.robots}"
     kill: dict[str, Any] = {"kind": "kill", "who": last, "at": fifth}
-    yield Condition("death", "one killed", [kill])
-    yield Condition("death", "one killed and restarted", [kill, {"kind": "restart", "who": last, "at": 1.5 * fifth}])
+    yield Condition("death", KILLED, [kill])
+    yield Condition("death", RESTARTED, [kill, {"kind": "restart", "who": last, "at": 1.5 * fifth}])
     in_turn: Faults = []
     for number in range(1, setup.robots + 1):
         at = setup.duration * (number - 0.5) / (setup.robots + 1.0)
@@ -159,7 +162,7 @@ def _robots(setup: Setup) -> Iterator[Condition]:
         in_turn.append({"kind": "restart", "who": f"r{number}", "at": at + 0.5 * setup.duration / (setup.robots + 1.0)})
     yield Condition("death", "each killed in turn and restarted", in_turn)
     if setup.robots > 1:
-        yield Condition("fleet", "one robot fewer", [], settings={"robots.count": setup.robots - 1})
+        yield Condition("fleet", FEWER, [], settings={"robots.count": setup.robots - 1})
     if setup.robots > 2:
         joining: Faults = [
             {"kind": "join", "who": f"r{number}", "at": setup.duration * (place + 1) / 3.0}
@@ -235,7 +238,57 @@ def _mean(values: Any) -> Estimate | None:
     return estimate(found) if found else None
 
 
-def as_json(setup: Setup, found: Sequence[Finding]) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A measure of some runs as a ratio to that of others, seed by seed. group: of comparisons shown together."""
+
+    group: str
+    what: str
+    variant: str
+    ratio: Estimate
+
+
+Cell = tuple[Condition, str]
+"""A condition, and a variant that it is run with."""
+
+AGAINST: Mapping[str, str] = {
+    "claims": "mean MFoW with claims, as a ratio to that without under the same faults",
+    "trail": f"mean MFoW where frames have the last {TRAIL} positions, as a ratio to that where they have none",
+    "fleet": "late mean MFoW after a death, as a ratio to that of a fleet that has been of that size all along",
+}
+"""Groups of comparisons, in the order they are shown in."""
+
+
+def comparisons(outcome: Outcome, tried: Sequence[Condition]) -> list[Comparison]:
+    """What can be compared of what was tried: of the seeds that both sides have."""
+    found = []
+    for group, what, metric, these, those in _pairs(tried):
+        ours, theirs = outcome.values(case_name(*these), metric), outcome.values(case_name(*those), metric)
+        ratio = _mean(ours[seed] / theirs[seed] for seed in ours if theirs.get(seed))
+        if ratio is not None:
+            found.append(Comparison(group, what, these[1], ratio))
+    return found
+
+
+def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Cell, Cell]]:
+    """Group, what is compared, the measure, and the two sides."""
+    plain, claims = VARIANTS
+    by_name = {(condition.group, condition.name): condition for condition in tried}
+    for (group, name), condition in by_name.items():
+        yield "claims", f"{group}: {name}", "mfow_mean_s", (condition, claims), (condition, plain)
+    for (group, name), condition in by_name.items():
+        bare = by_name.get((group.removesuffix(WITH_TRAIL), name), condition)
+        for variant in VARIANTS if bare is not condition else ():
+            yield "trail", f"{bare.group}: {name}", "mfow_mean_s", (condition, variant), (bare, variant)
+    for after, whole in ((KILLED, ("fleet", FEWER)), (RESTARTED, ("quiet", QUIET))):
+        died, alike = by_name.get(("death", after)), by_name.get(whole)
+        if died is None or alike is None:
+            continue
+        for variant in VARIANTS:
+            yield "fleet", f"{after}: {alike.name}", "mfow_late_mean_s", (died, variant), (alike, variant)
+
+
+def as_json(setup: Setup, found: Sequence[Finding], compared: Sequence[Comparison]) -> dict[str, Any]:
     """For faults.json: each mean with its 95 % interval."""
     measures = ("mfow", "late", "cost", "delivered", "belief", "collisions")
     return {
@@ -252,6 +305,10 @@ def as_json(setup: Setup, found: Sequence[Finding]) -> dict[str, Any]:
                 "longest_stay_s": one.stay,
             }
             for one in found
+        ],
+        "comparisons": [
+            {"group": one.group, "what": one.what, "variant": one.variant, "ratio": _numbers(one.ratio)}
+            for one in compared
         ],
     }
 

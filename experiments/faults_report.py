@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from experiments.faults import GROUPS, QUIET, VARIANTS, Finding, Setup
+from experiments.faults import AGAINST, GROUPS, QUIET, VARIANTS, Comparison, Finding, Setup
 from experiments.stats import Estimate
 
 HEADS = (
@@ -20,10 +20,18 @@ HEADS = (
 
 
 def page(
-    setup: Setup, found: Sequence[Finding], *, command: str, wall_s: float, failed: int, pictures: Sequence[str]
+    setup: Setup,
+    found: Sequence[Finding],
+    compared: Sequence[Comparison],
+    *,
+    command: str,
+    wall_s: float,
+    failed: int,
+    pictures: Sequence[str],
 ) -> str:
     """The page. command: that made it. wall_s: of all its runs added up, s. failed: runs. pictures: files to show."""
-    return "\n".join([*_head(setup, command, wall_s, failed, pictures), *_groups(found), ""])
+    parts = (*_head(setup, command, wall_s, failed, pictures), *_comparisons(compared), *_groups(found))
+    return "\n".join([*parts, ""])
 
 
 def _head(setup: Setup, command: str, wall_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
@@ -66,6 +74,18 @@ def _groups(found: Sequence[Finding]) -> Iterator[str]:
             for name in dict.fromkeys(one.condition.name for one in here):
                 for variant in VARIANTS:
                     yield from (_row(one) for one in here if (one.condition.name, one.variant) == (name, variant))
+
+
+def _comparisons(compared: Sequence[Comparison]) -> Iterator[str]:
+    for group, title in AGAINST.items():
+        here = [one for one in compared if one.group == group]
+        if here:
+            yield ""
+            yield f"## {title[0].upper()}{title[1:]}"
+            yield ""
+            yield "| | variant | ratio |"
+            yield "|---|---|---|"
+            yield from (f"| {one.what} | {one.variant} | {_text(one.ratio, 3)} |" for one in here)
 
 
 def _row(one: Finding) -> str:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.casetable import json_text, make_folder, write_tables, write_text
-from experiments.faults import GROUPS, Finding, Setup, as_json, chosen, findings, plan_of
+from experiments.faults import GROUPS, Finding, Setup, as_json, chosen, comparisons, findings, plan_of
 from experiments.faults_report import page
 from experiments.plan import count_of_seeds
 from fogwatch.cli_sweep import FAILED, ClusterAddress, Workers, crew_of, make_runs, with_interval
@@ -74,10 +74,10 @@ def faults(
         make_folder(folder)
         new_key(setup.key)
     outcome = make_runs(plan, folder, crew_of(workers, cluster), console, foretell=True)
-    found = findings(outcome, tried)
+    found, compared = findings(outcome, tried), comparisons(outcome, tried)
     _show(console, found)
     write_tables(outcome, folder)
-    write_text(folder / "faults.json", json_text(as_json(setup, found)))
+    write_text(folder / "faults.json", json_text(as_json(setup, found, compared)))
     pictures = [
         name
         for name, draw in (("loss", curves_picture), ("costs", costs_picture))
@@ -87,7 +87,7 @@ def faults(
     wall_s = sum(result.wall_s for result in outcome.results.values())
     shown = [f"{name}.png" for name in pictures]
     failed = len(outcome.failed)
-    text = page(setup, found, command=command, wall_s=wall_s, failed=failed, pictures=shown)
+    text = page(setup, found, compared, command=command, wall_s=wall_s, failed=failed, pictures=shown)
     write_text(folder / "faults.md", text)
     print_failures(console, outcome)
     made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiments.faults import VARIANTS, Finding
+from experiments.faults import VARIANTS, WITH_TRAIL, Finding
 from fogwatch.paper_picture import COLOURS, write_figure
 from patrol.errors import BadInput
 
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 DPI = 150
 CURVES = (("loss", "each frame by itself", "-", "o"), ("bursts", "in bursts of 8", "--", "s"))
-TRAILING = " with trail"
-NO_BARS = ("quiet", *(f"{group}{end}" for group, *_ in CURVES for end in ("", TRAILING)))
+NO_BARS = ("quiet", *(f"{group}{end}" for group, *_ in CURVES for end in ("", WITH_TRAIL)))
 
 
 def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
@@ -30,7 +29,7 @@ def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     figure = _figure((11.0, 4.6))
     panels = figure.subplots(1, 2, sharey=True)
     for panel, (end, title) in zip(
-        panels, (("", "bare positions"), (TRAILING, "with the last positions")), strict=True
+        panels, (("", "bare positions"), (WITH_TRAIL, "with the last positions")), strict=True
     ):
         for colour, variant in zip(COLOURS, VARIANTS, strict=False):
             for group, label, line, marker in CURVES:

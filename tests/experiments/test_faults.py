@@ -6,7 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from experiments.faults import GROUPS, VARIANTS, Setup, as_json, case_name, chosen, conditions, findings, plan_of
+from experiments.faults import (
+    GROUPS,
+    VARIANTS,
+    Setup,
+    as_json,
+    case_name,
+    chosen,
+    comparisons,
+    conditions,
+    findings,
+    plan_of,
+)
 from experiments.faults_report import page
 from experiments.results import Result
 from experiments.sweep import Outcome
@@ -75,11 +86,34 @@ def test_costs_are_ratios_to_the_same_seed_without_faults(setup: Setup) -> None:
     assert silent.delivered is not None
     assert silent.delivered.mean == 0.25
     assert silent.belief is None
-    text = page(setup, found, command="fogwatch experiment faults", wall_s=600.0, failed=2, pictures=["loss.png"])
+    text = page(setup, found, [], command="fogwatch experiment faults", wall_s=600.0, failed=2, pictures=["loss.png"])
     assert "`fogwatch experiment faults`: 10 min of computing" in text
     assert "| total silence | with claims | 225.0 ± " in text
     assert "| 1.500 ± 0.000 | - | 25.0 % |" in text
     assert "**2 runs failed" in text
     assert "![loss.png](loss.png)" in text
-    says = as_json(setup, found)
+    says = as_json(setup, found, [])
     assert {one["variant"] for one in says["findings"]} == set(VARIANTS)
+
+
+def test_runs_are_compared_seed_by_seed(setup: Setup) -> None:
+    names = ["loss: 50 % lost", "loss with trail: 50 % lost", "death: one killed", "fleet: one robot fewer"]
+    tried = chosen(setup, names)
+    plan = plan_of(setup, tried)
+    results = {}
+    for run in plan.runs:
+        mfow = 100.0 * run.seed * (0.7 if "with claims" in run.case else 1.0) * (0.9 if "trail" in run.case else 1.0)
+        late = 80.0 * run.seed * (1.1 if "killed" in run.case else 1.0)
+        metrics = {"mfow_mean_s": mfow, "mfow_late_mean_s": late}
+        results[run.key] = Result(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
+    compared = comparisons(Outcome(plan, results, len(results), 1.0), tried)
+    ratios = {(one.group, one.what, one.variant): round(one.ratio.mean, 6) for one in compared}
+    assert ratios["claims", "loss: 50 % lost", "with claims"] == 0.7
+    assert ratios["trail", "loss: 50 % lost", "final algorithm"] == 0.9
+    assert ratios["fleet", "one killed: one robot fewer", "with claims"] == 1.1
+    claimed = {what for group, what, _ in ratios if group == "claims"}
+    assert claimed == {f"{condition.group}: {condition.name}" for condition in tried}
+    assert {what for group, what, _ in ratios if group == "trail"} == {"loss: 50 % lost"}
+    text = page(setup, [], compared, command="fogwatch experiment faults", wall_s=1.0, failed=0, pictures=[])
+    assert "| loss: 50 % lost | with claims | 0.700 ± 0.000 |" in text
+    assert len(as_json(setup, [], compared)["comparisons"]) == len(compared)
