@@ -6,12 +6,14 @@ Commands raise BadInput; the caller prints it.
 from __future__ import annotations
 
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from patrol.errors import BadInput
+from patrol.lifeline import heed
 from patrol.warmup import warm
 
 if TYPE_CHECKING:
@@ -27,10 +29,61 @@ BROKEN = 1
 
 
 def record(
-    run: Annotated[Path, RUN],
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Default: recording.mcap in the folder.")] = None,
+    run: Annotated[Path | None, typer.Argument(metavar="[RUN]", help="A run's folder.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Default: recording.mcap in the folder; of a fleet, FLEET.mcap.")
+    ] = None,
+    router: Annotated[str | None, typer.Option(metavar="LOCATOR", help="Or a running fleet: its router,")] = None,
+    fleet: Annotated[str | None, typer.Option(metavar="NAME", help="and its name.")] = None,
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Of robots without a world: positions alone are heard.")
+    ] = None,
+    radio: Annotated[str | None, typer.Option(metavar="LOCATOR", help="Where such robots hear each other.")] = None,
+    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet.")] = 60.0,
 ) -> None:
-    """Write a run's recording: an MCAP file of ROS 2 messages that Foxglove, Lichtblick, Rerun or PlotJuggler open."""
+    """Write a recording: an MCAP file of ROS 2 messages that Foxglove, Lichtblick, Rerun or PlotJuggler open.
+
+    Of a run's folder, all that there is of the run; of a fleet that is running, what happens from now on, until the run
+    ends or Ctrl-C is pressed.
+    """
+    live = router is not None and fleet is not None
+    if (run is None) != live:
+        raise BadInput("record: name a run's folder, or --router and --fleet of a running fleet")
+    if run is not None:
+        if scenario is not None or radio is not None:
+            raise BadInput("record: --scenario and --radio are for robots without a world; leave the folder out")
+        _record_run(run, out)
+    elif router is not None and fleet is not None:
+        _record_fleet(out or Path(f"{fleet}.mcap"), router, fleet, scenario, radio, wait)
+
+
+def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, radio: str | None, wait_s: float) -> None:
+    """Record a fleet until its run ends or somebody interrupts."""
+    ending = heed(None, patience=1)
+    if out.exists():
+        raise BadInput(f"{out}: is there already; name a new file with --out")
+    warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
+    from monitor.attach import open_fleet
+    from monitor.live_recording import record_live
+
+    source = open_fleet(ending, router=router, fleet=fleet, scenario=scenario, radio=radio, wait_s=wait_s)
+    if source is None:
+        raise BadInput("record: interrupted before there was anything to record")
+
+    def say(line: str) -> None:
+        typer.echo(f"record: {line}", err=True)
+
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    try:
+        say(f"{fleet} into {out}; Ctrl-C ends it")
+        last = record_live(source, out, started, lambda: bool(ending), say)
+    finally:
+        source.close()
+    what = "nothing was heard" if last is None else f"up to {last.time_s:g} s, {last.ended or 'it goes on'}"
+    typer.echo(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {what}")
+
+
+def _record_run(run: Path, out: Path | None) -> None:
     what, going = _open(run)
     from monitor.recording import FILE, Recorder, key_frame_ticks
     from monitor.replay import play
@@ -62,10 +115,10 @@ def recording(
 
     contents = look(file, repair)
     facts = contents.facts
-    typer.echo(
-        f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {facts.get('software')}"
-    )
-    typer.echo(f"  in /fog 100 is {facts.get('fog_scale_s')} s; the run: {facts.get('ended')}")
+    by = facts.get("software") or facts.get("told_by")
+    typer.echo(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
+    scale = facts.get("fog_scale_s", "?")
+    typer.echo(f"  in /fog 100 is {scale}{' s' if scale[:1].isdigit() else ''}; the run: {facts.get('ended')}")
     for topic, count in sorted(contents.messages.items()):
         typer.echo(f"  {count:8} {topic}")
     if not contents.why_cut:

@@ -20,26 +20,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor import ros
-from monitor.mcapfile import METADATA
+from monitor.rosfile import RosFile
 from monitor.runs import SCENARIO, Run
 from patrol.errors import BadInput
 from patrol.fog import Fog
 from patrol.footprint import View
 from patrol.records import Event, Status
 
-if TYPE_CHECKING:
-    from mcap.writer import Writer
-
 FILE = "recording.mcap"
-PROFILE = "ros2"
 KEY_FRAME_S = 10.0
 """Simulated time between two grids."""
 
@@ -48,8 +42,6 @@ GRID_MEMORY = 2 << 30
 
 THERE = (Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST)
 """Standings of robots whose bodies are on the terrain."""
-
-_TROUBLE = {"dead": ros.WARN, "fault": ros.WARN, "lost": ros.ERROR}
 
 
 class Recorder:
@@ -63,20 +55,8 @@ class Recorder:
         self._run = run
         self._out = out
         self._part = out.with_name(f"{out.name}.part")
-        self._ros = ros.Encoder()
-        try:
-            from mcap.writer import Writer
-        except ImportError:
-            raise BadInput("recordings need mcap; install it with: pip install 'fogwatch[monitor]'") from None
-        try:
-            self._file = self._part.open("wb")
-        except OSError as error:
-            raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
-        self._writer: Writer = Writer(self._file)
-        self._writer.start(PROFILE, f"fogwatch {version('fogwatch')}")
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        self._sequence: dict[int, int] = {}
+        self._file = RosFile(self._part, out)
+        self._ros = self._file.encoder
         self._tokens = tokens_of(run.names)
         self._scale_s = scale_of(run)
         self._every = key_frame_ticks(run)
@@ -95,24 +75,24 @@ class Recorder:
             self._log(event)
         if k % self._every == 0 or k == run.ticks - 1:
             values = grid_values(fog, k, self._scale_s / run.step)
-            self._write("/fog", ros.GRID, self._ros.grid(at, *self._place(), values), at)
+            self._file.write("/fog", ros.GRID, self._ros.grid(at, *self._place(), values), at)
         bodies = []
         for place, token in enumerate(self._tokens):
             decision_ms = float(run.decision_ms[k, place])
             if not math.isnan(decision_ms):
-                self._number(f"/{token}/decision_ms", decision_ms, at)
+                self._file.number(f"/{token}/decision_ms", decision_ms, at)
             if run.status[k, place] in THERE:
                 x, y, heading = run.poses[k, place].tolist()
                 bodies.append((token, x, y, heading))
-                self._write(f"/{token}/pose", ros.POSE, self._ros.pose(at, x, y, heading), at)
-        self._write("/tf", ros.TRANSFORMS, self._ros.transforms(at, bodies), at)
-        self._number("/mfow", run.mfow[k] * run.step, at)
-        self._number("/fog_mean", run.fog_mean[k] * run.step, at)
-        self._number("/seen_share", run.seen[k] / self._area, at)
-        self._number("/alive", int(np.count_nonzero(run.status[k] == Status.ALIVE)), at)
+                self._file.write(f"/{token}/pose", ros.POSE, self._ros.pose(at, x, y, heading), at)
+        self._file.write("/tf", ros.TRANSFORMS, self._ros.transforms(at, bodies), at)
+        self._file.number("/mfow", run.mfow[k] * run.step, at)
+        self._file.number("/fog_mean", run.fog_mean[k] * run.step, at)
+        self._file.number("/seen_share", run.seen[k] / self._area, at)
+        self._file.number("/alive", int(np.count_nonzero(run.status[k] == Status.ALIVE)), at)
         delivered, dropped = int(run.links.delivered_in[k]), int(run.links.dropped_in[k])
         if delivered + dropped:
-            self._number("/delivered_share", delivered / (delivered + dropped), at)
+            self._file.number("/delivered_share", delivered / (delivered + dropped), at)
 
     def close(self) -> None:
         """All ticks are written: finish the file and give it its name."""
@@ -122,10 +102,9 @@ class Recorder:
                 self._log(event)
         at = self._ns(run.ticks)
         if run.ended is None:
-            self._write("/rosout", ros.LOG, self._ros.log(at, ros.WARN, "run", "the journal ends here, cut off"), at)
+            self._file.say("run", "the journal ends here, cut off", at, ros.WARN)
         try:
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._file.close()
+            self._file.finish()
             self._part.replace(self._out)
         except OSError as error:
             self.abandon()
@@ -133,7 +112,7 @@ class Recorder:
 
     def abandon(self) -> None:
         """Leave nothing behind."""
-        self._file.close()
+        self._file.drop()
         with suppress(OSError):
             self._part.unlink()
 
@@ -150,14 +129,14 @@ class Recorder:
             "ticks": str(run.ticks),
             "robots": " ".join(run.names),
         }
-        self._writer.add_metadata(METADATA, facts)
+        self._file.facts(facts)
         with suppress(OSError):
             text = (run.folder / SCENARIO).read_bytes()
-            self._writer.add_attachment(0, 0, SCENARIO, "application/yaml", text)
-        walls = np.where(run.prepared.terrain.passable, np.int8(0), np.int8(100)).astype(np.int8)
-        self._write("/map", ros.GRID, self._ros.grid(0, *self._place(), walls), 0)
+            self._file.attach(SCENARIO, "application/yaml", text)
+        walls = wall_values(run.prepared.terrain.passable)
+        self._file.write("/map", ros.GRID, self._ros.grid(0, *self._place(), walls), 0)
         says = f"in /fog 0 is just seen, 100 is {self._scale_s:g} s ago or longer, and -1 does not count"
-        self._write("/rosout", ros.LOG, self._ros.log(0, ros.INFO, "recording", says), 0)
+        self._file.say("recording", says, 0)
 
     def _place(self) -> tuple[float, tuple[float, float]]:
         terrain = self._run.prepared.terrain
@@ -167,23 +146,9 @@ class Recorder:
         return round(k * self._run.step * 1e9)
 
     def _log(self, event: Event) -> None:
-        at = self._ns(event.k)
         place = None if event.robot is None else self._run.index.get(event.robot)
         name = "run" if place is None else self._tokens[place]
-        text = f"{event.kind}: {event.detail}" if event.detail else event.kind
-        self._write("/rosout", ros.LOG, self._ros.log(at, _TROUBLE.get(event.kind, ros.INFO), name, text), at)
-
-    def _number(self, topic: str, value: float, at: int) -> None:
-        self._write(topic, ros.NUMBER, self._ros.number(value), at)
-
-    def _write(self, topic: str, kind: str, data: bytes, at: int) -> None:
-        channel = self._channels.get(topic)
-        if channel is None:
-            if kind not in self._schemas:
-                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", self._ros.definition(kind))
-            channel = self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-        sequence = self._sequence[channel] = self._sequence.get(channel, -1) + 1
-        self._writer.add_message(channel, at, data, at, sequence)
+        self._file.event(event.kind, name, event.detail, self._ns(event.k))
 
 
 def scale_of(run: Run) -> float:
@@ -196,6 +161,11 @@ def key_frame_ticks(run: Run) -> int:
     wanted = max(1, round(KEY_FRAME_S / run.step))
     affordable = max(2, GRID_MEMORY // run.prepared.patrolled.size)
     return max(wanted, -(-run.ticks // affordable))
+
+
+def wall_values(passable: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """int8 (h, w): 100 where the terrain is impassable, 0 elsewhere."""
+    return np.where(passable, np.int8(0), np.int8(100)).astype(np.int8)
 
 
 def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:

@@ -1,0 +1,126 @@
+"""A fleet of real processes is recorded while it goes on, and by whom it is killed."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from monitor.mcapfile import look
+from patrol.access import FILE, read_access
+from patrol.journal import read_journal
+
+if TYPE_CHECKING:
+    from tests.fogwatch.conftest import Run
+
+pytestmark = pytest.mark.processes
+
+DIRECT: dict[str, Any] = {
+    "name": "recorded",
+    "terrain": {"builtin": "open"},
+    "point": 0.5,
+    "duration": 20_000,
+    "pace": 4.0,
+    "robots": [{"name": "anna", "model": "holonomic"}, {"name": "b-2", "model": "holonomic"}],
+    "patrol": {"dilatation": 0.0},
+    "radio": {"via": "direct"},
+}
+PATIENCE_S = 180.0
+
+
+class Recording:
+    """A ``fogwatch record`` as a process."""
+
+    def __init__(self, run: Run, out: Path, *arguments: str) -> None:
+        access = read_access(run.folder, "test")
+        command = [sys.executable, "-P", "-m", "fogwatch", "record", "--out", str(out)]
+        command += ["--router", access.router, "--fleet", access.fleet, *arguments]
+        self.out = out
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    @property
+    def size(self) -> int:
+        return self.out.stat().st_size if self.out.exists() else 0
+
+    def end(self, number: signal.Signals) -> int:
+        self.process.send_signal(number)
+        self.said, self.errors = self.process.communicate(timeout=PATIENCE_S)
+        return self.process.returncode
+
+
+def decoded(path: Path) -> dict[str, list[tuple[float, Any]]]:
+    """By topic (time in s, message), read by mcap's own reader with its checksums tested."""
+    found: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, message, value in reader.iter_decoded_messages():
+            found[channel.topic].append((message.log_time / 1e9, value))
+    return found
+
+
+@pytest.fixture
+def record() -> Iterator[Callable[..., Recording]]:
+    recordings: list[Recording] = []
+
+    def begin(*arguments: Any) -> Recording:
+        recordings.append(Recording(*arguments))
+        return recordings[-1]
+
+    yield begin
+    for one in recordings:
+        one.process.kill()
+        one.process.communicate(timeout=PATIENCE_S)
+
+
+@pytest.mark.timeout(900)
+def test_a_fleet_is_recorded_while_it_goes_on(
+    start: Callable[..., Run], record: Callable[..., Recording], tmp_path: Path
+) -> None:
+    run = start(DIRECT, "--no-recording", "--no-report")
+    run.until(lambda: (run.folder / FILE).exists() and run.ticks() > 5)
+    alone = ("--scenario", str(run.folder / "scenario.yaml"))
+    heard, killed = record(run, tmp_path / "heard.mcap", *alone), record(run, tmp_path / "killed.mcap", *alone)
+    fed = record(run, tmp_path / "fed.mcap")
+    run.until(lambda: all(one.size > 16_000 for one in (heard, killed, fed)))
+
+    killed.end(signal.SIGKILL)
+    torn = look(killed.out, tmp_path / "mended.mcap")
+    assert torn.why_cut
+    assert torn.messages["/anna/pose"] > 10
+    assert len(decoded(tmp_path / "mended.mcap")["/anna/pose"]) == torn.messages["/anna/pose"]
+
+    for one in (heard, fed):
+        assert one.end(signal.SIGINT) == 0, one.errors
+        assert one.said.startswith(f"recording: {one.out}, ")
+        assert not look(one.out).why_cut
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
+
+    ticks = list(read_journal(run.folder / "journal").ticks)
+    step = 0.5
+    told = decoded(fed.out)
+    assert len(told["/anna/pose"]) > 20
+    for at, stamped in told["/anna/pose"]:
+        place, row = stamped.pose.position, ticks[round(at / step)].robots[0]
+        assert (place.x, place.y) == (row.x, row.y)
+    for at, number in told["/mfow"]:
+        assert number.data == ticks[round(at / step)].mfow * step
+    assert len(told["/mfow"]) >= len(told["/anna/pose"])
+    assert len(told["/fog"]) == len(told["/fog_scale"]) >= 2
+
+    topics = decoded(heard.out)
+    sent = {(round(tick.robots[1].x, 2), round(tick.robots[1].y, 2)) for tick in ticks}
+    places = [(stamped.pose.position.x, stamped.pose.position.y) for _, stamped in topics["/b_2/pose"]]
+    assert len(places) > 20
+    assert {(round(x, 2), round(y, 2)) for x, y in places} <= sent
+    assert max(value.data for _, value in topics["/alive"]) == 2.0
+    assert min(topics["/fog"][-1][1].data) == 0 < max(topics["/fog"][-1][1].data)
+    assert {log.msg for _, log in topics["/rosout"]} >= {"there"}
