@@ -1,4 +1,4 @@
-"""What somebody who only listens knows of a patrol, and beside it the truth where there is a world to tell it.
+"""What somebody who only listens knows of a patrol.
 
 The monitor is one more listener: it rebuilds the fog from the positions it hears, with the same checks, the same
 footprints and the same fog as any robot, so no map is ever sent and nothing changes on a real fleet.
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from patrol.fog import Fog
 from patrol.hearsay import Hearsay
-from patrol.inbox import Inbox, inbox_of
+from patrol.inbox import Inbox
 from patrol.message import CONTACT, Position
 from patrol.pose import Pose
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patrol.footprint import Footprint
-    from patrol.prepare import Prepared
 
 NOBODY = -1
 """The own number of a listener that is no robot."""
@@ -57,24 +56,3 @@ class Listener:
                 continue
             for at, pose in self._hearsay.hear(position, tick):
                 self.look(at, pose)
-
-
-class Observer:
-    """The fog as heard, and the true one where poses are told as well."""
-
-    def __init__(self, prepared: Prepared, footprint: Footprint, key: bytes | None = None) -> None:
-        """key: of the fleet's tags, or None where frames carry none or they cannot be checked."""
-        scenario = prepared.scenario
-        inbox = inbox_of(scenario, NOBODY, prepared.terrain.bounds, key)
-        self.believed = Listener(footprint, prepared.patrolled, inbox, scenario.step)
-        self.truth = Fog(prepared.patrolled)
-        self._footprint = footprint
-
-    def hear(self, tick: int, frames: Iterable[bytes]) -> None:
-        """Take in the positions heard at `tick`."""
-        self.believed.hear(tick, frames)
-
-    def witness(self, tick: int, poses: Iterable[tuple[int, Pose]]) -> None:
-        """Everyone alive, (number, true pose), looks around once, in that order."""
-        for number, pose in poses:
-            self.truth.observe(self._footprint.visible(as_sent(number, pose)), tick)

@@ -23,8 +23,7 @@ FOG = "fog"
 """The last parts of the keys (`patrol.keys.FleetKeys.truth`)."""
 
 MAX_BATCH = 1 << 25
-MAX_FOG = 1 << 27
-"""Bytes of the longest batch and the longest answer that a viewer looks at."""
+"""Bytes of the longest batch that a viewer looks at."""
 
 MAX_POINTS = 1 << 27
 """Points of the largest terrain that a viewer takes."""

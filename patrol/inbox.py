@@ -77,7 +77,6 @@ class Inbox:
         ahead: int | None = 0,
     ) -> None:
         self.counts: dict[RejectReason, int] = dict.fromkeys(RejectReason, 0)
-        self.accepted = 0
         self._own = own
         self._roster = frozenset(roster)
         self._bounds = bounds
@@ -113,7 +112,6 @@ class Inbox:
         except Rejected as rejected:
             self.counts[rejected.reason] += 1
             return None
-        self.accepted += 1
         return self._plausible_trail(position)
 
     def last(self, robot: int) -> tuple[Position, float] | None:

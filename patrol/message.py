@@ -130,11 +130,6 @@ class Position:
         return Pose(self.x_cm / 100.0, self.y_cm / 100.0, wrap(self.heading_mrad / 1000.0))
 
     @property
-    def time_s(self) -> float:
-        """The sender's clock, s."""
-        return self.time_ms / 1000.0
-
-    @property
     def past(self) -> tuple[tuple[float, float], ...]:
         """The trail as absolute (x, y) in m, newest first."""
         places = []

@@ -7,7 +7,6 @@ modules import.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -133,16 +132,6 @@ class SensorSpec(Section):
     angle: Degrees = Field(360.0, description="degrees, centred on the heading")
     line_of_sight: Flag = Field(True, description="obstacles block the view")
     quality: Quality = Field(1.0, description="share of a point's age that a look removes, or [[m, share], ...]")
-
-    def quality_at(self, distance: float) -> float:
-        """The quality at a distance in m: linear between the listed distances, constant before and after them."""
-        if isinstance(self.quality, float):
-            return self.quality
-        points = self.quality
-        for (d0, q0), (d1, q1) in pairwise(points):
-            if d0 <= distance <= d1:
-                return q0 + (q1 - q0) * (distance - d0) / (d1 - d0)
-        return points[0][1] if distance < points[0][0] else points[-1][1]
 
 
 class PatrolSpec(Section):

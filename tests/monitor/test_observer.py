@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor.observer import NOBODY, Listener, Observer
+from monitor.observer import NOBODY, Listener
 from patrol.footprint import sensor_footprint
 from patrol.inbox import inbox_of
 from patrol.message import Position, encode
@@ -37,20 +37,17 @@ def listener(prepared: Prepared) -> Listener:
 def test_who_hears_everything_knows_the_truth(which: str, request: pytest.FixtureRequest) -> None:
     seen = request.getfixturevalue(which)
     run = seen.open()
-    observer = Observer(run.prepared, sensor_footprint(run.prepared.scenario, run.prepared.terrain))
+    hears = listener(run.prepared)
     for record in run.journal.ticks:
-        observer.witness(record.k, run.alive(record.k))
-        observer.hear(record.k, [frame for _, frame in record.frames])
-        assert np.array_equal(observer.truth.last_seen, seen.truth[record.k])
-    assert np.array_equal(observer.believed.fog.last_seen, observer.truth.last_seen)
-    assert observer.believed.inbox.rejected == 0
-    assert sorted(observer.believed.peers) == [1, 2, 3]
+        hears.hear(record.k, [frame for _, frame in record.frames])
+        assert np.array_equal(hears.fog.last_seen, seen.truth[record.k])
+    assert hears.inbox.rejected == 0
+    assert sorted(hears.peers) == [1, 2, 3]
 
 
 def test_forged_frames_are_counted_and_change_nothing(faulty: Any) -> None:
     run = faulty.open()
-    footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
-    honest, all_of_it = (Observer(run.prepared, footprint) for _ in range(2))
+    honest, all_of_it = listener(run.prepared), listener(run.prepared)
     forged = 0
     for record in run.journal.ticks:
         # A listener next to every robot hears the genuine frame of a robot before anybody's forgery of it.
@@ -59,7 +56,7 @@ def test_forged_frames_are_counted_and_change_nothing(faulty: Any) -> None:
         honest.hear(record.k, [frame for source, frame in frames if source != FORGED])
         all_of_it.hear(record.k, [frame for _, frame in frames])
     assert forged > 0
-    assert all_of_it.believed.inbox.rejected - honest.believed.inbox.rejected == forged
+    assert all_of_it.inbox.rejected - honest.inbox.rejected == forged
 
 
 def test_a_trail_fills_what_was_missed(field: Prepared) -> None:

@@ -129,6 +129,7 @@ def test_quality_falls_with_distance() -> None:
     assert view.quality[16, 16] == 1.0
     assert view.quality[16, 16 + 10] == pytest.approx(0.625)
     assert view.quality[0, 16] == pytest.approx(0.25)
+    assert view.quality[0, 0] == pytest.approx(0.25)
     assert Footprint(terrain, 8.0, quality=1.0).visible(Pose(10.0, 10.0, 0.0)).quality is None
 
 

@@ -90,7 +90,7 @@ def test_rounding_moves_a_pose_by_at_most_half_a_unit(pose: Pose) -> None:
 @given(poses, st.floats(0.0, 4e6))
 def test_a_rounded_pose_is_sent_unchanged(pose: Pose, time_s: float) -> None:
     once = Position.of(1, 5, time_s, pose)
-    assert Position.of(1, 5, once.time_s, once.pose) == once
+    assert Position.of(1, 5, once.time_ms / 1000.0, once.pose) == once
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,6 @@ from patrol.errors import BadInput
 from patrol.pose import Pose, wrap
 from patrol.scenario import (
     Scenario,
-    SensorSpec,
     as_mapping,
     dump_scenario,
     load_scenario,
@@ -171,16 +170,6 @@ def test_reading_leaves_the_callers_mapping_alone() -> None:
     before = json.dumps(raw)
     load_scenario(raw, {"robots.0.speed": "2", "patrol.alpha": 3})
     assert json.dumps(raw) == before
-
-
-# --- quality ---------------------------------------------------------------------------------------------------------
-
-
-def test_quality_is_constant_or_linear_between_distances() -> None:
-    assert SensorSpec(quality=0.5).quality_at(3.0) == 0.5
-    sensor = SensorSpec(quality=((2.0, 1.0), (6.0, 0.5), (10.0, 0.25)))
-    distances = [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 50.0]
-    assert [sensor.quality_at(distance) for distance in distances] == [1.0, 1.0, 0.75, 0.5, 0.375, 0.25, 0.25]
 
 
 # --- overrides -------------------------------------------------------------------------------------------------------
