@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import TimeRemainingColumn
 
 from experiments.chaos import (
     IN_ONE_PROCESS,
@@ -26,7 +26,7 @@ from experiments.chaos import (
     random_scenario,
 )
 from fogwatch.api import PACKAGES, Wishes, execute
-from fogwatch.progress import duration
+from fogwatch.progress import bar_on, duration
 from fogwatch.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario
@@ -57,15 +57,7 @@ class Hunt:
         self._slow: list[int] = []
         self._begun = self._told = time.monotonic()
         self._done = 0
-        self._bar = Progress(
-            TextColumn("{task.description}", style="cyan"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-        )
+        self._bar = bar_on(console, TimeRemainingColumn())
         self._task = self._bar.add_task("chaos", total=None)
         self._made = not folder.exists()
         try:
@@ -81,13 +73,11 @@ class Hunt:
         self._key.write_bytes(KEY)
 
     def __enter__(self) -> Self:
-        if self._console.is_terminal:
-            self._bar.start()
+        self._bar.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if self._console.is_terminal:
-            self._bar.stop()
+        self._bar.stop()
 
     def begin(self, seed: int, runs: int) -> None:
         """Say what is to come, and have the kernels compiled, so that no run waits for that."""

@@ -10,13 +10,27 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from experiments.plan import Run
 from experiments.probe import seconds_per_run
 from experiments.results import Result
 from experiments.sweep import Outcome
+
+
+def bar_on(console: Console, left: ProgressColumn) -> Progress:
+    """A bar of things done, with what is left in its last column; cleared away in the end, and only on a terminal."""
+    return Progress(
+        TextColumn("{task.description}", style="cyan"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        left,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
 
 
 class SweepProgress:
@@ -29,15 +43,7 @@ class SweepProgress:
         self._clock = clock
         self._begun = 0.0
         self._todo = self._there = self._made = 0
-        self._bar = Progress(
-            TextColumn("{task.description}", style="cyan"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[left]}"),
-            console=console,
-            transient=True,
-        )
+        self._bar = bar_on(console, TextColumn("{task.fields[left]}"))
         self._task = self._bar.add_task("runs", total=None, left="")
 
     @property
@@ -56,13 +62,11 @@ class SweepProgress:
         return self._there + self._made
 
     def __enter__(self) -> Self:
-        if self._console.is_terminal:
-            self._bar.start()
+        self._bar.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if self._console.is_terminal:
-            self._bar.stop()
+        self._bar.stop()
 
     def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
         """The runs still to be made, and the results that were there."""
