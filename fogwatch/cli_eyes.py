@@ -26,6 +26,7 @@ STILL_S = 30.0
 """A journal without an end that was written to within so many seconds of wall time may still be growing."""
 
 BROKEN = 1
+INTERRUPTED = 130
 
 
 def record(
@@ -40,7 +41,7 @@ def record(
     ] = None,
     radio: Annotated[str | None, typer.Option(metavar="LOCATOR", help="Where such robots hear each other.")] = None,
     wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet.")] = 60.0,
-) -> None:
+) -> int:
     """Write a recording: an MCAP file of ROS 2 messages that Foxglove, Lichtblick, Rerun or PlotJuggler open.
 
     Of a run's folder, all that there is of the run; of a fleet that is running, what happens from now on, until the run
@@ -54,11 +55,12 @@ def record(
             raise BadInput("record: --scenario and --radio are for robots without a world; leave the folder out")
         _record_run(run, out)
     elif router is not None and fleet is not None:
-        _record_fleet(out or Path(f"{fleet}.mcap"), router, fleet, scenario, radio, wait)
+        return _record_fleet(out or Path(f"{fleet}.mcap"), router, fleet, scenario, radio, wait)
+    return 0
 
 
-def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, radio: str | None, wait_s: float) -> None:
-    """Record a fleet until its run ends or somebody interrupts."""
+def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, radio: str | None, wait_s: float) -> int:
+    """Record a fleet until its run ends or somebody interrupts, which is how it ends well; the exit code."""
     ending = heed(None, patience=1)
     if out.exists():
         raise BadInput(f"{out}: is there already; name a new file with --out")
@@ -68,7 +70,7 @@ def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, rad
 
     source = open_fleet(ending, router=router, fleet=fleet, scenario=scenario, radio=radio, wait_s=wait_s)
     if source is None:
-        raise BadInput("record: interrupted before there was anything to record")
+        return INTERRUPTED
 
     def say(line: str) -> None:
         typer.echo(f"record: {line}", err=True)
@@ -81,6 +83,7 @@ def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, rad
         source.close()
     what = "nothing was heard" if last is None else f"up to {last.time_s:g} s, {last.ended or 'it goes on'}"
     typer.echo(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {what}")
+    return 0
 
 
 def _record_run(run: Path, out: Path | None) -> None:

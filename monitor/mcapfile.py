@@ -79,10 +79,12 @@ def _read(path: Path, contents: Contents, take: Callable[[Any], None] | None) ->
                 contents.end_s = at
         if take is not None:
             take(record)
+    if contents.why_cut and not contents.messages:
+        raise BadInput(f"{path}: is cut off before its first message; there is nothing to save, so record again")
     if not contents.facts:
-        if contents.why_cut and not contents.messages:
-            raise BadInput(f"{path}: is cut off before its first message; there is nothing to save")
-        raise BadInput(f"{path}: is an MCAP file, but not one of fogwatch: it has no metadata '{METADATA}'")
+        raise BadInput(
+            f"{path}: is an MCAP file, but not one of fogwatch: it has no metadata '{METADATA}'; name one that has"
+        )
 
 
 def _records(path: Path, contents: Contents) -> Iterator[Any]:
@@ -95,11 +97,15 @@ def _records(path: Path, contents: Contents) -> Iterator[Any]:
             for record in StreamReader(file, validate_crcs=True).records:
                 begun = True
                 yield record
+    except IsADirectoryError:
+        raise BadInput(f"{path}: is a folder; name a file, such as {path / 'recording.mcap'}") from None
     except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); name a recording.mcap") from None
     except Exception as error:  # noqa: BLE001 - what a damaged file makes of the reader is anybody's guess
         if not begun:
-            raise BadInput(f"{path}: is no MCAP file, or is cut off before its first record") from None
+            raise BadInput(
+                f"{path}: is no MCAP file, or is cut off before its first record; name a recording.mcap"
+            ) from None
         contents.why_cut = f"after {contents.end_s:g} s ({type(error).__name__})"
 
 

@@ -139,9 +139,9 @@ def open_run(folder: Path) -> Run:
         raise BadInput(f"{folder}: {kind} name the run's folder here")
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder; name a run's, such as runs/yards-20260101-120000")
-    for name, what in ((JOURNAL, "no run's folder, or one whose ticks have not begun"), (SCENARIO, "no run's folder")):
+    for name, what in ((JOURNAL, "no run's, or one whose ticks have not begun"), (SCENARIO, "no run's, or not whole")):
         if not (folder / name).is_file():
-            raise BadInput(f"{folder}: holds no file {name}; it is {what}")
+            raise BadInput(f"{folder}: holds no file {name}, so it is {what}; name a run's folder")
     journal = read_journal(folder / JOURNAL)
     prepared = prepared_as_operated(prepare(load_scenario(folder / SCENARIO)), journal.events)
     facts, terrain = journal.header.terrain, prepared.terrain
@@ -163,7 +163,7 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
     for record in journal.ticks:
         rows.take(record)
     if not rows.mfow:
-        raise BadInput(f"{journal.path}: holds no whole tick; there is nothing to show yet")
+        raise BadInput(f"{journal.path}: holds no whole tick, so nothing can be shown; wait for one, or run it again")
     return Run(
         folder=folder,
         journal=journal,

@@ -49,6 +49,7 @@ __all__ = [
 _KIND = b"fogwatch journal "
 MAGIC = _KIND + b"1\n"
 MAX_RECORD = 1 << 28
+REMEDY = "use the version that wrote it, or run the folder's scenario.yaml again"
 _FRAME = struct.Struct("<II")
 
 
@@ -106,7 +107,7 @@ class Journal:
         self.path = path
         first = next(iter(_Records(path)), None)
         if not isinstance(first, Header):
-            raise BadInput(f"{path}: holds no whole header; the run was ended before it began")
+            raise BadInput(f"{path}: holds no whole header; the run was ended before it began, so run it again")
         self.header = first
 
     @property
@@ -165,10 +166,12 @@ class _Records:
             raise BadInput(f"{self.path}: cannot be read ({error.strerror})") from None
 
     def _check_magic(self, magic: bytes) -> None:
+        if not magic:
+            raise BadInput(f"{self.path}: is empty; the run was ended before it began, so run it again")
         if not magic.startswith(_KIND):
-            raise BadInput(f"{self.path}: is no fogwatch journal")
+            raise BadInput(f"{self.path}: is no fogwatch journal; name a folder that fogwatch run has made")
         if magic != MAGIC:
-            raise BadInput(f"{self.path}: is a journal of another format; this version reads format 1")
+            raise BadInput(f"{self.path}: is a journal of another format, and this version reads format 1; {REMEDY}")
 
     def _payloads(self, file: io.BufferedReader) -> Iterator[bytes]:
         while frame := file.read(_FRAME.size):
@@ -188,7 +191,8 @@ class _Records:
             if not (self._skip_ticks and value["type"] == "tick"):
                 yield _typed(value)
         except (ValueError, TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
-            raise BadInput(f"{self.path}: record {number} is not a journal's ({type(error).__name__})") from None
+            what = f"record {number} is not a journal's, or not one of this version's ({type(error).__name__})"
+            raise BadInput(f"{self.path}: {what}; {REMEDY}") from None
 
 
 def pack(record: Record) -> bytes:

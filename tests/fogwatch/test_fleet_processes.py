@@ -12,6 +12,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
+from monitor.mcapfile import look
+from monitor.player import Player
+from monitor.replay import play
+from monitor.runs import open_run
 from patrol.journal import Status, read_journal
 
 if TYPE_CHECKING:
@@ -208,6 +212,21 @@ def test_a_dead_world_ends_the_run_unjudged(start: Callable[..., Run]) -> None:
     assert run.end() == 3, run.errors
     assert not run.children()
     assert run.summary()["verdict"]["outcome"] == "unknown"
+    killed = open_run(run.folder)
+    assert killed.ended is None
+    assert killed.ticks > 20
+    assert play(killed, []) is None, "its fog is the one that was measured, tick by tick"
+    player = Player(killed)
+    for k in (killed.ticks - 1, 3, killed.ticks // 2):
+        assert player.ask({"do": "seek", "k": k}).done
+        state = player.wait(60.0)
+        assert state is not None
+        assert (state.k, state.mfow_s) == (k, killed.mfow[k] * killed.step)
+    recorded = look(run.folder / "recording.mcap")
+    assert not recorded.why_cut
+    assert recorded.facts["ended"] == "cut off"
+    assert recorded.messages["/mfow"] == recorded.messages["/r1/pose"] == killed.ticks
+    assert "The run was cut off" in (run.folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_real_pace_waits_for_nobody_and_counts(start: Callable[..., Run]) -> None:

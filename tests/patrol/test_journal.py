@@ -177,10 +177,10 @@ def framed(value: object) -> bytes:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "no fogwatch journal"),
+        (b"", "is empty; the run was ended before it began, so run it again"),
         (b"name: yards\n", "no fogwatch journal"),
         (b"\x89PNG\r\n\x1a\n" * 100, "no fogwatch journal"),
-        (b"fogwatch journal 2\n", "another format"),
+        (b"fogwatch journal 2\n", "another format, and this version reads format 1; use the version that wrote it"),
         (MAGIC, "no whole header"),
         (MAGIC + b"\xff\xff\xff\xff\x00\x00\x00\x00", "no whole header"),
         (MAGIC + framed({"type": "end", "reason": "", "trace_hash": "", "notes": {}}), "no whole header"),
