@@ -15,6 +15,7 @@ from patrol.journal import Status
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
+ABSENT = Status.ABSENT.name.lower()
 
 
 def print_report(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
@@ -76,7 +77,8 @@ def _robots(robots: Mapping[str, Mapping[str, Any]]) -> Table:
     heads = ("robot", "status", "distance m", "dead end %", "collisions", "decisions", "p50 ms", "p99 ms")
     for head in heads:
         table.add_column(head, justify="left" if head in ("robot", "status") else "right")
-    for name, facts in list(robots.items())[:MOST_ROBOTS]:
+    came = {name: facts for name, facts in robots.items() if facts["status"] != ABSENT}
+    for name, facts in list(came.items())[:MOST_ROBOTS]:
         p50, p99 = (facts[f"decision_ms_p{percent}"] for percent in (50, 99))
         table.add_row(
             name,
@@ -88,6 +90,8 @@ def _robots(robots: Mapping[str, Mapping[str, Any]]) -> Table:
             "-" if p50 is None else f"{p50:.1f}",
             "-" if p99 is None else f"{p99:.1f}",
         )
-    if len(robots) > MOST_ROBOTS:
-        table.add_row(f"and {len(robots) - MOST_ROBOTS} more", *[""] * (len(heads) - 1))
+    if len(came) > MOST_ROBOTS:
+        table.add_row(f"and {len(came) - MOST_ROBOTS} more", *[""] * (len(heads) - 1))
+    if len(came) < len(robots):
+        table.add_row(f"{len(robots) - len(came)} more", Text(ABSENT, STATUS_STYLES[Status.ABSENT]))
     return table

@@ -67,7 +67,7 @@ class Player:
             origin=terrain.origin,
             robots=tuple(
                 RobotShape(facts.number, facts.name, facts.model, specs[facts.number].radius, *shape)
-                for facts in run.journal.header.robots
+                for facts in run.robots
             ),
             step=run.step,
             ticks=run.ticks,

@@ -143,7 +143,7 @@ class Replay:
         """The run at tick k."""
         run, fog = self.run, self.fog(k)
         robots = []
-        for place, facts in enumerate(run.journal.header.robots):
+        for place, facts in enumerate(run.robots):
             x, y, heading = run.poses[k, place].tolist()
             to_x, to_y = run.goals[k, place].tolist()
             robots.append(

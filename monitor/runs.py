@@ -1,6 +1,7 @@
 """A run as its folder tells it: the journal's ticks as arrays, next to the scenario, its terrain and the summary.
 
-Everything is in roster order. A journal that was cut off, or one that is still being written, gives what is in it.
+Everything is in roster order, without the spare robots that never came. A journal that was cut off, or one that is
+still being written, gives what is in it.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from patrol.errors import BadInput
 from patrol.journal import Journal, read_journal
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
-from patrol.records import Event, Status, TickRecord, sent_at
+from patrol.records import Event, RobotFacts, Status, TickRecord, sent_at
 from patrol.scenario import load_scenario
 
 JOURNAL = "journal"
 SCENARIO = "scenario.yaml"
 SUMMARY = "summary.json"
+CAME = ("alive", "lost")
+"""Events by which a robot that was not there is."""
 SILENT = ""
 """The state of a robot that did not report one."""
 
@@ -92,7 +95,7 @@ class Run:
     truncated: bool
     summary: Mapping[str, Any] | None
     index: Mapping[int, int] = field(default_factory=dict)
-    """A robot's place in the roster, by its number."""
+    """A robot's place among those of the run, by its number: all of the roster but spare ones that never came."""
 
     @property
     def ticks(self) -> int:
@@ -105,14 +108,19 @@ class Run:
         return self.prepared.scenario.step
 
     @property
+    def robots(self) -> tuple[RobotFacts, ...]:
+        """The robots in the order of their places."""
+        return tuple(robot for robot in self.journal.header.robots if robot.number in self.index)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The robots' names."""
-        return tuple(robot.name for robot in self.journal.header.robots)
+        return tuple(robot.name for robot in self.robots)
 
     @property
     def numbers(self) -> tuple[int, ...]:
         """The robots' numbers."""
-        return tuple(robot.number for robot in self.journal.header.robots)
+        return tuple(robot.number for robot in self.robots)
 
     @property
     def title(self) -> str:
@@ -157,7 +165,9 @@ def open_run(folder: Path) -> Run:
 
 def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mapping[str, Any] | None = None) -> Run:
     """A journal's ticks as arrays; BadInput when it holds none."""
-    index = {robot.number: place for place, robot in enumerate(journal.header.robots)}
+    came = {event.robot for event in journal.events if event.kind in CAME}
+    robots = [one for one in journal.header.robots if one.number not in prepared.scenario.spares or one.number in came]
+    index = {robot.number: place for place, robot in enumerate(robots)}
     cars = {robot.number for robot in journal.header.robots if robot.model == "car"}
     rows = _Rows(index, cars, prepared.scenario.step)
     for record in journal.ticks:
@@ -219,7 +229,7 @@ class _Rows:
         self._late = 0
 
     def take(self, record: TickRecord) -> None:
-        robots, nan = record.robots, float("nan")
+        robots, nan = [robot for robot in record.robots if robot.number in self._index], float("nan")
         self.poses.append([(robot.x, robot.y, robot.heading) for robot in robots])
         self.status.append([int(robot.status) for robot in robots])
         self.bumped.append([robot.bumped for robot in robots])

@@ -74,7 +74,7 @@ def run_of(folder: Path, scenario: Mapping[str, Any]) -> Seen:
     fleet = InProcessFleet({number: made(number, FIRST_INCARNATION) for number in world.living}, made)
     seen = Seen(folder)
     with JournalWriter(folder / "journal", header_of(world, "2026-01-02T03:04:05+00:00")) as writer:
-        recorder = Recorder(writer)
+        recorder = Recorder(writer, loaded.spares)
 
         def on_tick(record: TickRecord) -> None:
             recorder.tick(record)

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monitor.player import Player
 from monitor.replay import Replay, play
 from monitor.runs import open_run
 from patrol.errors import BadInput
 from patrol.records import Status
+from tests.monitor.conftest import QUIET, run_of
 
 CHOSEN = (7, 41, 78)
 """Ticks at which the replay is held against the run's own fog."""
@@ -74,3 +76,19 @@ def test_a_fog_that_is_not_the_runs_is_noticed(quiet: Any, copied: Callable[...,
     for k in (79, 3, 40):
         fog = Replay(run).fog(k)
         assert fog.last_seen.max() == k
+
+
+def test_spare_robots_that_never_came_are_not_shown(tmp_path: Path) -> None:
+    faults = [{"kind": "join", "who": "r5", "at": 5}, {"kind": "kill", "who": "all", "at": 12}]
+    robots = {**QUIET["robots"], "spare": 2}
+    run = run_of(tmp_path, {**QUIET, "duration": 15, "robots": robots, "faults": faults}).open()
+    assert run.names == ("r1", "r2", "r3", "r5")
+    assert run.summary is not None
+    assert run.summary["verdict"]["valid"]
+    assert play(run, []) is None
+    moment = Replay(run).at(14)
+    assert [(robot.number, robot.status) for robot in moment.robots][-1] == (5, Status.ALIVE)
+    assert [robot.status for robot in Replay(run).at(28).robots] == [Status.DEAD] * 4
+    state = Player(run).wait(1.0)
+    assert state is not None
+    assert len(state.robots) == len(Player(run).static().robots) == 4
