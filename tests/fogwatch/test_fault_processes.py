@@ -34,8 +34,10 @@ EVERYTHING: list[dict[str, Any]] = [
     {"kind": "kill", "who": "emil", "at": 9},
     {"kind": "loss", "rate": 0.3, "at": 2, "for": 10},
     {"kind": "pause", "who": "carl", "at": 14},
+    {"kind": "join", "who": "fern", "at": 11},
 ]
 NAMES = ["anna", "bert", "carl", "dora", "emil"]
+SPARES = ["fern", "gil"]
 
 
 def rows(run: Run, number: int) -> list[RobotTick]:
@@ -48,7 +50,7 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
     scenario = {
         **COARSE,
         "duration": 16,
-        "robots": [{"name": name, "model": model} for name in NAMES],
+        "robots": [{"name": name, "model": model, "spare": name in SPARES or None} for name in (*NAMES, *SPARES)],
         "radio": {"trail": 2, "forget_after": 2},
         "patrol": {"dilatation": 0.0, "separation": "claims"},
         "faults": EVERYTHING,
@@ -64,13 +66,21 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
     looks = [[(e.robot, e.detail) for e in journal.events if e.kind == LOOKED_AT] for journal in journals]
     assert looks == [[], [(3, STOPPED), (3, STOPPED)]]
     codes = {"the router": 0, "the world": 0, "anna": -9, "anna (2)": 0, "bert": -9, "bert (2)": 0}
-    codes |= {"carl": 0, "dora": -9, "dora (2)": 0, "emil": 0}
+    codes |= {"carl": 0, "dora": -9, "dora (2)": 0, "emil": 0, "fern": 0}
     assert many.summary["exit_codes"] == codes
     status = {name: facts["status"] for name, facts in many.summary["robots"].items()}
-    assert status == {"anna": "alive", "bert": "alive", "carl": "paused", "dora": "alive", "emil": "left"}
+    assert status == {
+        "anna": "alive",
+        "bert": "alive",
+        "carl": "paused",
+        "dora": "alive",
+        "emil": "left",
+        "fern": "alive",
+        "gil": "absent",
+    }
     header, *lines = (many.folder / "ticks.csv").read_text(encoding="ascii").splitlines()
     last = dict(zip(header.split(","), lines[-1].split(","), strict=True))
-    assert [last[name] for name in ("living", "paused", "dead", "lost", "away")] == ["3", "1", "0", "0", "1"]
+    assert [last[name] for name in ("living", "paused", "dead", "lost", "away")] == ["4", "1", "0", "0", "2"]
 
 
 def test_hands_that_stop_nobody_are_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
