@@ -1,12 +1,9 @@
 // The map: the fog's image under robots with heading, trail, goal and footprint; zoom, pan, hover and clicks.
 
-import { SERIES, themed } from "./colours.js";
+import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
-import { NEVER, seconds, standing } from "./store.js";
-
-const LEAST = 5;
-const RAYS = 120;
-const PASSABLE = 1;
+import { drawCross, drawRobots, drawScaleBar, PASSABLE } from "./marks.js";
+import { NEVER, seconds } from "./store.js";
 
 export class MapView {
   /** told: {hover(text, x, y), click(x, y), pick(place)} */
@@ -87,9 +84,9 @@ export class MapView {
     const [left, top] = this.toScreen(origin[0], origin[1] + height * point);
     context.imageSmoothingEnabled = this.scale * point < 2;
     context.drawImage(this.fog.canvas, left, top, width * point * this.scale, height * point * this.scale);
-    this.#scaleBar();
-    if (store.state) this.#robots();
-    if (this.aiming && this.hovered) this.#cross();
+    drawScaleBar(this);
+    if (store.state) drawRobots(this);
+    if (this.aiming && this.hovered) drawCross(this);
     this.#hover();
   }
 
@@ -106,186 +103,6 @@ export class MapView {
     if (shown.kind === "difference" && first && second) fog.difference(first, second, k, shown.oldest);
     else if (shown.kind === "ages" && first) fog.ages(first, k, shown.oldest);
     this.dirtyFog = false;
-  }
-
-  #robots() {
-    const { context: c, store } = this;
-    const robots = store.state.robots, facts = store.facts.robots;
-    c.lineJoin = c.lineCap = "round";
-    robots.forEach((robot, place) => this.#footprint(robot, facts[place], place));
-    robots.forEach((robot, place) => this.#trail(place));
-    robots.forEach((robot, place) => this.#goal(robot, place));
-    robots.forEach((robot, place) => this.#body(robot, facts[place], place));
-    for (const [x, y] of store.state.intruders) this.#intruder(x, y);
-  }
-
-  #footprint([status, , pose], facts, place) {
-    const few = this.store.facts.robots.length <= 24;
-    if (!pose || status !== 1 || !(few || place === this.selected)) return;
-    const c = this.context, scale = this.scale;
-    const { point, width, height, origin } = this.store.facts;
-    const terrain = this.store.terrain;
-    const half = (facts.angle * Math.PI) / 360, whole = facts.angle >= 360;
-    c.beginPath();
-    for (let i = 0; i <= RAYS; i++) {
-      const angle = whole ? (i / RAYS) * 2 * Math.PI : pose[2] - half + (i / RAYS) * 2 * half;
-      const dx = Math.cos(angle), dy = Math.sin(angle);
-      let reach = 0;
-      for (; reach < facts.range; reach += point) {
-        const col = Math.floor((pose[0] + dx * reach - origin[0]) / point);
-        const row = Math.floor((pose[1] + dy * reach - origin[1]) / point);
-        if (col < 0 || row < 0 || col >= width || row >= height) break;
-        if (!(terrain[row * width + col] & PASSABLE)) break;
-      }
-      const [x, y] = this.toScreen(pose[0] + dx * Math.min(reach, facts.range), pose[1] + dy * Math.min(reach, facts.range));
-      if (i) c.lineTo(x, y);
-      else if (whole) c.moveTo(x, y);
-      else {
-        c.moveTo(...this.toScreen(pose[0], pose[1]));
-        c.lineTo(x, y);
-      }
-    }
-    c.closePath();
-    const chosen = place === this.selected;
-    c.lineWidth = (chosen ? 2 : 1) * this.ratio;
-    c.strokeStyle = chosen ? "rgb(255 255 255 / 90%)" : "rgb(20 24 30 / 40%)";
-    if (scale > 0) c.stroke();
-  }
-
-  #trail(place) {
-    const trail = this.store.trails[place];
-    if (!trail || trail.length < 2) return;
-    const c = this.context;
-    c.beginPath();
-    trail.forEach(([x, y], i) => (i ? c.lineTo(...this.toScreen(x, y)) : c.moveTo(...this.toScreen(x, y))));
-    c.strokeStyle = "rgb(255 255 255 / 55%)";
-    c.lineWidth = (place === this.selected ? 4 : 3) * this.ratio;
-    c.stroke();
-    c.strokeStyle = SERIES[place % SERIES.length];
-    c.lineWidth = (place === this.selected ? 2.4 : 1.4) * this.ratio;
-    c.stroke();
-  }
-
-  #goal([status, , pose, goal], place) {
-    if (!goal || !pose || status !== 1) return;
-    const c = this.context, r = this.ratio;
-    const [x0, y0] = this.toScreen(pose[0], pose[1]), [x, y] = this.toScreen(goal[0], goal[1]);
-    for (const [colour, wide] of [["rgb(255 255 255 / 70%)", 3.4], [SERIES[place % SERIES.length], 1.6]]) {
-      c.strokeStyle = colour;
-      c.lineWidth = wide * r;
-      c.setLineDash([4 * r, 4 * r]);
-      c.beginPath();
-      c.moveTo(x0, y0);
-      c.lineTo(x, y);
-      c.stroke();
-      c.setLineDash([]);
-      c.beginPath();
-      c.moveTo(x - 4 * r, y);
-      c.lineTo(x + 4 * r, y);
-      c.moveTo(x, y - 4 * r);
-      c.lineTo(x, y + 4 * r);
-      c.stroke();
-    }
-  }
-
-  #body(robot, facts, place) {
-    const [status, , pose] = robot;
-    if (!pose) return;
-    const c = this.context, r = this.ratio;
-    const [x, y] = this.toScreen(pose[0], pose[1]);
-    const size = Math.max(facts.radius * this.scale, LEAST * r);
-    const gone = status === 3 || status === 4;
-    const how = standing(robot);
-    if (place === this.selected) ring(c, x, y, size + 5 * r, this.colours.accent, 3 * r);
-    c.beginPath();
-    c.arc(x, y, size, 0, 2 * Math.PI);
-    c.fillStyle = gone ? "#2b2f36" : SERIES[place % SERIES.length];
-    c.fill();
-    c.lineWidth = 2 * r;
-    c.strokeStyle = "#ffffff";
-    c.stroke();
-    ring(c, x, y, size + 1.6 * r, "rgb(0 0 0 / 55%)", r);
-    c.strokeStyle = "#ffffff";
-    c.lineWidth = Math.max(2 * r, size * 0.18);
-    const arm = size * 0.62;
-    if (gone) {
-      line(c, x - arm, y - arm, x + arm, y + arm);
-      line(c, x - arm, y + arm, x + arm, y - arm);
-    } else if (status === 2) {
-      line(c, x - size * 0.3, y - arm, x - size * 0.3, y + arm);
-      line(c, x + size * 0.3, y - arm, x + size * 0.3, y + arm);
-    } else {
-      const reach = size * 1.55;
-      c.strokeStyle = "rgb(0 0 0 / 60%)";
-      c.lineWidth += 2 * r;
-      line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
-      c.strokeStyle = "#ffffff";
-      c.lineWidth -= 2 * r;
-      line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
-    }
-    if (how.kind === "warn" && status === 1) {
-      c.setLineDash([3 * r, 3 * r]);
-      ring(c, x, y, size + 4 * r, "#ffffff", 2 * r);
-      c.setLineDash([]);
-    }
-    if (this.store.facts.robots.length <= 24 || place === this.selected) {
-      c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
-      c.textAlign = "center";
-      c.textBaseline = "bottom";
-      c.lineWidth = 3 * r;
-      c.strokeStyle = "rgb(255 255 255 / 90%)";
-      c.fillStyle = "#14171b";
-      const above = y - size - 5 * r;
-      c.strokeText(facts.name, x, above);
-      c.fillText(facts.name, x, above);
-    }
-  }
-
-  #intruder(px, py) {
-    const c = this.context, r = this.ratio, size = 8 * r;
-    const [x, y] = this.toScreen(px, py);
-    c.beginPath();
-    c.moveTo(x, y - size);
-    c.lineTo(x + size * 0.9, y + size * 0.7);
-    c.lineTo(x - size * 0.9, y + size * 0.7);
-    c.closePath();
-    c.fillStyle = "#ffffff";
-    c.fill();
-    c.lineWidth = 2 * r;
-    c.strokeStyle = "#c1121f";
-    c.stroke();
-    line(c, x, y - size * 0.3, x, y + size * 0.15);
-  }
-
-  #cross() {
-    const c = this.context, r = this.ratio, arm = 14 * r;
-    const [x, y] = this.hovered.map((value) => value * r);
-    for (const [colour, wide] of [["#ffffff", 5], ["#c1121f", 2]]) {
-      c.strokeStyle = colour;
-      c.lineWidth = wide * r;
-      line(c, x - arm, y, x + arm, y);
-      line(c, x, y - arm, x, y + arm);
-    }
-  }
-
-  #scaleBar() {
-    const c = this.context, r = this.ratio, most = (120 * r) / this.scale;
-    const power = 10 ** Math.floor(Math.log10(most));
-    const length = [5, 2, 1].map((step) => step * power).find((step) => step <= most);
-    const right = this.canvas.width - 14 * r, y = this.canvas.height - 14 * r, left = right - length * this.scale;
-    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", 5], ["#14171b", 2]]) {
-      c.strokeStyle = colour;
-      c.lineWidth = wide * r;
-      line(c, left, y, right, y);
-    }
-    c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
-    c.textAlign = "right";
-    c.textBaseline = "bottom";
-    c.lineWidth = 3 * r;
-    c.strokeStyle = "rgb(255 255 255 / 85%)";
-    c.fillStyle = "#14171b";
-    c.strokeText(`${length} m`, right, y - 4 * r);
-    c.fillText(`${length} m`, right, y - 4 * r);
   }
 
   #hover() {
@@ -420,19 +237,4 @@ export class MapView {
     if (kind === "touch") this.hovered = [px, py];
     this.told.redraw();
   }
-}
-
-function ring(c, x, y, size, colour, wide) {
-  c.beginPath();
-  c.arc(x, y, size, 0, 2 * Math.PI);
-  c.lineWidth = wide;
-  c.strokeStyle = colour;
-  c.stroke();
-}
-
-function line(c, x0, y0, x1, y1) {
-  c.beginPath();
-  c.moveTo(x0, y0);
-  c.lineTo(x1, y1);
-  c.stroke();
 }

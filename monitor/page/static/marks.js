@@ -1,0 +1,204 @@
+// What stands on the map: robots with footprint, trail and goal, intruders, the aim's cross, the scale bar.
+
+import { SERIES } from "./colours.js";
+import { standing } from "./store.js";
+
+const LEAST = 5;
+const RAYS = 120;
+export const PASSABLE = 1;
+
+/** All robots of a map view's store, one kind of mark after the other, and the intruders. */
+export function drawRobots(map) {
+  const { context: c, store } = map;
+  const robots = store.state.robots, facts = store.facts.robots;
+  c.lineJoin = c.lineCap = "round";
+  robots.forEach((robot, place) => footprint(map, robot, facts[place], place));
+  robots.forEach((robot, place) => trail(map, place));
+  robots.forEach((robot, place) => goal(map, robot, place));
+  robots.forEach((robot, place) => body(map, robot, facts[place], place));
+  for (const [x, y] of store.state.intruders) intruder(map, x, y);
+}
+
+function footprint(map, [status, , pose], facts, place) {
+  const few = map.store.facts.robots.length <= 24;
+  if (!pose || status !== 1 || !(few || place === map.selected)) return;
+  const c = map.context, scale = map.scale;
+  const { point, width, height, origin } = map.store.facts;
+  const terrain = map.store.terrain;
+  const half = (facts.angle * Math.PI) / 360, whole = facts.angle >= 360;
+  c.beginPath();
+  for (let i = 0; i <= RAYS; i++) {
+    const angle = whole ? (i / RAYS) * 2 * Math.PI : pose[2] - half + (i / RAYS) * 2 * half;
+    const dx = Math.cos(angle), dy = Math.sin(angle);
+    let reach = 0;
+    for (; reach < facts.range; reach += point) {
+      const col = Math.floor((pose[0] + dx * reach - origin[0]) / point);
+      const row = Math.floor((pose[1] + dy * reach - origin[1]) / point);
+      if (col < 0 || row < 0 || col >= width || row >= height) break;
+      if (!(terrain[row * width + col] & PASSABLE)) break;
+    }
+    const [x, y] = map.toScreen(pose[0] + dx * Math.min(reach, facts.range), pose[1] + dy * Math.min(reach, facts.range));
+    if (i) c.lineTo(x, y);
+    else if (whole) c.moveTo(x, y);
+    else {
+      c.moveTo(...map.toScreen(pose[0], pose[1]));
+      c.lineTo(x, y);
+    }
+  }
+  c.closePath();
+  const chosen = place === map.selected;
+  c.lineWidth = (chosen ? 2 : 1) * map.ratio;
+  c.strokeStyle = chosen ? "rgb(255 255 255 / 90%)" : "rgb(20 24 30 / 40%)";
+  if (scale > 0) c.stroke();
+}
+
+function trail(map, place) {
+  const trail = map.store.trails[place];
+  if (!trail || trail.length < 2) return;
+  const c = map.context;
+  c.beginPath();
+  trail.forEach(([x, y], i) => (i ? c.lineTo(...map.toScreen(x, y)) : c.moveTo(...map.toScreen(x, y))));
+  c.strokeStyle = "rgb(255 255 255 / 55%)";
+  c.lineWidth = (place === map.selected ? 4 : 3) * map.ratio;
+  c.stroke();
+  c.strokeStyle = SERIES[place % SERIES.length];
+  c.lineWidth = (place === map.selected ? 2.4 : 1.4) * map.ratio;
+  c.stroke();
+}
+
+function goal(map, [status, , pose, goal], place) {
+  if (!goal || !pose || status !== 1) return;
+  const c = map.context, r = map.ratio;
+  const [x0, y0] = map.toScreen(pose[0], pose[1]), [x, y] = map.toScreen(goal[0], goal[1]);
+  for (const [colour, wide] of [["rgb(255 255 255 / 70%)", 3.4], [SERIES[place % SERIES.length], 1.6]]) {
+    c.strokeStyle = colour;
+    c.lineWidth = wide * r;
+    c.setLineDash([4 * r, 4 * r]);
+    c.beginPath();
+    c.moveTo(x0, y0);
+    c.lineTo(x, y);
+    c.stroke();
+    c.setLineDash([]);
+    c.beginPath();
+    c.moveTo(x - 4 * r, y);
+    c.lineTo(x + 4 * r, y);
+    c.moveTo(x, y - 4 * r);
+    c.lineTo(x, y + 4 * r);
+    c.stroke();
+  }
+}
+
+function body(map, robot, facts, place) {
+  const [status, , pose] = robot;
+  if (!pose) return;
+  const c = map.context, r = map.ratio;
+  const [x, y] = map.toScreen(pose[0], pose[1]);
+  const size = Math.max(facts.radius * map.scale, LEAST * r);
+  const gone = status === 3 || status === 4;
+  const how = standing(robot);
+  if (place === map.selected) ring(c, x, y, size + 5 * r, map.colours.accent, 3 * r);
+  c.beginPath();
+  c.arc(x, y, size, 0, 2 * Math.PI);
+  c.fillStyle = gone ? "#2b2f36" : SERIES[place % SERIES.length];
+  c.fill();
+  c.lineWidth = 2 * r;
+  c.strokeStyle = "#ffffff";
+  c.stroke();
+  ring(c, x, y, size + 1.6 * r, "rgb(0 0 0 / 55%)", r);
+  c.strokeStyle = "#ffffff";
+  c.lineWidth = Math.max(2 * r, size * 0.18);
+  const arm = size * 0.62;
+  if (gone) {
+    line(c, x - arm, y - arm, x + arm, y + arm);
+    line(c, x - arm, y + arm, x + arm, y - arm);
+  } else if (status === 2) {
+    line(c, x - size * 0.3, y - arm, x - size * 0.3, y + arm);
+    line(c, x + size * 0.3, y - arm, x + size * 0.3, y + arm);
+  } else {
+    const reach = size * 1.55;
+    c.strokeStyle = "rgb(0 0 0 / 60%)";
+    c.lineWidth += 2 * r;
+    line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
+    c.strokeStyle = "#ffffff";
+    c.lineWidth -= 2 * r;
+    line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
+  }
+  if (how.kind === "warn" && status === 1) {
+    c.setLineDash([3 * r, 3 * r]);
+    ring(c, x, y, size + 4 * r, "#ffffff", 2 * r);
+    c.setLineDash([]);
+  }
+  if (map.store.facts.robots.length <= 24 || place === map.selected) {
+    c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
+    c.textAlign = "center";
+    c.textBaseline = "bottom";
+    c.lineWidth = 3 * r;
+    c.strokeStyle = "rgb(255 255 255 / 90%)";
+    c.fillStyle = "#14171b";
+    const above = y - size - 5 * r;
+    c.strokeText(facts.name, x, above);
+    c.fillText(facts.name, x, above);
+  }
+}
+
+function intruder(map, px, py) {
+  const c = map.context, r = map.ratio, size = 8 * r;
+  const [x, y] = map.toScreen(px, py);
+  c.beginPath();
+  c.moveTo(x, y - size);
+  c.lineTo(x + size * 0.9, y + size * 0.7);
+  c.lineTo(x - size * 0.9, y + size * 0.7);
+  c.closePath();
+  c.fillStyle = "#ffffff";
+  c.fill();
+  c.lineWidth = 2 * r;
+  c.strokeStyle = "#c1121f";
+  c.stroke();
+  line(c, x, y - size * 0.3, x, y + size * 0.15);
+}
+
+export function drawCross(map) {
+  const c = map.context, r = map.ratio, arm = 14 * r;
+  const [x, y] = map.hovered.map((value) => value * r);
+  for (const [colour, wide] of [["#ffffff", 5], ["#c1121f", 2]]) {
+    c.strokeStyle = colour;
+    c.lineWidth = wide * r;
+    line(c, x - arm, y, x + arm, y);
+    line(c, x, y - arm, x, y + arm);
+  }
+}
+
+export function drawScaleBar(map) {
+  const c = map.context, r = map.ratio, most = (120 * r) / map.scale;
+  const power = 10 ** Math.floor(Math.log10(most));
+  const length = [5, 2, 1].map((step) => step * power).find((step) => step <= most);
+  const right = map.canvas.width - 14 * r, y = map.canvas.height - 14 * r, left = right - length * map.scale;
+  for (const [colour, wide] of [["rgb(255 255 255 / 85%)", 5], ["#14171b", 2]]) {
+    c.strokeStyle = colour;
+    c.lineWidth = wide * r;
+    line(c, left, y, right, y);
+  }
+  c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
+  c.textAlign = "right";
+  c.textBaseline = "bottom";
+  c.lineWidth = 3 * r;
+  c.strokeStyle = "rgb(255 255 255 / 85%)";
+  c.fillStyle = "#14171b";
+  c.strokeText(`${length} m`, right, y - 4 * r);
+  c.fillText(`${length} m`, right, y - 4 * r);
+}
+
+function ring(c, x, y, size, colour, wide) {
+  c.beginPath();
+  c.arc(x, y, size, 0, 2 * Math.PI);
+  c.lineWidth = wide;
+  c.strokeStyle = colour;
+  c.stroke();
+}
+
+function line(c, x0, y0, x1, y1) {
+  c.beginPath();
+  c.moveTo(x0, y0);
+  c.lineTo(x1, y1);
+  c.stroke();
+}
