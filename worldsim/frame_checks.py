@@ -24,24 +24,32 @@ if TYPE_CHECKING:
     from worldsim.record import RunRecord
 
 
+_LOST = Status.LOST.name.lower()
+
+
 class FramesAreTrue:
     """A sender's first frame says where it takes itself to be, as the wire has it, and its trail where it was before.
 
-    Each of the others reports an intruder that its footprint covers, and none twice. Tags are not looked at: whoever
-    hears a frame with a wrong one counts it as rejected. Nor are forged frames.
+    Each of the others reports an intruder that its footprint covers, and none twice. In lockstep, where the world waits
+    for all that a robot has to say, none of these may be missing but from a robot that is lost in that tick. Tags are
+    not looked at: whoever hears a frame with a wrong one counts it as rejected. Nor are forged frames.
     """
 
     def __init__(self, journal: RunRecord, prepared: Prepared) -> None:
         scenario = prepared.scenario
+        self._journal = journal
+        self._waits = scenario.factor is None
         self._names = names_of(journal)
         self._intruders = Intruders(scenario, sensor_footprint(scenario, prepared.terrain))
         self._senses = Senses(scenario, Timeline(scenario), prepared.terrain)
         self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
+        self._missing: list[tuple[int, int, str]] = []
         self._problem = ""
         self._looked = 0
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
+        self._miss()
         if self._problem:
             return
         due: dict[int, Position] = {}
@@ -67,10 +75,21 @@ class FramesAreTrue:
                 self._problem = f"frame {record.k} of {self._names.get(source, source)} {problem}"
                 return
             self._looked += 1
+        if self._waits:
+            self._missing = [(record.k, number, "its position") for number in due]
+            self._missing += [(record.k, number, "a contact") for number, left in contacts.items() if left]
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
+        self._miss()
         return Check("frames", not self._problem, self._problem or f"{self._looked} frames say what is true")
+
+    def _miss(self) -> None:
+        """Whether who kept silent in the tick before was lost in it, which is known only now."""
+        for k, number, what in () if self._problem else self._missing:
+            if not any(e.k == k + 1 and e.robot == number and e.kind == _LOST for e in self._journal.events):
+                self._problem = f"{self._names[number]} did not send {what} in tick {k}"
+                return
 
     def _problem_of(self, source: int, frame: bytes, due: Position | None) -> str:
         if due is None:

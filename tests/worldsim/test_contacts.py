@@ -84,3 +84,13 @@ def test_a_report_of_what_its_sender_does_not_see_fails(lab: Lab, x: float, k: i
     journal.records[0] = replace(first, frames=(*kept, *((1, frame) for frame in reports)))
     problem = next(check for check in judge(journal, {}, world.prepared).failed if check.name == "frames")
     assert "sees no such intruder" in problem.detail
+
+
+def test_a_contact_that_its_sender_sees_and_does_not_report_fails(lab: Lab) -> None:
+    world = lab.patrol(ticks=5, intruders=[{"place": [4.0, 4.0]}])
+    journal = lab.run(world)
+    first = journal.records[0]
+    assert [source for source, _ in first.frames] == [1, 1, 2, 3, 4]
+    journal.records[0] = replace(first, frames=(first.frames[0], *first.frames[2:]))
+    problem = next(check for check in judge(journal, {}, world.prepared).failed if check.name == "frames")
+    assert problem.detail == "r1 did not send a contact in tick 0"
