@@ -36,6 +36,9 @@ MOST_TRIES = 200
 
 PACKAGES = ("patrol", "agent", "worldsim", "experiments", "fogwatch")
 
+DIFFERENT = "traces differ"
+"""The kind of breakage where ways of running a scenario do not give the same trace."""
+
 T = TypeVar("T")
 
 
@@ -215,7 +218,7 @@ def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
             return Breakage(f"{name}: {ran.verdict.outcome} by {', '.join(check.name for check in failed)}", details)
         traces[name] = ran.trace
     if len(set(traces.values())) > 1:
-        return Breakage("traces differ", "\n".join(f"{name}: {trace}" for name, trace in traces.items()))
+        return Breakage(DIFFERENT, "\n".join(f"{name}: {trace}" for name, trace in traces.items()))
     return None
 
 

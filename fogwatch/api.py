@@ -128,7 +128,7 @@ def run(
 
 def execute(scenario: Scenario, wishes: Wishes) -> Result:
     """Run a loaded scenario as wished. Raises BadInput, and `fogwatch.launcher.Failed` when no fleet would run."""
-    warm(PACKAGES, wishes.show.say)
+    warm((*PACKAGES, "monitor") if wishes.recording or wishes.report else PACKAGES, wishes.show.say)
     folder = create(scenario, wishes.out, datetime.now().astimezone())
     try:
         resolved = folder.load()

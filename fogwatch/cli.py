@@ -66,7 +66,7 @@ def run(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="SCENARIO|MAP.yaml|BUILTIN",
+            metavar="SCENARIO",
             help=f"A scenario file, a map_server map, or a built-in terrain: {', '.join(BUILTINS)}.",
         ),
     ],

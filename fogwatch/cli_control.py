@@ -21,6 +21,15 @@ WAIT_S = 15.0
 
 REFUSED, UNANSWERED = 1, 3
 
+VALUES = {
+    "step": ("ticks", "10"),
+    "pace": ("factor", "2, or max"),
+    "fault": ("fault", "'{kind: loss, rate: 0.5}'"),
+    "heal": ("id", "op1, as the answer to a fault names it"),
+    "intruder": ("place", "'[12, 30]'"),
+}
+"""The field of the value of each control that has one, and an example."""
+
 
 def control(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A running fleet's folder, or its control file.")],
@@ -59,10 +68,10 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
     """The control that a command line's words mean; its values are not looked at yet."""
     from patrol.scenario_yaml import parse_yaml
 
-    field = {"step": "ticks", "pace": "factor", "fault": "fault", "heal": "id", "intruder": "place"}.get(do)
+    field, example = VALUES.get(do, (None, ""))
     if value is None:
         if field is not None and do != "step":
-            raise BadInput(f"control {do}: say which; {EPILOG.partition('Exit')[0]}")
+            raise BadInput(f"control {do}: give its {field} too, such as {example}")
         return {"do": do}
     if field is None:
         raise BadInput(f"control {do}: takes no value; leave {value!r} out")

@@ -27,9 +27,7 @@ MOST_LINES = 20
 def regions(
     what: Annotated[
         str,
-        typer.Argument(
-            metavar="SCENARIO|MAP.yaml|BUILTIN", help=f"A scenario file, a map or one of {', '.join(LAYOUTS)}."
-        ),
+        typer.Argument(metavar="SCENARIO", help=f"A scenario file, a map or one of {', '.join(LAYOUTS)}."),
     ],
     point: Annotated[
         float | None, typer.Option(help="Side of one point of the grid in m (the scenario's, or 0.1).", metavar="M")

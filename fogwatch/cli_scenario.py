@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Show, check and describe scenario files.", no_args_is_help=True)
 
-What = Annotated[
-    str, typer.Argument(metavar="SCENARIO|MAP.yaml|BUILTIN", help="A scenario file, a map or a built-in terrain.")
-]
+What = Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, a map or a built-in terrain.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="FIELD=VALUE", help="Override a field, e.g. patrol.dilatation=0. Repeatable."),

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import TimeRemainingColumn
 
 from experiments.chaos import (
+    DIFFERENT,
     IN_ONE_PROCESS,
     KEY,
     Breakage,
@@ -150,7 +151,8 @@ class Hunt:
             narrowed, words = self._narrowed(scenario, found)
             self._write(seed, narrowed, found, words)
         self._say(f"  {words}")
-        self._say(f"  fogwatch run {self._file(seed)}{'' if PROCESSES in found.kind else ' --in-process'}")
+        if found.kind != DIFFERENT:  # which no single run can show
+            self._say(f"  fogwatch run {self._file(seed)}{'' if PROCESSES in found.kind else ' --in-process'}")
         self._say(f"  {self._again(seed)}")
 
     def _file(self, seed: int) -> Path:

@@ -30,7 +30,7 @@ from patrol.faults import PROCESS_KINDS, Lasting
 from patrol.records import Event
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario_errors import did_you_mean, show
-from patrol.scenario_values import Corner, Name, Positive
+from patrol.scenario_values import Corner, Name, Positive, expecting
 from patrol.section import Section
 
 if TYPE_CHECKING:
@@ -69,14 +69,19 @@ class Step(Section):
     """A few ticks, and no more."""
 
     do: Literal["step"]
-    ticks: Annotated[int, Field(ge=1, le=MOST_STEPS, strict=True)] = 1
+    ticks: Annotated[
+        int, Field(ge=1, le=MOST_STEPS, strict=True), expecting(f"a whole number from 1 to {MOST_STEPS}")
+    ] = 1
 
 
 class Pace(Section):
     """Ticks at a factor of real time, or as fast as they go."""
 
     do: Literal["pace"]
-    factor: Annotated[float, Field(ge=FACTORS[0], le=FACTORS[1])] | None
+    factor: Annotated[
+        Annotated[float, Field(ge=FACTORS[0], le=FACTORS[1], strict=True)] | None,
+        expecting(f"a number from {FACTORS[0]:g} to {FACTORS[1]:g} (times real time), or max"),
+    ]
 
 
 class AddFault(Section):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from patrol.faults import STRANGER, AnyFault, Forgery, Partition, Spoof
+from patrol.faults import STRANGER, AnyFault, Forgery, OnLinks, Partition, Spoof
 from patrol.section import wrong
 from patrol.targets import Drawing, Target, check_name, check_who, meant
 
@@ -42,6 +42,8 @@ def check_faults(
             _check_partition(fault, names, fleet, f"{where}.groups")
         if isinstance(fault, Spoof) and fault.by != STRANGER:
             _check_insider(fault, names, spares, (seed, place, Target.AS))
+        if isinstance(fault, OnLinks):
+            _check_links(fault, names, spares, seed, place)
 
 
 def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: str) -> None:
@@ -49,6 +51,21 @@ def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: 
         _check_groups(fault.groups, names, where)
     elif fleet == 1:
         raise wrong(where, "there is one robot, and nobody to cut it off from; leave the partition out")
+
+
+def _check_links(fault: OnLinks, names: Sequence[str], spares: frozenset[int], seed: int, place: int) -> None:
+    """Among several robots there is a link: nobody is left alone with itself by what is drawn."""
+    numbers = {name: number for number, name in enumerate(names, start=1)}
+    sources = meant(fault.sources, numbers, spares, (seed, place, Target.FROM))
+    if (
+        len(names) > 1
+        and sources == meant(fault.targets, numbers, spares, (seed, place, Target.TO))
+        and len(sources) == 1
+    ):
+        name = names[sources[0] - 1]
+        raise wrong(
+            f"faults.{place}.to", f"with seed {seed} both ends are {name}, which hears nothing from itself; name one"
+        )
 
 
 def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], drawing: Drawing) -> None:

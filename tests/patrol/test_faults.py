@@ -242,6 +242,20 @@ def test_nor_does_who_is_drawn_to_be_its_own_victim(victims: object) -> None:
         load_scenario(spoof(other))
 
 
+def test_no_draw_leaves_a_link_with_one_robot_at_both_ends() -> None:
+    refused = set()
+    for seed in range(40):
+        fault = {"kind": "loss", "rate": 1, "from": "one", "to": ["r1"]}
+        try:
+            load_scenario({"terrain": {"builtin": "open"}, "seed": seed, "faults": [fault]})
+        except BadInput as bad:
+            assert f"faults.0.to: with seed {seed} both ends are r1, which hears nothing from itself" in str(bad)
+            refused.add(seed)
+    assert 0 < len(refused) < 20
+    alone = {"terrain": {"builtin": "open"}, "robots": {"count": 1}, "faults": [{"kind": "loss", "rate": 1}]}
+    assert load_scenario(alone).faults
+
+
 def test_an_entry_of_an_empty_list_is_told_how_to_be_given() -> None:
     for source in (YARDS, {**YARDS, "faults": []}):
         with pytest.raises(BadInput, match=r"faults\.0\.at: faults is an empty list; give entries: faults=\[{"):
