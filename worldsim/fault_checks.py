@@ -118,8 +118,8 @@ class PausedStandStill:
 class ExitCodes:
     """Every process ended as planned: by SIGKILL where a fault killed its robot, by itself with 0 everywhere else.
 
-    How the process of a robot that was lost ended says nothing more; nor does one that was started so late that the run
-    was over before it took part.
+    None may be missing where any are told. How the process of a robot that was lost ended says nothing more; nor does
+    one that was started so late that the run was over before it took part.
     """
 
     def __init__(self, journal: RunRecord, exit_codes: Mapping[str, int | None], timeline: Timeline) -> None:
@@ -134,6 +134,9 @@ class ExitCodes:
         """The result, once all ticks are in."""
         planned = self._planned()
         wrong, judged, killed = [], 0, 0
+        if self._codes:
+            untold = [name for name, due in planned.items() if due is not None and name not in self._codes]
+            wrong += [f"nobody knows how {name} ended" for name in untold]
         for name, code in self._codes.items():
             due = planned.get(name, 0)
             if due is None:
@@ -152,6 +155,8 @@ class ExitCodes:
         for number, name in names_of(self._journal).items():
             there = number not in self._absent
             incarnation = FIRST_INCARNATION if there else FIRST_INCARNATION - 1
+            if there:
+                codes[process_name(name, incarnation)] = 0
             for event in self._journal.events:
                 if event.robot != number:
                     continue

@@ -44,6 +44,9 @@ def failures(run: Run, exits: dict[str, int | None] | None = None) -> dict[str, 
     return {check.name: check.detail for check in verdict.failed if check.name != "trace"}
 
 
+EXITS: dict[str, int | None] = {"the world": 0, "r1": 0, "r2": -9, "r2 (2)": 0, "r3": 0}
+
+
 def alter(run: Run, k: int, number: int, **fields: Any) -> None:
     """Change one robot's row in one tick."""
     record = run[0].records[k]
@@ -56,8 +59,7 @@ def row(run: Run, k: int, number: int) -> RobotTick:
 
 
 def test_what_was_planned_is_valid(run: Run) -> None:
-    exits = {"the world": 0, "r1": 0, "r2": -9, "r2 (2)": 0, "r3": 0}
-    verdict = judge(run[0], exits, run[1].prepared)
+    verdict = judge(run[0], EXITS, run[1].prepared)
     assert verdict.valid, verdict.failed
     details = {check.name: check.detail for check in verdict.checks}
     assert details["statuses"] == "6 changes as planned"
@@ -145,16 +147,21 @@ def test_the_down_neither_send_hear_nor_decide(run: Run, k: int, number: int, st
     ],
 )
 def test_a_process_that_ends_otherwise_than_planned_fails(run: Run, exits: dict[str, int | None], says: str) -> None:
-    assert failures(run, exits) == {"exit codes": says}
+    assert failures(run, EXITS | exits) == {"exit codes": says}
+
+
+@pytest.mark.parametrize("name", ["r1", "r2", "r2 (2)", "r3"])
+def test_a_process_of_which_nobody_knows_how_it_ended_fails(run: Run, name: str) -> None:
+    """A launcher that forgets a process it killed, started again, or started at the beginning."""
+    told = {other: code for other, code in EXITS.items() if other != name}
+    assert failures(run, told) == {"exit codes": f"nobody knows how {name} ended"}
 
 
 def test_how_a_lost_or_belated_process_ends_says_nothing(run: Run) -> None:
-    assert failures(run, {"r2 (3)": 130, "r3 (2)": 130}) == {}
+    assert failures(run, EXITS | {"r2 (3)": 130, "r3 (2)": 130}) == {}
     run[0].events += (Event(TICKS, "lost", 1, "its process was gone"),)
-    assert list(failures(run, {"r1": 1})) == ["nobody lost"]
-
-
-EXITS: dict[str, int | None] = {"r1": 0}
+    assert list(failures(run, EXITS | {"r1": 1})) == ["nobody lost"]
+    assert list(failures(run, {name: code for name, code in EXITS.items() if name != "r1"})) == ["nobody lost"]
 
 
 def seen(run: Run, *details: str) -> None:
