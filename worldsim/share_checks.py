@@ -120,7 +120,9 @@ class DelaysAsAsked:
     """Frames are copied, held back and delayed as often as the faults say, as far as chance goes (`worldsim.chance`).
 
     Only what can be told is counted: reorders whose `hold` alone makes a frame late; and of delays drawn at random, on
-    frames that nothing else holds up or copies, how many are still on their way after about the median.
+    frames that nothing else holds up or copies, how many are still on their way after about the median. Such a frame
+    counts when that time is over, whether or not it came sooner: else the last ticks would add those that came early,
+    and not those that did not.
     """
 
     def __init__(self, timeline: Timeline, step: float) -> None:
@@ -141,8 +143,8 @@ class DelaysAsAsked:
                 self._counts[entry.index] = _Count(f"frames took longer than {ticks} ticks", chance)
         self._forgers = forgers_of(timeline)
         self._alarm = alarm_of(timeline)
-        self._open: dict[Link, _Count] = {}
-        self._until: dict[int, list[Link]] = defaultdict(list)
+        self._awaited: set[Link] = set()
+        self._until: dict[int, list[tuple[Link, _Count]]] = defaultdict(list)
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
@@ -155,13 +157,11 @@ class DelaysAsAsked:
                 on = [entry for entry in holding if on_link(entry, origin, link[1])]
                 self._count(on, link, befell)
                 self._await(on, link, record.k, alone=link not in copied)
-        for link in arrived(record):
-            if (count := self._open.pop(link, None)) is not None:
-                count.draws += 1
-        for link in self._until.pop(record.k, ()):
-            if (count := self._open.pop(link, None)) is not None:
-                count.draws += 1
-                count.hits += 1
+        self._awaited.difference_update(arrived(record))
+        for link, count in self._until.pop(record.k, ()):
+            count.draws += 1
+            count.hits += link in self._awaited
+            self._awaited.discard(link)
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
@@ -181,8 +181,8 @@ class DelaysAsAsked:
         holding = [entry for entry in on if not isinstance(entry.fault, Duplicate)]
         if alone and len(holding) == 1 and holding[0].index in self._patience:
             index = holding[0].index
-            self._open[link] = self._counts[index]
-            self._until[k + self._patience[index]].append(link)
+            self._awaited.add(link)
+            self._until[k + self._patience[index]].append((link, self._counts[index]))
 
 
 def alarm_of(timeline: Timeline) -> float:

@@ -294,6 +294,14 @@ def test_a_radio_with_loaded_dice_fails(run: Callable[..., Result], monkeypatch:
     assert list(failures(run(TWICE, MIXED, ticks=100))) == ["delays and copies"]
 
 
+def test_what_is_not_decided_when_a_run_ends_does_not_count(run: Callable[..., Result]) -> None:
+    world, journal = run({**SPREAD, "delay": {"uniform": [0.0, 40.0]}}, ticks=60)
+    check = shares(world, journal)
+    assert (check.ok, check.judged) == (True, True)
+    assert "of 240 frames took longer than 40 ticks" in check.detail
+    assert failures((world, journal)) == {}
+
+
 def test_too_few_frames_or_none_are_not_judged_and_say_so(run: Callable[..., Result]) -> None:
     few = shares(*run({**TWICE, "from": "r1", "to": "r2"}, ticks=8))
     assert (few.ok, few.judged) == (True, False)
