@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
@@ -10,19 +11,28 @@ from patrol.faults import Forgery, Spoof
 from patrol.inbox import Inbox, inbox_of
 from patrol.journal import Status, TickRecord
 from patrol.keyfile import fleet_key
-from patrol.message import CONTACT
+from patrol.message import CONTACT, Position
 from patrol.records import FORGED, frame_sequence
 from worldsim.checks import Check, names_of
 from worldsim.radio_rules import NOBODY
 
 if TYPE_CHECKING:
-    from patrol.message import Position
     from patrol.prepare import Prepared
     from worldsim.radio_checks import Replay
     from worldsim.record import RunRecord
     from worldsim.timeline import Timeline
 
 _GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Status.LOST, Status.ABSENT))
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """A forged frame that a robot believed. again: it had believed one of that robot's with that sequence before."""
+
+    receiver: int
+    sequence: int
+    position: Position
+    again: bool
 
 
 class Hearing:
@@ -32,8 +42,9 @@ class Hearing:
     counts messages that somebody else sent it over the network, so there it may be more. At the pace of a clock a robot
     may miss a tick, and nobody knows when it heard what.
 
-    believed: the forged frames that were accepted in the last tick, as (receiver, sequence, position). made: inboxes
-    so far by robot.
+    No inbox may believe a sender's sequence twice, whoever sends it: that is counted here, and not by the inboxes.
+
+    believed: the forged frames that were accepted in the last tick.
     """
 
     def __init__(self, journal: RunRecord, prepared: Prepared, replay: Replay, *, processes: bool) -> None:
@@ -48,8 +59,8 @@ class Hearing:
         self._events = 0
         self._inboxes: dict[int, Inbox] = {}
         self._refused: Counter[str] = Counter()
-        self.believed: list[tuple[int, int, Position]] = []
-        self.made: Counter[int] = Counter()
+        self._used: dict[int, dict[int, bytearray]] = {}
+        self.believed: list[Belief] = []
         try:
             self._key = fleet_key(prepared.scenario)
         except BadInput as bad:
@@ -80,11 +91,19 @@ class Hearing:
             if inbox is None:
                 bounds = self._prepared.terrain.bounds
                 inbox = self._inboxes[row.number] = inbox_of(self._prepared.scenario, row.number, bounds, self._key)
-                self.made[row.number] += 1
-            positions = [inbox.accept(frame, now_s) for frame in delivery.heard[row.number]]
-            for sequence, position in zip(forged[row.number], positions, strict=False):
-                if position is not None:
-                    self.believed.append((row.number, sequence, position))
+                self._used[row.number] = {}
+            of_forgers = iter(forged[row.number])
+            for frame in delivery.heard[row.number]:
+                sequence = next(of_forgers, None)
+                position = inbox.accept(frame, now_s)
+                if position is None:
+                    continue
+                again = self._again(row.number, position)
+                if sequence is not None:
+                    self.believed.append(Belief(row.number, sequence, position, again))
+                elif again and not self._problem:
+                    what = f"frame {position.sequence} of {self._names.get(position.robot, position.robot)}"
+                    self._problem = f"{self._names[row.number]} believed {what} for the second time at tick {record.k}"
             self._compare(row.number, row.rejected, inbox.rejected, record.k)
 
     def check(self) -> Check:
@@ -102,6 +121,15 @@ class Hearing:
         name = self._names[number]
         self._problem = f"{name} says at tick {k} that it has refused {said} frames; by what it heard it is {found}"
 
+    def _again(self, receiver: int, position: Position) -> bool:
+        """Whether a receiver has believed this sender's sequence before; from now on it has. Contacts have none."""
+        ticks = self._prepared.scenario.ticks
+        if position.robot == CONTACT or position.sequence >= ticks:
+            return False
+        used = self._used[receiver].setdefault(position.robot, bytearray(ticks))
+        before, used[position.sequence] = used[position.sequence], 1
+        return bool(before)
+
     def _bury(self, k: int | None) -> None:
         """Let go of the inboxes of processes that were gone before tick k, or of all."""
         gone = [] if k is not None else list(self._inboxes)
@@ -113,6 +141,7 @@ class Hearing:
                 gone.append(event.robot)
         for number in gone:
             inbox = self._inboxes.pop(number, None)
+            self._used.pop(number, None)
             if inbox is not None:
                 self._refused.update({reason.value: count for reason, count in inbox.counts.items() if count})
 
@@ -131,7 +160,6 @@ class ForgedAsConfigured:
         self._keyed = prepared.scenario.radio.key is not None
         self._spoofs = {entry.id: entry for entry in timeline.entries if isinstance(entry.fault, Spoof)}
         self._fault_of: dict[int, str] = {}
-        self._used: set[tuple[int, int, int, int]] = set()
         self._heard: Counter[str] = Counter()
         self._believed: Counter[str] = Counter()
         self._problem = ""
@@ -149,11 +177,11 @@ class ForgedAsConfigured:
             if source != FORGED:
                 break
             self._heard[self._fault_of.get(sequence, "")] += 1
-        for receiver, sequence, position in self._hearing.believed:
-            fault = self._fault_of.get(sequence, "")
+        for belief in self._hearing.believed:
+            fault = self._fault_of.get(belief.sequence, "")
             self._believed[fault] += 1
             if fault in self._spoofs:
-                self._judge(record.k, receiver, fault, position)
+                self._judge(record.k, belief, fault)
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
@@ -164,21 +192,19 @@ class ForgedAsConfigured:
         ]
         return Check("forged frames", not self._problem, self._problem or "; ".join(told))
 
-    def _judge(self, k: int, receiver: int, fault: str, position: Position) -> None:
-        entry = self._spoofs[fault]
+    def _judge(self, k: int, belief: Belief, fault: str) -> None:
+        entry, position = self._spoofs[fault], belief.position
         assert isinstance(entry.fault, Spoof)
         payload = entry.fault.payload
-        again = isinstance(payload, Forgery) and payload.replay is not None
+        repeated = isinstance(payload, Forgery) and payload.replay is not None
         why = ""
         if position.robot not in self._names and position.robot != CONTACT:
             why = "of a robot that does not exist"
         elif position.sequence > k:
             why = "of a tick that was still to come"
-        elif self._keyed and entry.sources[0] == NOBODY and not again:
+        elif self._keyed and entry.sources[0] == NOBODY and not repeated:
             why = "without the fleet's key"
-        if again:
-            key = (receiver, self._hearing.made[receiver], position.robot, position.sequence)
-            why = why or ("for the second time" if key in self._used else "")
-            self._used.add(key)
+        elif belief.again:
+            why = "for the second time"
         if why and not self._problem:
-            self._problem = f"{self._names[receiver]} believed a forged frame of {fault} {why} at tick {k}"
+            self._problem = f"{self._names[belief.receiver]} believed a forged frame of {fault} {why} at tick {k}"

@@ -274,6 +274,26 @@ def test_a_judge_whose_inboxes_believe_in_ticks_to_come_finds_out(run: Any, monk
     assert found["forged frames"] == "r1 believed a forged frame of ahead of a tick that was still to come at tick 0"
 
 
+@pytest.mark.parametrize("own", ["all", "one"])
+def test_an_inbox_that_believes_what_it_heard_before_finds_out(
+    run: Any, key: str, monkeypatch: pytest.MonkeyPatch, own: str
+) -> None:
+    """The repeated frames' originals came before, from the robots themselves."""
+    spoof = {"kind": "spoof", "as": own, "payload": {"replay": 5.0}, "id": "echo"}
+    monkeypatch.setattr("patrol.window.Window.fresh", lambda *_: True)
+    world, journal = run(spoof, key=key)
+    found = failures(judge(journal, {}, world.prepared))
+    assert list(found) == ["forged frames"]
+    assert found["forged frames"].endswith(" believed a forged frame of echo for the second time at tick 10")
+
+
+def test_an_inbox_that_believes_copies_finds_out(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("patrol.window.Window.fresh", lambda *_: True)
+    world, journal = run({"kind": "duplicate", "rate": 1.0, "delay": {"constant": 0.0}})
+    found = failures(judge(journal, {}, world.prepared))
+    assert found == {"refused frames": "r1 believed frame 0 of r2 for the second time at tick 0"}
+
+
 def test_without_the_key_file_what_needs_it_is_not_judged(run: Any, key: str, tmp_path: Path) -> None:
     world, journal = run({"kind": "spoof", "by": "r3", "as": "r2", "payload": "random"}, key=key)
     (tmp_path / "fleet.key").unlink()
