@@ -40,7 +40,9 @@ class Unstuck:
 
     A car's moves know no chance, so what leads it into the same dead end again does so for ever, and two cars that
     block each other never part. So whoever bumps stands still now and then, and after `AT_A_LOSS` dead ends in a row,
-    or `HOPELESS_S` in one, a robot leaves it to chance which way it wants to face.
+    or `HOPELESS_S` in one, a robot leaves it to chance which way it wants to face. From then on each bump makes the
+    next move shorter, and each move that succeeds the next one longer: between a wall and a wreck, of which steering
+    knows nothing, there may be room for a short step where a full one always bumps.
     """
 
     def __init__(self, steering: CarSteering, speed: float, step: float, chance: Callable[[int, int], float]) -> None:
@@ -55,6 +57,9 @@ class Unstuck:
         self._backing = True
         self._retreat = 0
         self._in_a_row = 0
+        self._wedged = False
+        self._ease = 0
+        self._stood = True
         self._ended = -self._calm - 1
 
     @property
@@ -74,16 +79,23 @@ class Unstuck:
         self._desired = desired if self._in_a_row < AT_A_LOSS else TAU * self._chance(tick, 0)
         self._begun = tick
         self._backing = True
+        self._wedged = False
+        self._ease = 0
+        self._stood = True
 
     def step(self, tick: int, pose: Pose, bumped: bool) -> Drive | None:
         """The next command, or None when the robot has left the dead end. ``bumped``: its last move was cancelled."""
         if self._desired is None:
             return None
+        if self._wedged and not self._stood:
+            self._ease = min(self._ease + 1, len(EASIER) - 1) if bumped else max(self._ease - 1, 0)
+        self._stood = True
         if bumped:
             self._backing = not self._backing
             if self._chance(tick, 1) < YIELDS:
                 return Drive(0.0, 0.0)
         if tick - self._begun >= self._hopeless:
+            self._wedged = True
             self._begun = tick
             self._desired = TAU * self._chance(tick, 0)
         if self._retreat <= 0 and abs(wrap(self._desired - pose.heading)) <= ORIENTED:
@@ -91,10 +103,11 @@ class Unstuck:
             self._ended = tick
             return None
         for _ in range(2):
-            for share in EASIER:
+            for share in EASIER[self._ease :]:
                 speed = share * self._speed * (-1.0 if self._backing else 1.0)
                 drive = self._steering.turning(pose, self._desired, speed)
                 if self._steering.is_free(pose, drive):
+                    self._stood = False
                     self._retreat -= 1
                     return drive
             self._backing = not self._backing

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from agent.steering import CarSteering, HolonomicSteering
 from agent.unstuck import AT_A_LOSS, HOPELESS_S, ORIENTED, YIELDS, Unstuck
 from patrol.pose import Drive, Pose, wrap
+from patrol.random import Purpose, draw
 from patrol.scenario import RobotSpec
 from patrol.sweep import advance
 from patrol.terrain import Terrain
@@ -162,3 +163,24 @@ def test_in_a_dead_end_without_hope_chance_says_where_to() -> None:
     for tick in range(last):
         assert unstuck.step(tick, pose, bumped=True) is not None
     assert unstuck.step(last, pose, bumped=True) is None  # it faces where chance points
+
+
+def test_between_a_wall_and_a_wreck_short_steps_lead_out() -> None:
+    """A full step ahead always ends in the wreck, of which steering knows nothing, and behind there is the wall."""
+    unstuck = Unstuck(
+        CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, lambda tick, index: draw(1, Purpose.UNSTUCK, tick, index)
+    )
+    start, wreck = Pose(30.0, 1.1, math.pi / 2), (30.5, 4.5)
+    pose, bumped = start, False
+    unstuck.begin(0, 0.0)
+    for tick in range(1000):
+        drive = unstuck.step(tick, pose, bumped)
+        if drive is None:
+            unstuck.begin(tick, 0.0)
+            continue
+        ways = [advance(pose, drive, 0.5 * part / 8) for part in range(1, 9)]
+        bumped = any(math.dist(wreck, (way.x, way.y)) < 2.0 * CAR.radius for way in ways)
+        pose = pose if bumped else ways[-1]
+        if math.dist((start.x, start.y), (pose.x, pose.y)) > 4.0:
+            return
+    raise AssertionError("it stays there for ever")
