@@ -24,12 +24,12 @@ NO_ROBOT = 0
 """The origin of frames that come from no robot's radio."""
 
 
-def sent(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link]]:
-    """Every frame of a tick on every link, whatever became of it, with the robot from whose radio it comes.
+def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int, int], int]:
+    """The robot from whose radio each frame of a tick comes, by (source, sequence), in the frames' order.
 
     forgers: as of `forgers_of`.
     """
-    here = [row.number for row in record.robots if there(row.status)]
+    origins: dict[tuple[int, int], int] = {}
     places: Counter[int] = Counter()
     for source, _ in record.frames:
         place = places[source]
@@ -37,15 +37,28 @@ def sent(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, 
         origin = source
         if source == FORGED:
             origin = forgers.get(record.forged[place], NO_ROBOT) if place < len(record.forged) else NO_ROBOT
+        origins[source, frame_sequence(record.k, place)] = origin
+    return origins
+
+
+def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link, str]]:
+    """Every frame of a tick on every link: whose radio it comes from, and what stopped it when it was sent.
+
+    That is empty where nothing did, so that the frame arrives, sooner or later.
+    forgers: as of `forgers_of`.
+    """
+    here = [row.number for row in record.robots if there(row.status)]
+    stopped = {drop[:3]: drop[3] for drop in record.dropped if drop[3] not in ON_ARRIVAL}
+    for (source, sequence), origin in origins_of(record, forgers).items():
         for to in here:
             if to != source:
-                yield origin, (source, to, frame_sequence(record.k, place))
+                link = (source, to, sequence)
+                yield origin, link, stopped.get(link, "")
 
 
 def airborne(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link]]:
     """Those of them that nothing stopped when they were sent, so that they arrive somewhere, sooner or later."""
-    stopped = {drop[:3] for drop in record.dropped if drop[3] not in ON_ARRIVAL}
-    return ((origin, link) for origin, link in sent(record, forgers) if link not in stopped)
+    return ((origin, link) for origin, link, why in fates(record, forgers) if not why)
 
 
 def arrived(record: TickRecord) -> list[Link]:

@@ -1,17 +1,18 @@
-"""The verdict's checks of the radio: the faults carried out once more, and what must not come through them."""
+"""The verdict's checks of the radio: the faults carried out once more, and the bytes that a bandwidth lets through."""
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.faults import Bandwidth, Partition, Silence
+from patrol.faults import Bandwidth
 from patrol.journal import Status, TickRecord
 from patrol.pose import Pose
-from patrol.records import FORGED, frame_sequence, sent_at
-from worldsim.airborne import BEFORE_THE_AIR, active, kind_of
+from patrol.records import FORGED
+from worldsim.airborne import BEFORE_THE_AIR, active, fates, fault_of, forgers_of, kind_of, origins_of
 from worldsim.checks import Check, names_of
 from worldsim.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of, there
 from worldsim.radio_rules import LEAST_BUCKET
@@ -21,6 +22,9 @@ from worldsim.timeline import Entry, Timeline
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from worldsim.record import RunRecord
+
+ROUNDING_BYTES = 1e-6
+"""A bucket that is so nearly full counts as either."""
 
 
 class Replay:
@@ -105,43 +109,32 @@ class Replay:
         return f"{link} was {what}{reason} and should not be" if surplus else f"{link} should be {what}{reason}"
 
 
-class NothingCrossed:
-    """No frame came through a silence or a partition: the faults' ticks and groups, held against what was delivered."""
+@dataclass(slots=True)
+class _Leaky:
+    """A leaky bucket of one bandwidth and sender. least, most: bytes that may be in it."""
 
-    def __init__(self, journal: RunRecord, timeline: Timeline) -> None:
-        self._names = {**names_of(journal), FORGED: "a forger"}
-        self._cuts = [entry for entry in timeline.entries if isinstance(entry.fault, Silence | Partition)]
-        self._problem = ""
-        self._tried = 0
-        self._stopped = 0
+    room: float
+    least: float = 0.0
+    most: float = 0.0
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        self._stopped += sum(why.startswith(("silence:", "partition:")) for *_, why in record.dropped)
-        for source, destination, sequence in () if self._problem else record.deliveries:
-            k = sent_at(sequence)
-            for entry in self._cuts:
-                if active(entry, k) and _stops(entry, source, destination):
-                    link = f"from {self._names.get(source, source)} to {self._names.get(destination, destination)}"
-                    self._problem = f"a frame {link} of tick {k} came through {entry.fault.kind} {entry.id}"
-
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        good = f"{self._stopped} frames were stopped, none came through"
-        return Check("nothing crossed", not self._problem, self._problem or good)
+    def leak(self, size: float) -> None:
+        self.least, self.most = max(self.least - size, 0.0), max(self.most - size, 0.0)
 
 
 class WithinBandwidth:
-    """Nobody sent more than its bandwidth: at no time more bytes than flow in since, and one second's worth.
+    """Nobody sent more than its bandwidth, and nobody was stopped who had not used it up.
 
-    A leaky bucket for each fault and sender, which must not run over. Only what got as far as the air counts.
+    A leaky bucket for each fault and sender, of one second's worth: what is sent must not make it run over, and what is
+    stopped would have. What was stopped on every link before it came to that may or may not have been sent. What a
+    robot forges counts as its own.
     """
 
     def __init__(self, journal: RunRecord, timeline: Timeline) -> None:
         self._names = names_of(journal)
         self._step = float(journal.header.scenario["step"])
         self._limits = [entry for entry in timeline.entries if isinstance(entry.fault, Bandwidth)]
-        self._level: dict[tuple[int, int], float] = defaultdict(float)
+        self._forgers = forgers_of(timeline)
+        self._buckets: dict[tuple[int, int], _Leaky] = {}
         self._problem = ""
         self._bytes = 0
 
@@ -150,44 +143,44 @@ class WithinBandwidth:
         limits = [entry for entry in self._limits if active(entry, record.k)]
         if not limits or self._problem:
             return
-        sent = self._sent(record)
         for entry in limits:
-            assert isinstance(entry.fault, Bandwidth)
-            limit = entry.fault.bytes_per_s
             for number in entry.who:
-                key = (entry.index, number)
-                left = self._level[key] - (limit * self._step if record.k > entry.begin else 0.0)
-                self._level[key] = max(left, 0.0) + sent[number]
-                self._bytes += sent[number]
-                if self._level[key] > max(LEAST_BUCKET, limit) + 1e-6:
-                    self._problem = f"{self._names[number]} sent more than {limit:g} bytes/s allow in tick {record.k}"
+                self._bucket(entry, number).leak(_bytes_per_s(entry) * self._step if record.k > entry.begin else 0.0)
+        whys: dict[tuple[int, int], list[str]] = defaultdict(list)
+        for _, (source, _, sequence), why in fates(record, self._forgers):
+            whys[source, sequence].append(why)
+        origins = origins_of(record, self._forgers)
+        for (key, origin), (_, frame) in zip(origins.items(), record.frames, strict=True):
+            on = [entry for entry in limits if origin in entry.who]
+            if on and not self._problem:
+                self._frame(on, origin, len(frame), whys[key], record.k)
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
         return Check("bandwidth", not self._problem, self._problem or f"{self._bytes} bytes sent within it")
 
-    def _sent(self, record: TickRecord) -> Counter[int]:
-        """The bytes that each robot got as far as the air, for at least one receiver."""
-        there_are = sum(there(row.status) for row in record.robots)
-        held = Counter((s, q) for s, _, q, why in record.dropped if kind_of(why) in BEFORE_THE_AIR)
-        sent: Counter[int] = Counter()
-        places: Counter[int] = Counter()
-        for source, frame in record.frames:
-            sequence = frame_sequence(record.k, places[source])
-            places[source] += 1
-            if source != FORGED and held[source, sequence] < there_are - 1:
-                sent[source] += len(frame)
-        return sent
+    def _frame(self, on: Sequence[Entry], number: int, size: int, whys: Sequence[str], k: int) -> None:
+        """A frame of so many bytes, and what became of it on each link."""
+        jams = {fault_of(why) for why in whys if kind_of(why) == "bandwidth"}
+        sent = any(kind_of(why) not in BEFORE_THE_AIR for why in whys)
+        for entry in on:
+            bucket = self._bucket(entry, number)
+            if entry.id in jams and (sent or bucket.most + size <= bucket.room - ROUNDING_BYTES):
+                self._problem = f"{self._names[number]} was stopped by bandwidth {entry.id} in tick {k} and had room"
+            if jams:
+                continue
+            if sent:
+                bucket.least += size
+                self._bytes += size
+            bucket.most = min(bucket.most + size, bucket.room)
+            if bucket.least > bucket.room + ROUNDING_BYTES:
+                limit = _bytes_per_s(entry)
+                self._problem = f"{self._names[number]} sent more than {limit:g} bytes/s allow in tick {k}"
+
+    def _bucket(self, entry: Entry, number: int) -> _Leaky:
+        return self._buckets.setdefault((entry.index, number), _Leaky(max(LEAST_BUCKET, _bytes_per_s(entry))))
 
 
-def _stops(entry: Entry, source: int, destination: int) -> bool:
-    """Whether a silence or partition stops frames on a link. Of a forger only its receiver is known here."""
-    fault = entry.fault
-    if isinstance(fault, Silence):
-        out = source in entry.who and fault.direction != "in"
-        return out or (destination in entry.who and fault.direction != "out")
-    if not isinstance(fault, Partition) or source == FORGED:
-        return False
-    here = [place for place, group in enumerate(entry.groups) if source in group]
-    other = [place for place, group in enumerate(entry.groups) if destination in group]
-    return here != other and (fault.direction == "both" or here < other)
+def _bytes_per_s(entry: Entry) -> float:
+    assert isinstance(entry.fault, Bandwidth)
+    return entry.fault.bytes_per_s

@@ -142,7 +142,7 @@ class RadioRules:
         A sender that is not heard at all sends nothing.
         """
         entries = [entry for entry in self._active.get(Bandwidth, ()) if origin in entry.who]
-        if not entries or self._silent(origin, "out"):
+        if not entries or any(_silences(entry, origin, "out") for entry in self._active.get(Silence, ())):
             return None
         buckets = [self._bucket(entry, origin) for entry in entries]
         for entry, bucket in zip(entries, buckets, strict=True):
@@ -154,9 +154,9 @@ class RadioRules:
 
     def lost(self, origin: int, source: int, destination: int, sequence: int, jam: str | None) -> str | None:
         """Why a frame is lost on a link, or None. jam: what `jammed` said of it."""
-        silent = self._silent(origin, "out") or self._silent(destination, "in")
-        if silent is not None:
-            return silent
+        for entry in self._active.get(Silence, ()):
+            if _silences(entry, origin, "out") or _silences(entry, destination, "in"):
+                return cause(entry)
         for entry in self._active.get(Partition, ()):
             if self._cut(entry, origin, destination):
                 return cause(entry)
@@ -195,12 +195,6 @@ class RadioRules:
             if draw(*values) < fault.rate:
                 found.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *values, 1)))
         return found
-
-    def _silent(self, number: int, way: str) -> str | None:
-        for entry in self._active.get(Silence, ()):
-            if isinstance(entry.fault, Silence) and entry.fault.direction in (way, "both") and number in entry.who:
-                return cause(entry)
-        return None
 
     def _cut(self, entry: Entry, origin: int, destination: int) -> bool:
         fault = entry.fault
@@ -245,6 +239,10 @@ class RadioRules:
 def cause(entry: Entry) -> str:
     """How a journal names a fault that dropped a frame."""
     return f"{entry.fault.kind}:{entry.id}"
+
+
+def _silences(entry: Entry, number: int, way: str) -> bool:
+    return isinstance(entry.fault, Silence) and entry.fault.direction in (way, "both") and number in entry.who
 
 
 def _on_link(entry: Entry, origin: int, destination: int) -> bool:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.faults import Delay, Duplicate, Range, Reorder
-from patrol.records import FORGED, sent_at
-from worldsim.airborne import NO_ROBOT, active, fault_of, forgers_of, kind_of, sent
+from patrol.faults import Range
+from patrol.records import FORGED
+from worldsim.airborne import NO_ROBOT, active, fates, fault_of, forgers_of, kind_of
 from worldsim.checks import Check, names_of
+from worldsim.ether import OVERSIZED, OWN
 
 if TYPE_CHECKING:
     from patrol.records import TickRecord
@@ -25,6 +26,9 @@ ROUNDING_M = 1e-9
 
 GRAZING_M = 1e-5
 """A line that passes a wall's corner as closely as that may count as a line of sight or not, m."""
+
+_BEFORE_RANGE = (OVERSIZED, OWN, "silence", "partition")
+"""Why a frame is stopped before its reach counts."""
 
 Place = tuple[float, float]
 
@@ -71,70 +75,50 @@ class WithinReach:
     def __init__(self, journal: RunRecord, terrain: Terrain, timeline: Timeline) -> None:
         self._names = {**names_of(journal), FORGED: "a forger"}
         self._ranges = [entry for entry in timeline.entries if isinstance(entry.fault, Range)]
-        self._ids = {entry.id: entry for entry in self._ranges}
         self._forgers = forgers_of(timeline)
-        self._late = any(isinstance(entry.fault, Delay | Duplicate | Reorder) for entry in timeline.entries)
         self._sightlines = Sightlines(terrain)
-        self._places: dict[int, NDArray[np.float64]] = {}
-        self._origins: dict[Link, int] = {}
         self._problem = ""
         self._stopped = 0
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
-        if self._problem:
+        ranges = [entry for entry in self._ranges if active(entry, record.k)]
+        if not ranges or self._problem:
             return
-        if not self._late:  # what was sent earlier has arrived
-            self._places.clear()
-            self._origins.clear()
-        if any(active(entry, record.k) for entry in self._ranges):
-            self._places[record.k] = np.array([(row.x, row.y) for row in record.robots])
-            self._origins |= {link: origin for origin, link in sent(record, self._forgers) if link[0] == FORGED}
-        for link in record.deliveries:
-            self._came_through(link)
-        for drop in record.dropped:
-            if kind_of(drop[3]) == "range":
-                self._was_stopped(drop[:3], record.k, fault_of(drop[3]))
+        places = {row.number: (row.x, row.y) for row in record.robots}
+        for origin, link, why in fates(record, self._forgers):
+            kind = kind_of(why)
+            if kind in _BEFORE_RANGE or origin == NO_ROBOT:
+                continue
+            a, b = places[origin], places[link[1]]
+            stopped = kind == "range"
+            self._stopped += stopped
+            for entry in ranges:
+                if origin not in entry.who or (stopped and entry.id != fault_of(why)):
+                    continue
+                if self._out_of_reach(entry, a, b, sure=not stopped) is not stopped:
+                    self._wrong(link, record.k, entry, stopped=stopped)
+                    return
 
     def check(self) -> Check:
         """The result, once all ticks are in."""
         good = f"{self._stopped} frames were out of reach, and no other was stopped"
         return Check("reach", not self._problem, self._problem or good)
 
-    def _came_through(self, link: Link) -> None:
-        k = sent_at(link[2])
-        if k not in self._places:
-            return
-        for entry in self._ranges:
-            if active(entry, k) and self._out_of_reach(entry, link, k, sure=True):
-                self._problem = self._problem or f"{self._named(link, k)} came through range {entry.id}"
-
-    def _was_stopped(self, link: Link, k: int, fault: str) -> None:
-        self._stopped += 1
-        entry = self._ids.get(fault)
-        if entry is None or not active(entry, k) or not self._out_of_reach(entry, link, k, sure=False):
-            self._problem = self._problem or f"{self._named(link, k)} was stopped by range {fault} and within reach"
-
-    def _out_of_reach(self, entry: Entry, link: Link, k: int, *, sure: bool) -> bool:
-        """Whether a frame of tick k is out of reach: for sure, or as far as rounding can tell."""
+    def _out_of_reach(self, entry: Entry, a: Place, b: Place, *, sure: bool) -> bool:
+        """Whether b is out of reach from a: for sure, or as far as rounding can tell."""
         fault = entry.fault
-        source, to, _ = link
-        origin = self._origins.get(link, NO_ROBOT) if source == FORGED else source
-        if not isinstance(fault, Range) or origin not in entry.who:
-            return False
-        a, b = (self._place(k, number) for number in (origin, to))
+        assert isinstance(fault, Range)
         if math.dist(a, b) > fault.reach + (ROUNDING_M if sure else -ROUNDING_M):
             return True
         margin = -GRAZING_M if sure else GRAZING_M
         return not fault.through_walls and self._sightlines.walls(a, b, margin) > 0
 
-    def _place(self, k: int, number: int) -> Place:
-        x, y = self._places[k][number - 1]
-        return float(x), float(y)
-
-    def _named(self, link: Link, k: int) -> str:
+    def _wrong(self, link: Link, k: int, entry: Entry, *, stopped: bool) -> None:
         source, to, _ = link
-        return f"a frame from {self._names.get(source, source)} to {self._names.get(to, to)} of tick {k}"
+        frame = f"a frame from {self._names.get(source, source)} to {self._names.get(to, to)} of tick {k}"
+        says = "was stopped by range {} and within reach" if stopped else "came through range {}"
+        self._problem = f"{frame} {says.format(entry.id)}"
 
 
 def _running(mask: NDArray[np.bool_]) -> NDArray[np.int64]:

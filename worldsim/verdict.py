@@ -19,10 +19,12 @@ from worldsim.checks import (
     TraceAgrees,
 )
 from worldsim.direct import DirectLinks
+from worldsim.drop_checks import DropsExplained, NothingCrossed
 from worldsim.fault_checks import DownAreSilent, ExitCodes, PausedStandStill, StatusesFollow
+from worldsim.forgery_checks import SpoofsAsAsked
 from worldsim.frame_checks import FramesAreTrue, LinksAddUp
 from worldsim.hearing_checks import ForgedAsConfigured, Hearing
-from worldsim.radio_checks import NothingCrossed, Replay, WithinBandwidth
+from worldsim.radio_checks import Replay, WithinBandwidth
 from worldsim.reach_checks import WithinReach
 from worldsim.recovery import Recovers
 from worldsim.share_checks import DelaysAsAsked, LossesAsAsked
@@ -153,9 +155,11 @@ def judge(
 
 
 def _radio_checks(journal: RunRecord, prepared: Prepared, timeline: Timeline) -> list[Tally]:
-    """The checks besides the replay that a scenario's radio faults call for."""
+    """The checks besides the replay that a radio, and a scenario's faults of it, call for."""
     kinds = {entry.fault.kind for entry in timeline.entries}
-    checks: list[Tally] = []
+    checks: list[Tally] = [DropsExplained(journal, timeline)]
+    if "spoof" in kinds:
+        checks.append(SpoofsAsAsked(prepared, timeline))
     if kinds & {"silence", "partition"}:
         checks.append(NothingCrossed(journal, timeline))
     if "range" in kinds:

@@ -14,7 +14,8 @@ from patrol.message import Position, encode
 from patrol.pose import Pose
 from patrol.random import draw
 from patrol.records import FORGED
-from worldsim.radio_checks import NothingCrossed, WithinBandwidth
+from worldsim.drop_checks import NothingCrossed
+from worldsim.radio_checks import WithinBandwidth
 from worldsim.record import MemoryJournal
 from worldsim.share_checks import LossesAsAsked
 from worldsim.timeline import Timeline
@@ -312,9 +313,10 @@ def test_what_is_in_flight_at_the_end_adds_up(run: Any) -> None:
 
 
 def test_crossing_is_told_from_the_records_alone(run: Any) -> None:
-    """The check needs no ether: the faults' groups and the deliveries are enough."""
+    """The check needs no ether: the faults' groups and what became of the frames are enough."""
     world, journal = run({"kind": "partition", "groups": "halves", "id": "p"})
     check = NothingCrossed(journal, Timeline(world.scenario))
     record = journal.records[2]
-    check.tick(replace(record, deliveries=tuple(sorted((*record.deliveries, record.dropped[0][:3])))))
+    lost, *rest = record.dropped
+    check.tick(replace(record, deliveries=tuple(sorted((*record.deliveries, lost[:3]))), dropped=tuple(rest)))
     assert not check.check().ok

@@ -35,6 +35,7 @@ NAMES = [
     "moves",
     "frames",
     "radio",
+    "drops",
     "fog",
 ]
 
