@@ -27,6 +27,7 @@ from worldsim.hearing_checks import ForgedAsConfigured, Hearing
 from worldsim.radio_checks import Replay, WithinBandwidth
 from worldsim.reach_checks import WithinReach
 from worldsim.recovery import Recovers
+from worldsim.sense_checks import SensesAsAsked
 from worldsim.share_checks import DelaysAsAsked, LossesAsAsked
 from worldsim.timeline import Timeline
 from worldsim.timing_checks import OnTime
@@ -107,6 +108,8 @@ class Judge:
         ]
         if any(isinstance(entry.fault, Pause) for entry in timeline.entries):
             self._always.append(PausedStandStill(journal, processes=bool(exit_codes)))
+        if any(entry.fault.kind in SENSE_KINDS for entry in timeline.entries):
+            self._of_poses.append(SensesAsAsked(journal, prepared, timeline))
         if verify_fog:
             self._of_poses.append(FogIsTrue(prepared))
         befalls_frames = any(entry.fault.kind not in PROCESS_KINDS for entry in timeline.entries)
