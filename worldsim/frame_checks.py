@@ -7,8 +7,10 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from patrol.errors import BadInput
 from patrol.footprint import sensor_footprint
 from patrol.journal import Status, TickRecord
+from patrol.keyfile import fleet_key
 from patrol.message import MAX_TRAIL, Position, Rejected, decode
 from patrol.pose import Pose
 from patrol.records import FORGED, frame_sequence
@@ -31,8 +33,8 @@ class FramesAreTrue:
     """A sender's first frame says where it takes itself to be, as the wire has it, and its trail where it was before.
 
     Each of the others reports an intruder that its footprint covers, and none twice. In lockstep, where the world waits
-    for all that a robot has to say, none of these may be missing but from a robot that is lost in that tick. Tags are
-    not looked at: whoever hears a frame with a wrong one counts it as rejected. Nor are forged frames.
+    for all that a robot has to say, none of these may be missing but from a robot that is lost in that tick. Where the
+    fleet has a key and it can be read, each carries its tag. Forged frames are another check's business.
     """
 
     def __init__(self, journal: RunRecord, prepared: Prepared) -> None:
@@ -43,6 +45,12 @@ class FramesAreTrue:
         self._intruders = Intruders(scenario, sensor_footprint(scenario, prepared.terrain))
         self._senses = Senses(scenario, Timeline(scenario), prepared.terrain)
         self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
+        self._key: bytes | None = None
+        self._untold = ""
+        try:
+            self._key = fleet_key(scenario)
+        except BadInput as bad:
+            self._untold = f"; tags not judged: {bad}"
         self._missing: list[tuple[int, int, str]] = []
         self._problem = ""
         self._looked = 0
@@ -70,7 +78,7 @@ class FramesAreTrue:
             if source in due or source not in contacts:
                 problem = self._problem_of(source, frame, due.pop(source, None))
             else:
-                problem = _problem_of_contact(frame, contacts[source])
+                problem = _problem_of_contact(frame, self._key, contacts[source])
             if problem:
                 self._problem = f"frame {record.k} of {self._names.get(source, source)} {problem}"
                 return
@@ -82,7 +90,8 @@ class FramesAreTrue:
     def check(self) -> Check:
         """The result, once all ticks are in."""
         self._miss()
-        return Check("frames", not self._problem, self._problem or f"{self._looked} frames say what is true")
+        good = f"{self._looked} frames say what is true{self._untold}"
+        return Check("frames", not self._problem, self._problem or good)
 
     def _miss(self) -> None:
         """Whether who kept silent in the tick before was lost in it, which is known only now."""
@@ -95,7 +104,7 @@ class FramesAreTrue:
         if due is None:
             return "has no living sender"
         try:
-            said = decode(frame)
+            said = decode(frame, self._key)
         except Rejected as rejected:
             return f"cannot be read ({rejected})"
         track = list(self._tracks[source])
@@ -152,10 +161,10 @@ class LinksAddUp:
         return Check("links add up", False, detail)
 
 
-def _problem_of_contact(frame: bytes, due: list[Position]) -> str:
+def _problem_of_contact(frame: bytes, key: bytes | None, due: list[Position]) -> str:
     """What is wrong with a report; it is taken off those that are due."""
     try:
-        said = decode(frame)
+        said = decode(frame, key)
     except Rejected as rejected:
         return f"cannot be read ({rejected})"
     if said not in due:

@@ -94,13 +94,13 @@ class Hearing:
                 self._used[row.number] = {}
             of_forgers = iter(forged[row.number])
             for frame in delivery.heard[row.number]:
-                sequence = next(of_forgers, None)
+                forgery = next(of_forgers, None)
                 position = inbox.accept(frame, now_s)
                 if position is None:
                     continue
                 again = self._again(row.number, position)
-                if sequence is not None:
-                    self.believed.append(Belief(row.number, sequence, position, again))
+                if forgery is not None:
+                    self.believed.append(Belief(row.number, forgery, position, again))
                 elif again and not self._problem:
                     what = f"frame {position.sequence} of {self._names.get(position.robot, position.robot)}"
                     self._problem = f"{self._names[row.number]} believed {what} for the second time at tick {record.k}"

@@ -112,8 +112,9 @@ class Judge:
             self._of_poses.append(SensesAsAsked(journal, prepared, timeline))
         if verify_fog:
             self._of_poses.append(FogIsTrue(prepared))
+        keyed = prepared.scenario.radio.key is not None
         befalls_frames = any(entry.fault.kind not in PROCESS_KINDS for entry in timeline.entries)
-        if verify_fog and carried and befalls_frames:
+        if verify_fog and carried and (befalls_frames or keyed):
             hearing = Hearing(journal, prepared, replay, processes=bool(exit_codes))
             forged = ForgedAsConfigured(journal, prepared, timeline, hearing)
             self._of_poses += [hearing, forged] if forged.called_for else [hearing]

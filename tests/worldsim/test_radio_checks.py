@@ -248,6 +248,26 @@ def test_a_robot_that_does_not_look_at_tags_fails(lab: Lab, key: str) -> None:
     assert list(failures(judge(journal, {}, world.prepared))) == ["refused frames"]
 
 
+def test_a_fleet_that_signs_with_other_bytes_than_its_key_fails(lab: Lab, key: str) -> None:
+    world = lab.patrol(ticks=8, radio={"key": key}, intruders=[{"place": [4.0, 4.0]}])
+    verdict = judge(lab.run(world, lab.fleet(world, key=KEY)), {}, world.prepared)
+    assert verdict.valid, verdict.failed
+    assert "refused frames" in {check.name for check in verdict.checks}
+    for other in (b"another key of a fleet", None):
+        world = lab.patrol(ticks=8, radio={"key": key})
+        found = failures(judge(lab.run(world, lab.fleet(world, key=other)), {}, world.prepared))
+        assert found["frames"].startswith("frame 0 of r1 cannot be read (tag: ")
+
+
+def test_without_the_key_file_tags_are_not_judged(run: Any, key: str, tmp_path: Path) -> None:
+    world, journal = run(key=key)
+    (tmp_path / "fleet.key").unlink()
+    verdict = judge(journal, {}, world.prepared)
+    assert verdict.valid, verdict.failed
+    (told,) = [check.detail for check in verdict.checks if check.name == "frames"]
+    assert "tags not judged: radio.key: cannot read" in told
+
+
 def test_a_judge_whose_inboxes_believe_strangers_finds_out(run: Any, key: str, monkeypatch: pytest.MonkeyPatch) -> None:
     spoof = {"kind": "spoof", "as": "r2", "payload": {"offset": [0.5, 0.0]}, "id": "lie"}
     world, journal = run(spoof, key=key)
