@@ -47,8 +47,9 @@ class _Losses:
 class LossesAsAsked:
     """Frames are lost as often as the faults say, and in bursts as long, as far as chance goes (`worldsim.chance`).
 
-    A fault without bursts is one series of draws, one for each frame that got as far as it. A fault with bursts is two,
-    from one tick to the next on the same link: from good to bad, and from bad to good.
+    A fault without bursts is one series of draws, one for each frame that got as far as it. A fault with bursts is
+    three: which links are bad when it begins; and from one tick to the next on the same link, from good to bad, and
+    from bad to good.
     """
 
     def __init__(self, timeline: Timeline) -> None:
@@ -110,6 +111,9 @@ class LossesAsAsked:
     def _step(self, losses: _Losses, k: int, link: tuple[int, int], bad: bool) -> None:
         before = losses.bad.get(link)
         losses.bad[link] = k, bad
+        if k == losses.entry.begin:
+            losses.counts[2].draws += 1
+            losses.counts[2].hits += bad
         if before is not None and before[0] == k - 1:
             count = losses.counts[1 if before[1] else 0]
             count.draws += 1
@@ -188,7 +192,7 @@ class DelaysAsAsked:
 def alarm_of(timeline: Timeline) -> float:
     """The probability of a false alarm that each series of draws may have, so that all together have `FAMILY`."""
     series = sum(
-        1 + (isinstance(entry.fault, Loss) and entry.fault.mean_burst is not None)
+        3 if isinstance(entry.fault, Loss) and entry.fault.mean_burst is not None else 1
         for entry in timeline.entries
         if isinstance(entry.fault, Loss | Delay | Duplicate | Reorder)
     )
@@ -248,4 +252,8 @@ def _counts(fault: Loss) -> list[_Count]:
     if fault.mean_burst is None:
         return [_Count("frames were lost", fault.rate)]
     recovers, fails = chain_of(fault.rate, fault.mean_burst)
-    return [_Count("good ticks turned bad", fails), _Count("bad ticks turned good", recovers)]
+    return [
+        _Count("good ticks turned bad", fails),
+        _Count("bad ticks turned good", recovers),
+        _Count("links were bad to begin with", fault.rate),
+    ]

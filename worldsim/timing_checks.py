@@ -1,4 +1,4 @@
-"""The verdict's check of when frames arrive, by what docs/faults.md says of delay, reorder and duplicate."""
+"""The verdict's checks of when things happen, by what docs/faults.md says: faults, and frames that they hold up."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from patrol.faults import Delay, Duplicate, Reorder, Wait
+from patrol.faults import Delay, Duplicate, Lasting, Reorder, Wait
 from patrol.records import FORGED, sent_at
 from worldsim.airborne import active, airborne, arrived, forgers_of, on_link
 from worldsim.checks import Check, names_of
@@ -23,6 +23,33 @@ SOON = 0.2
 
 Span = tuple[float, float]
 """The least and the most, in s or ticks; the most may be infinite."""
+
+_ROUNDING = 1e-9
+"""Times as near to a tick, or to half of one, count as it, in ticks."""
+
+
+class FaultsOnTime:
+    """The ticks in which each fault begins and ends are those of its `at` and `for`.
+
+    World and verdict take these ticks from the same timeline, so nothing that happens in a run could tell.
+    """
+
+    def __init__(self, timeline: Timeline, step: float) -> None:
+        """step: s."""
+        self._faults = len(timeline.entries)
+        wrong = [entry for entry in timeline.entries if not (_begins(entry, step) and _ends(entry, step))]
+        self._problem = "; ".join(
+            f"{entry.id} is taken to go on from tick {entry.begin} "
+            + ("to the end of the run" if entry.end is None else f"to before tick {entry.end}")
+            for entry in wrong
+        )
+
+    def tick(self, record: TickRecord) -> None:
+        """Nothing of a tick has a part in it."""
+
+    def check(self) -> Check:
+        """The result."""
+        return Check("fault times", not self._problem, self._problem or f"{self._faults} faults when they should be")
 
 
 class OnTime:
@@ -155,6 +182,24 @@ def bounds(wait: Wait) -> Span:
         case "normal" if rest[0] == 0.0:
             return first, first
     return 0.0, (math.inf if first > 0.0 or wait.shape == "normal" else 0.0)
+
+
+def _begins(entry: Entry, step: float) -> bool:
+    """Whether a fault begins in the first tick that is not before its `at`."""
+    at = entry.fault.at / step - _ROUNDING
+    return entry.begin >= at and (entry.begin == 0 or entry.begin - 1 < at)
+
+
+def _ends(entry: Entry, step: float) -> bool:
+    """Whether a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick."""
+    fault = entry.fault
+    if not isinstance(fault, Lasting):
+        return entry.end == entry.begin
+    if entry.end is None or fault.lasts is None:
+        return entry.end is None and fault.lasts is None
+    ticks = entry.end - entry.begin
+    more = fault.lasts / step + _ROUNDING - ticks
+    return more < 0.5 and (ticks == 1 or (ticks > 1 and more >= -0.5))
 
 
 def _by_link(rows: Sequence[tuple[int, int, int, str]]) -> dict[Link, list[str]]:

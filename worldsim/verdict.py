@@ -30,7 +30,7 @@ from worldsim.recovery import Recovers
 from worldsim.sense_checks import SensesAsAsked
 from worldsim.share_checks import DelaysAsAsked, LossesAsAsked
 from worldsim.timeline import Timeline
-from worldsim.timing_checks import OnTime
+from worldsim.timing_checks import FaultsOnTime, OnTime
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
@@ -106,6 +106,8 @@ class Judge:
             FramesAreTrue(journal, prepared),
             *((replay, *_radio_checks(journal, prepared, timeline)) if carried else ()),
         ]
+        if timeline.entries:
+            self._always.append(FaultsOnTime(timeline, prepared.scenario.step))
         if any(isinstance(entry.fault, Pause) for entry in timeline.entries):
             self._always.append(PausedStandStill(journal, processes=bool(exit_codes)))
         if any(entry.fault.kind in SENSE_KINDS for entry in timeline.entries):

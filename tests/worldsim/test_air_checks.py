@@ -20,6 +20,7 @@ from worldsim.radio_rules import RadioRules, arrival
 from worldsim.reach_checks import GRAZING_M, Sightlines
 from worldsim.share_checks import DelaysAsAsked, alarm_of
 from worldsim.timeline import Timeline
+from worldsim.timing_checks import FaultsOnTime
 from worldsim.verdict import judge
 
 if TYPE_CHECKING:
@@ -54,6 +55,43 @@ def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
     journal.records[k] = replace(journal.records[k], **fields)
     assert journal.end
     journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
+
+
+# --- when faults happen ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("at", [0.0, 0.1, 3.0, 3.3])
+@pytest.mark.parametrize("lasts", [None, 0.01, 0.05, 0.24, 0.25, 2.3])
+def test_faults_happen_when_they_should(lab: Lab, at: float, lasts: float | None) -> None:
+    times = {"at": at} if lasts is None else {"at": at, "for": lasts}
+    faults = [{"kind": "silence", "who": "r1", **times}, {"kind": "kill", "who": "r2", "at": at}]
+    timeline = Timeline(lab.patrol(faults=faults, step=0.1).scenario)
+    assert FaultsOnTime(timeline, 0.1).check().ok
+    silence, kill = timeline.entries
+    wrong = [replace(entry, begin=entry.begin + shift) for entry in (silence, kill) for shift in (-1, 1)]
+    wrong += [replace(kill, end=kill.begin + 1), replace(kill, end=None)]
+    if silence.end is None:
+        wrong.append(replace(silence, end=90))
+    else:
+        wrong += [replace(silence, end=end) for end in (silence.end - 1, silence.end + 1, None)]
+        wrong += [replace(silence, begin=silence.begin + shift, end=silence.end + shift) for shift in (-1, 1)]
+    for entry in wrong:
+        timeline.entries = (entry,)
+        assert not FaultsOnTime(timeline, 0.1).check().ok
+
+
+@pytest.mark.parametrize(
+    ("name", "ticks", "says"),
+    [
+        ("ticks_of", lambda *_: 1, "f1 is taken to go on from tick 4 to before tick 5"),
+        ("tick_of", lambda *_: 0, "f1 is taken to go on from tick 0 to before tick 10"),
+    ],
+)
+def test_a_timeline_with_other_times_fails(
+    run: Callable[..., Result], name: str, ticks: Any, says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"worldsim.timeline.{name}", ticks)
+    assert failures(run({"kind": "silence", "who": "r1", "at": 2.0, "for": 5.0})) == {"fault times": says}
 
 
 # --- reach -----------------------------------------------------------------------------------------------------------
@@ -313,4 +351,4 @@ def test_too_few_frames_or_none_are_not_judged_and_say_so(run: Callable[..., Res
 def test_all_series_of_a_run_share_one_rate_of_false_alarms(lab: Lab) -> None:
     bursts = {"kind": "loss", "rate": 0.5, "mean_burst": 3.0}
     world = lab.patrol(faults=[TWICE, MIXED, SPREAD, bursts, NEAR])
-    assert alarm_of(Timeline(world.scenario)) == pytest.approx(1e-9 / 5)
+    assert alarm_of(Timeline(world.scenario)) == pytest.approx(1e-9 / 6)

@@ -16,6 +16,7 @@ from patrol.random import draw
 from patrol.records import FORGED
 from worldsim.drop_checks import NothingCrossed
 from worldsim.radio_checks import WithinBandwidth
+from worldsim.radio_rules import Burst
 from worldsim.record import MemoryJournal
 from worldsim.share_checks import LossesAsAsked
 from worldsim.timeline import Timeline
@@ -213,6 +214,22 @@ def test_the_right_rate_without_the_bursts_fails(lab: Lab, run: Any) -> None:
     check = losses(asked, journal)
     assert not check.ok
     assert "turned" in check.detail
+
+
+@pytest.mark.parametrize("bad", [False, True])
+def test_links_that_all_begin_alike_fail(run: Any, bad: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From then on they are what they should be."""
+    bursts = {**BURSTS, "from": "all", "rate": 0.1 if bad else 0.9, "mean_burst": 10.0}
+    assert losses(*run(bursts)).ok
+    good = Burst.__init__
+
+    def begin(self: Burst, *of: Any) -> None:
+        good(self, *of)
+        self._bad = bad
+
+    monkeypatch.setattr(Burst, "__init__", begin)
+    check = losses(*run(bursts))
+    assert check.detail.startswith(f"bursts: {12 * bad} of 12 links were bad to begin with, {90 - 80 * bad} % asked")
 
 
 def test_too_few_frames_are_not_judged_and_say_so(run: Any) -> None:
