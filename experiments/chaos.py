@@ -36,6 +36,9 @@ MOST_TRIES = 200
 
 PACKAGES = ("patrol", "agent", "worldsim", "experiments", "fogwatch")
 
+SPARE = 0.3
+"""Share of the fleets that a spare robot joins."""
+
 DIFFERENT = "traces differ"
 """The kind of breakage where ways of running a scenario do not give the same trace."""
 
@@ -108,6 +111,10 @@ def random_scenario(seed: int, key: Path) -> Scenario:
     if dice.share() < 0.5:
         radio["key"] = str(key)
     terrain, point = dice.choice("open", "yards", "clutter", "site"), dice.choice(1.0, 2.0)
+    joining: list[dict[str, Any]] = []
+    if dice.share() < SPARE:
+        robots.append({**_robot(dice, kinds), "spare": True})
+        joining.append({"kind": "join", "who": f"r{len(robots)}", "at": dice.between(0.0, (ticks - quiet) * step)})
     return load_scenario(
         {
             "name": f"chaos-{seed}",
@@ -121,6 +128,7 @@ def random_scenario(seed: int, key: Path) -> Scenario:
             "patrol": _patrol(dice),
             "radio": radio,
             "intruders": [_intruder(dice, terrain, point)] if dice.share() < 0.2 else [],
+            "faults": joining,
             "nemesis": {"interval": interval, "quiet": quiet * step},
         }
     )

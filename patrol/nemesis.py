@@ -219,7 +219,8 @@ def _partition(dice: Dice, robots: _Robots, when: _When) -> Found:
     first = dice.some(robots.names, len(robots.names) - 1)
     rest = [name for name in robots.names if name not in first]
     more = [dice.some(rest, len(rest))] if dice.share() < 0.5 else []
-    return [{**when.lasting, "groups": [first, *more], "direction": dice.choice("both", "one-way")}]
+    groups: Any = dice.choice([first, *more], [first, *more], "halves", "one")
+    return [{**when.lasting, "groups": groups, "direction": dice.choice("both", "one-way")}]
 
 
 def _silence(dice: Dice, robots: _Robots, when: _When) -> Found:
@@ -247,6 +248,7 @@ def _spoof(dice: Dice, robots: _Robots, when: _When) -> Found:
         {"replay": dice.between(when.step, 40.0 * when.step)},
         "random",
         {"invented": dice.whole(1, 3)},
+        {"ahead": dice.whole(1, 10_000)},
     )
     return [{**when.lasting, "by": by, "as": dice.some(others, len(others)), "payload": payload}]
 

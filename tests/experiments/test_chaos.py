@@ -24,7 +24,7 @@ from experiments.chaos import (
     with_faults,
 )
 from patrol.errors import BadInput
-from patrol.faults import KINDS
+from patrol.faults import KINDS, Forgery, Partition, Spoof
 from patrol.scenario import Scenario, as_mapping, load_scenario
 from worldsim.checks import Check
 from worldsim.record import COMPLETED, INTERRUPTED
@@ -64,7 +64,12 @@ def test_the_seed_decides_the_scenario(key: Path) -> None:
 def test_scenarios_differ_in_all_that_matters(key: Path) -> None:
     drawn = [random_scenario(seed, key) for seed in range(120)]
     assert {fault.kind for scenario in drawn for fault in scenario.faults} == set(KINDS)
-    assert {len(scenario.roster) for scenario in drawn} == {2, 3, 4, 5, 6}
+    assert {len(scenario.roster) - len(scenario.spares) for scenario in drawn} == {2, 3, 4, 5, 6}
+    assert {len(scenario.spares) for scenario in drawn} == {0, 1}
+    spoofs = [fault.payload for scenario in drawn for fault in scenario.faults if isinstance(fault, Spoof)]
+    assert any(isinstance(payload, Forgery) and payload.ahead is not None for payload in spoofs)
+    groups = [fault.groups for scenario in drawn for fault in scenario.faults if isinstance(fault, Partition)]
+    assert {"halves", "one"} < {said if isinstance(said, str) else "named" for said in groups}
     assert {scenario.terrain.builtin for scenario in drawn} == {"open", "yards", "clutter", "site"}
     assert {scenario.patrol.paths for scenario in drawn} == {"wave", "straight", "regions"}
     assert {scenario.radio.key is None for scenario in drawn} == {True, False}

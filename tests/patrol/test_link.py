@@ -123,6 +123,24 @@ def test_what_is_sent_arrives_under_its_key(
     assert reach(way(sender, "t/x/a"), mailbox, b"42") == ("t/x/a", 42)
 
 
+def test_a_burst_that_may_be_dropped_is_not(links: Callable[[], Link]) -> None:
+    """One message to each robot of a fleet, as at the beginning of a tick."""
+    keys = [f"t/{number}" for number in range(12)]
+    mailbox: Mailbox[int] = Mailbox(keys, whole, 100)
+    receiver, sender = links(), links()
+    receiver.subscribe("t/*", mailbox)
+    posts = [dropping(sender, key) for key in keys]
+    for post in posts:
+        reach(post, mailbox, b"0")
+    while mailbox.get(0.1):
+        pass
+    for burst in range(1, 51):
+        for post in posts:
+            post(str(burst).encode())
+        arrived = [mailbox.get(10.0) for _ in keys]
+        assert sorted(filter(None, arrived)) == sorted((key, burst) for key in keys)
+
+
 def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Link]) -> None:
     mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
     receiver, sender = links(), links()
