@@ -230,7 +230,8 @@ def troubles_chart(run: Run) -> Figure:
     left.set_ylim(count - 0.4, -0.6)
     for axes in (left, right):
         plain(axes, grid="x")
-        axes.set_xlim(left=0.0)
+        axes.set_xlim(0.0, max(axes.get_xlim()[1], 1.0))
+    right.locator_params(axis="x", integer=True)
     return made
 
 

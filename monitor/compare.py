@@ -108,7 +108,7 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
         for band in bands
     ]
     body = [
-        html.headline(f"{len(runs)} runs side by side", ""),
+        html.headline(f"{len(runs)} runs side by side"),
         html.text(" · ".join(names), "sub"),
         *(html.banner(line, bad=True) for line in apart),
         html.section("measures", "Measures", html.table(("", *names), rows_of(runs), numbers=columns)),

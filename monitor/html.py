@@ -8,6 +8,13 @@ from importlib.resources import files
 
 from monitor.style import Drawing
 
+
+class Markup(str):
+    """Text that is HTML already and is not escaped again; only this module makes any."""
+
+    __slots__ = ()
+
+
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a page may load: nothing that is not in it."""
 
@@ -31,9 +38,9 @@ def section(name: str, heading: str, *content: str) -> str:
     return f'<section id="{escape(name)}">\n<h2>{escape(heading)}</h2>\n{inside}\n</section>' if inside else ""
 
 
-def headline(title: str, mark: str) -> str:
-    """The page's title after a badge."""
-    return f"<h1>{mark} {escape(title)}</h1>"
+def headline(title: str, mark: Markup | None = None) -> str:
+    """The page's title, after a badge if there is one."""
+    return f"<h1>{f'{mark} ' if mark else ''}{escape(title)}</h1>"
 
 
 def text(says: str, kind: str = "") -> str:
@@ -46,9 +53,9 @@ def banner(says: str, bad: bool = False) -> str:
     return f'<div class="banner{" bad" if bad else ""}">{escape(says)}</div>' if says else ""
 
 
-def badge(word: str, kind: str) -> str:
+def badge(word: str, kind: str) -> Markup:
     """A word in a frame."""
-    return f'<span class="badge {escape(kind)}">{escape(word)}</span>'
+    return Markup(f'<span class="badge {escape(kind)}">{escape(word)}</span>')
 
 
 def tiles(items: Iterable[tuple[str, str, str]]) -> str:
@@ -61,10 +68,10 @@ def tiles(items: Iterable[tuple[str, str, str]]) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """A table of text; numbers: the columns set to the right. Cells may be made by `badge`."""
+    """A table of text; numbers: the columns set to the right. A cell that `badge` made stays as it is."""
 
     def cell(tag: str, column: int, says: str) -> str:
-        inside = says if says.startswith('<span class="badge') else escape(says)
+        inside = says if isinstance(says, Markup) else escape(says)
         return f"<{tag}{_class('n' if column in numbers else '')}>{inside}</{tag}>"
 
     def row(tag: str, cells: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from monitor import html
 from monitor.analysis import analyse, measures, state_of
 from monitor.charts import troubles_chart
 from monitor.compare import compare_html, differences, names_of, rows_of
@@ -84,6 +85,14 @@ def test_the_numbers_are_those_of_the_summary(faulty: Any) -> None:
         if source != to:
             link = summary["links"][run.names[source]][run.names[to]]
             assert share == pytest.approx(link["delivered"] / (link["sent"] - link["in_flight"]))
+
+
+def test_what_events_say_is_never_taken_for_html() -> None:
+    hostile = '<span class="badge ok">valid</span><img src=x>'
+    page = html.table(("event", hostile), [("dead", hostile), (html.badge(hostile, "ok"), "")])
+    assert "<img" not in page
+    assert page.count("<span") == 1
+    assert page.count("&lt;span") == 3
 
 
 def test_a_quiet_run_has_no_faults_and_no_error(quiet: Any) -> None:
@@ -204,6 +213,14 @@ def test_bands_last_from_their_beginning_to_their_end() -> None:
     assert bands[0].text == "all to all, rate 0.5"
     assert [name for name, _ in lanes(bands, 8)] == ["f1 loss", "f2 kill", "f3 delay", "lost"]
     assert [name for name, _ in lanes(bands[:1] * 2 + bands[1:], 3)] == ["loss", "kill", "delay", "lost"]
+
+
+def test_no_collision_is_drawn_as_none_of_one(quiet: Any) -> None:
+    run = quiet.open()
+    assert run.bumped.sum() == 0
+    right = troubles_chart(run).axes[1]
+    assert right.get_xlim() == (0.0, 1.0)
+    assert all(tick == round(tick) for tick in right.get_xticks())
 
 
 def test_what_cannot_be_written_is_said(quiet: Any, tmp_path: Path) -> None:
