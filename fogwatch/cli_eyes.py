@@ -47,8 +47,8 @@ def record(
     Of a run's folder, all that there is of the run; of a fleet that is running, what happens from now on, until the run
     ends or Ctrl-C is pressed.
     """
-    live = router is not None and fleet is not None
-    if (run is None) != live:
+    fleets = (router is not None) + (fleet is not None)
+    if fleets != (2 if run is None else 0):
         raise BadInput("record: name a run's folder, or --router and --fleet of a running fleet")
     if run is not None:
         if scenario is not None or radio is not None:
@@ -194,6 +194,9 @@ def _analysed(folder: Path) -> Analysis:
 
 def _open(folder: Path) -> tuple[Run, bool]:
     """The run in a folder, and whether it may still be going."""
+    from monitor.runfiles import journal_in
+
+    journal_in(folder)
     warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
     from monitor.runs import open_run
 

@@ -56,7 +56,8 @@ def monitor(
     """Show a running fleet on a live page, as many pages as wanted; none of them slows it. Ctrl-C ends it."""
     from patrol.access import FILE
 
-    if (run is None) == (router is None or fleet is None):
+    fleets = (router is not None) + (fleet is not None)
+    if fleets != (2 if run is None else 0):
         raise BadInput("monitor: name a run's folder, or --router and --fleet of a running fleet")
     access = run / FILE if run is not None and run.is_dir() else run
     if scenario is not None and router is None:

@@ -36,6 +36,8 @@ def open_fleet(
     where these robots hear each other. Raises BadInput where nobody is met within wait_s.
     """
     token = None
+    if radio is not None and scenario is None:
+        raise BadInput(f"--radio {radio}: is for robots without a world; give their --scenario FILE as well")
     if access is not None:
         file = access / FILE if access.is_dir() else access
         if not ending.wait_for(file, wait_s):

@@ -17,7 +17,7 @@ from pathlib import Path
 from monitor import ros
 from monitor.recording import KEY_FRAME_S, THERE, grid_values, tokens_of, wall_values
 from monitor.rosfile import RosFile
-from monitor.runs import SCENARIO
+from monitor.runfiles import SCENARIO
 from monitor.source import Source, State
 from patrol.errors import BadInput
 from patrol.fog import Fog

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from monitor.runfiles import JOURNAL
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
@@ -80,7 +81,8 @@ def _read(path: Path, contents: Contents, take: Callable[[Any], None] | None) ->
         if take is not None:
             take(record)
     if contents.why_cut and not contents.messages:
-        raise BadInput(f"{path}: is cut off before its first message; there is nothing to save, so record again")
+        again = f"record again: fogwatch record {path.parent}" if (path.parent / JOURNAL).is_file() else "record again"
+        raise BadInput(f"{path}: is cut off before its first message; there is nothing to save, so {again}")
     if not contents.facts:
         raise BadInput(
             f"{path}: is an MCAP file, but not one of fogwatch: it has no metadata '{METADATA}'; name one that has"

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from monitor.runfiles import journal_in
 from patrol.errors import BadInput
 from patrol.lifeline import INTERRUPTED, Ending, heed
 
@@ -36,6 +37,7 @@ KEY = "FOGWATCH_PAGE_KEY"
 READY = "page: "
 """What the line with the address begins with."""
 
+MOST_PORTS = 65535
 FAREWELL_S = 1
 
 GIVES_WAY = 10
@@ -97,13 +99,14 @@ def _serve(
     import uvicorn
 
     from monitor.page.hub import Hub
-    from monitor.page.server import Server
+    from monitor.page.server import LONGEST, Server
 
     hub = Hub(source)
     config = uvicorn.Config(
         Server(hub, gate).app,
         ws="websockets-sansio",
         ws_per_message_deflate=False,
+        ws_max_size=4 * LONGEST,
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -137,6 +140,8 @@ def opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source |
     def open_source() -> Source | None:
         from patrol.warmup import warm
 
+        if options.replay is not None:
+            journal_in(options.replay)
         warm(("patrol", "monitor"), lambda line: print(line, file=sys.stderr, flush=True))
         if options.replay is not None:
             from monitor.player import open_player
@@ -160,6 +165,8 @@ def opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source |
 
 def _listen(host: str, port: int) -> socket.socket:
     """A socket that listens there; BadInput where that cannot be."""
+    if not 0 <= port <= MOST_PORTS:
+        raise BadInput(f"--page-port {port}: ports go from 1 to {MOST_PORTS}; choose one of them, or 0 for a free one")
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         place = socket.socket(family, kind, protocol)

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from monitor import ros
 from monitor.rosfile import RosFile
-from monitor.runs import SCENARIO, Run
+from monitor.runfiles import SCENARIO
+from monitor.runs import Run
 from patrol.errors import BadInput
 from patrol.fog import Fog
 from patrol.footprint import View
@@ -39,6 +40,9 @@ KEY_FRAME_S = 10.0
 
 GRID_MEMORY = 2 << 30
 """Bytes of all grids before compression; a run for which they would be more has fewer key frames."""
+
+CHUNK = 1 << 15
+"""Bytes of a chunk, before compression: what a file that was cut off anywhere loses at most."""
 
 THERE = (Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST)
 """Standings of robots whose bodies are on the terrain."""
@@ -55,7 +59,7 @@ class Recorder:
         self._run = run
         self._out = out
         self._part = out.with_name(f"{out.name}.part")
-        self._file = RosFile(self._part, out)
+        self._file = RosFile(self._part, out, chunk=CHUNK)
         self._ros = self._file.encoder
         self._tokens = tokens_of(run.names)
         self._scale_s = scale_of(run)

@@ -16,7 +16,8 @@ import numpy as np
 from monitor import charts, html, mapcharts
 from monitor.analysis import Analysis, measures, state_of, verdict_of
 from monitor.beliefs import SAMPLES
-from monitor.runs import SCENARIO, Run
+from monitor.runfiles import SCENARIO
+from monitor.runs import Run
 from monitor.style import Drawing, draw
 from patrol.errors import BadInput
 

@@ -16,23 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.runfiles import SCENARIO, SUMMARY, journal_in
 from patrol.controls import prepared_as_operated
 from patrol.errors import BadInput
-from patrol.journal import Journal, read_journal
+from patrol.journal import Journal
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
 from patrol.records import Event, RobotFacts, Status, TickRecord, sent_at
 from patrol.scenario import load_scenario
 
-JOURNAL = "journal"
-SCENARIO = "scenario.yaml"
-SUMMARY = "summary.json"
 CAME = ("alive", "lost")
 """Events by which a robot that was not there is."""
 SILENT = ""
 """The state of a robot that did not report one."""
-
-_MCAP = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,17 +136,7 @@ class Run:
 
 def open_run(folder: Path) -> Run:
     """Read a run folder; BadInput where that is not possible, or where no tick is done yet."""
-    if folder.is_file():
-        with folder.open("rb") as file:
-            recording = file.read(len(_MCAP)) == _MCAP
-        kind = "is a recording; look at it with `fogwatch recording`, and" if recording else "is a file;"
-        raise BadInput(f"{folder}: {kind} name the run's folder here")
-    if not folder.is_dir():
-        raise BadInput(f"{folder}: no such folder; name a run's, such as runs/yards-20260101-120000")
-    for name, what in ((JOURNAL, "no run's, or one whose ticks have not begun"), (SCENARIO, "no run's, or not whole")):
-        if not (folder / name).is_file():
-            raise BadInput(f"{folder}: holds no file {name}, so it is {what}; name a run's folder")
-    journal = read_journal(folder / JOURNAL)
+    journal = journal_in(folder)
     prepared = prepared_as_operated(prepare(load_scenario(folder / SCENARIO)), journal.events)
     facts, terrain = journal.header.terrain, prepared.terrain
     if (facts.width, facts.height) != (terrain.width, terrain.height):

@@ -122,6 +122,10 @@ def test_report_and_compare(
         (["recording", "RUN"], "is a folder; name a file, such as"),
         (["record"], "name a run's folder, or --router and --fleet"),
         (["record", "RUN", "--fleet", "x", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
+        (["record", "RUN", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
+        (["record", "RUN", "--fleet", "x"], "name a run's folder, or --router"),
+        (["monitor", "RUN", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
+        (["monitor", "RUN", "--fleet", "x"], "name a run's folder, or --router"),
         (["record", "RUN", "--scenario", "x.yaml"], "leave the folder out"),
         (["compare", "RUN"], "one run cannot be compared"),
         (["compare", "RUN", "nowhere"], "no such folder"),
@@ -135,6 +139,19 @@ def test_bad_input_is_one_line(
     shown = capsys.readouterr().err
     assert words in shown
     assert shown.count("\n") == 1
+
+
+@pytest.mark.parametrize("what", ["report", "record", "replay"])
+def test_a_folder_is_looked_at_before_anything_is_compiled(
+    command: Callable[..., int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], what: str
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("fogwatch.cli_eyes.warm", never)
+    monkeypatch.setattr("patrol.warmup.warm", never)
+    assert command(what, "nowhere") == 2
+    assert "no such folder" in capsys.readouterr().err
 
 
 def test_who_does_not_want_to_wait_gets_neither(ran: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -150,14 +151,7 @@ def test_a_recording_is_looked_at(quiet: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.999])
-def test_a_recording_that_was_cut_off_is_saved(
-    faulty: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: float
-) -> None:
-    from functools import partial
-
-    import mcap.writer
-
-    monkeypatch.setattr(mcap.writer, "Writer", partial(mcap.writer.Writer, chunk_size=8192))
+def test_a_recording_that_was_cut_off_is_saved(faulty: Any, tmp_path: Path, share: float) -> None:
     whole = record(faulty.open(), tmp_path / "out.mcap")
     torn, saved = tmp_path / "torn.mcap", tmp_path / "saved.mcap"
     torn.write_bytes(whole.read_bytes()[: int(whole.stat().st_size * share)])
@@ -171,6 +165,20 @@ def test_a_recording_that_was_cut_off_is_saved(
     assert len(decoded(saved)["/mfow"]) == contents.messages["/mfow"] > 0
     with pytest.raises(BadInput, match="is there already"):
         look(torn, saved)
+
+
+def test_half_of_a_short_recording_has_its_map_and_where_nothing_is_left_the_run_is_named(
+    faulty: Any, copied: Callable[..., Path]
+) -> None:
+    folder = copied(faulty)
+    whole = record(faulty.open(), folder / "out.mcap")
+    data = whole.read_bytes()
+    whole.write_bytes(data[: len(data) // 2])
+    assert look(whole).messages["/map"] == 1
+    assert look(whole).messages["/mfow"] > 0
+    whole.write_bytes(data[:600])
+    with pytest.raises(BadInput, match=re.escape(f"fogwatch record {folder}")):
+        look(whole)
 
 
 def test_damage_anywhere_is_found_or_harmless(quiet: Any, tmp_path: Path) -> None:

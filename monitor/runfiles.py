@@ -1,0 +1,29 @@
+"""The files of a run's folder, and whether a folder has them: known before anything is compiled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from patrol.errors import BadInput
+from patrol.journal import Journal, read_journal
+
+JOURNAL = "journal"
+SCENARIO = "scenario.yaml"
+SUMMARY = "summary.json"
+
+_MCAP = b"\x89MCAP0\r\n"
+
+
+def journal_in(folder: Path) -> Journal:
+    """The journal of the run in a folder; BadInput for what cannot be one."""
+    if folder.is_file():
+        with folder.open("rb") as file:
+            recording = file.read(len(_MCAP)) == _MCAP
+        kind = "is a recording; look at it with `fogwatch recording`, and" if recording else "is a file;"
+        raise BadInput(f"{folder}: {kind} name the run's folder here")
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: no such folder; name a run's, such as runs/yards-20260101-120000")
+    for name, what in ((JOURNAL, "no run's, or one whose ticks have not begun"), (SCENARIO, "no run's, or not whole")):
+        if not (folder / name).is_file():
+            raise BadInput(f"{folder}: holds no file {name}, so it is {what}; name a run's folder")
+    return read_journal(folder / JOURNAL)
