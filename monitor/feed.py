@@ -12,6 +12,7 @@ import time
 from array import array
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -45,6 +46,7 @@ BATCHES = 4096
 """Batches that are taken in before a state is shown again."""
 
 _RATE_S = 3.0
+_SAMPLE_S = 0.1
 
 
 class Wire(Protocol):
@@ -98,11 +100,9 @@ class LiveSource:
         self._step = self._scenario.step
         self._numbers = [robot.number for robot in header.robots]
         self._place = {number: place for place, number in enumerate(self._numbers)}
-        side = (len(self._numbers),) * 2
-        self._links = Links(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64))
-        self._spoke: dict[int, int] = {}
         self._ended: str | None = None
         self._events: list[Event] = []
+        self._next_event = 0
         self._followers: dict[Layer, Follower] = {}
         self._log: deque[tuple[int, bytes]] = deque()
         self._logged = 0
@@ -137,7 +137,6 @@ class LiveSource:
             live=True,
             layers=("truth", HEARD, *self._numbers),
             controls=CONTROLS if self._wire.may_ask else (),
-            note=self._note_of_the_beginning(),
         )
 
     def wait(self, timeout_s: float) -> State | None:
@@ -171,6 +170,9 @@ class LiveSource:
         if follower is None:
             follower = self._followers[layer] = self._follower(layer)
         return None if follower.behind else follower.fog.last_seen
+
+    def trail(self, first: int, last: int) -> None:
+        """The page remembers it."""
 
     def series(self, after: int) -> Series:
         """What is known of MFoW and mean fog in ticks after `after`."""
@@ -209,14 +211,16 @@ class LiveSource:
         self._ticks = array("q", range(0, len(so_far.mfow) * so_far.every, so_far.every))
         self._mfow, self._mean = array("d", so_far.mfow.tolist()), array("d", so_far.fog_mean.tolist())
         self._since = 0 if self._last is None else self._last.k + 1
-        known = len(self._events)
         self._scenario = load_scenario(self._header.scenario)
-        events = [event for packed in so_far.events if isinstance(event := _record(packed), Event)]
-        for event in events:
+        for event in _events(so_far.asked):
             self._amend(event)
-        # Numbers of events that were given out stay; a gap only adds those that were missed.
-        told_events = [_shown(event) for event in events]
-        self._events += told_events[known:] if told_events[:known] == self._events else told_events
+        # Places of events that were given out stay; a gap only adds those that were missed and are still to be had.
+        self._events += [_shown(event) for event in _events(so_far.events)[max(self._next_event - so_far.event, 0) :]]
+        self._next_event = so_far.event + len(so_far.events)
+        side = (len(self._numbers),) * 2
+        self._links = Links(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64))
+        self._spoke: dict[int, int] = {}
+        self._rates.clear()
         self._log.clear()
         self._logged = 0
         self._followers = {layer: self._follower(layer) for layer in self._followers}
@@ -224,35 +228,29 @@ class LiveSource:
     def _take(self, batch: Batch) -> None:
         if batch.first > self._number:
             self._gaps += 1
-            if self._ask_anew() is None:
+            if not self._ask_anew():
                 return
         for number, packed in enumerate(batch.records, start=batch.first):
             if number == self._number:
                 self._number += 1
                 self._record(packed)
         if batch.first + len(batch.records) >= self._number:
+            if (batch.running, batch.pace) != (self._running, self._pace):
+                self._rates.clear()
             self._running, self._pace = batch.running, batch.pace
         self._news_at = self._now()
 
-    def _ask_anew(self) -> SoFar | None:
+    def _ask_anew(self) -> bool:
         """Something was missed: begin anew with the fog so far, unless that was only just asked for."""
-        now = self._now()
-        if now < self._asked_at + AGAIN_S:
-            return None
-        self._asked_at = now
-        answer = self._wire.so_far()
-        try:
-            so_far = None if answer is None else read_so_far(answer)
-        except Garbled:
-            so_far = None
-        if so_far is not None and so_far.header == self._packed_header(so_far):
-            self._begin(so_far)
-            return so_far
-        return None
-
-    def _packed_header(self, so_far: SoFar) -> bytes | None:
-        """The header of an answer, if it is of the run that is watched."""
-        return so_far.header if _record(so_far.header) == self._header else None
+        if self._now() < self._asked_at + AGAIN_S:
+            return False
+        self._asked_at = self._now()
+        with suppress(Garbled):
+            so_far = read_so_far(self._wire.so_far() or b"")
+            if _record(so_far.header) == self._header:
+                self._begin(so_far)
+                return True
+        return False
 
     def _record(self, packed: bytes) -> None:
         record = _record(packed)
@@ -268,6 +266,7 @@ class LiveSource:
             case Event():
                 self._amend(record)
                 self._events.append(_shown(record))
+                self._next_event += 1
             case End():
                 self._ended, self._running = record.reason, False
 
@@ -282,7 +281,7 @@ class LiveSource:
         self._mfow.append(record.mfow)
         self._mean.append(record.fog_mean)
         self._count(record)
-        if record.k % 16 == 0:
+        if not self._rates or self._now() >= self._rates[-1][0] + _SAMPLE_S:
             self._rates.append((self._now(), k))
 
     def _count(self, record: TickRecord) -> None:
@@ -374,18 +373,15 @@ class LiveSource:
         return (self._last.k - before) / (now - since) if now > since else 0.0
 
     def _note(self) -> str:
+        since = f"watched from {self._since * self._step:g} s on; beliefs and links before that are not known"
+        since = since if self._since else ""
         if self._ended is not None:
-            return ""
+            return since
         if not self._wire.present:
             return "the world is gone"
         silent_s = self._now() - self._news_at
-        return f"nothing heard for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
-
-    def _note_of_the_beginning(self) -> str:
-        if not self._since:
-            return ""
-        at = f"{self._since * self._step:g} s"
-        return f"watched from {at} on; beliefs and links before that are not known"
+        silent = f"nothing heard for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
+        return " · ".join(filter(None, (silent, since)))
 
 
 def _record(packed: bytes) -> object:
@@ -393,6 +389,10 @@ def _record(packed: bytes) -> object:
         return unpack(packed)
     except ValueError:
         return None
+
+
+def _events(packed: Sequence[bytes]) -> list[Event]:
+    return [event for one in packed if isinstance(event := _record(one), Event)]
 
 
 def _shown(event: Event) -> Event:

@@ -71,8 +71,9 @@ class Ground:
 class SoFar:
     """A run up to now. number: of the next record. header, last: packed records, the newest tick among them, or None.
 
-    last_seen: int32 (h, w), of the true fog after that tick. events: packed records, the latest ones. mfow, fog_mean:
-    float32, in ticks, of every `every`-th tick from the first on.
+    last_seen: int32 (h, w), of the true fog after that tick. events: packed records, the latest ones; event:
+    how many there were before them. asked: packed records, all events that tell of controls. mfow, fog_mean: float32,
+    in ticks, of every `every`-th tick from the first on.
     """
 
     number: int
@@ -80,6 +81,8 @@ class SoFar:
     last: bytes | None
     last_seen: NDArray[np.int32]
     events: tuple[bytes, ...]
+    event: int
+    asked: tuple[bytes, ...]
     every: int
     mfow: NDArray[np.float32]
     fog_mean: NDArray[np.float32]
@@ -122,6 +125,8 @@ def so_far_bytes(so_far: SoFar) -> bytes:
             "area_of": list(ground.area_of.items()),
             "seen": zlib.compress(so_far.last_seen[patrolled].astype("<i4").tobytes(), _LEVEL),
             "events": so_far.events,
+            "event": so_far.event,
+            "asked": so_far.asked,
             "every": so_far.every,
             "mfow": so_far.mfow.astype("<f4").tobytes(),
             "fog_mean": so_far.fog_mean.astype("<f4").tobytes(),
@@ -160,6 +165,8 @@ def read_so_far(payload: bytes) -> SoFar:
             last=None if says["last"] is None else bytes(says["last"]),
             last_seen=last_seen,
             events=tuple(bytes(event) for event in says["events"]),
+            event=max(0, int(says["event"])),
+            asked=tuple(bytes(event) for event in says["asked"]),
             every=max(1, int(says["every"])),
             mfow=np.frombuffer(says["mfow"], dtype="<f4").astype(np.float32),
             fog_mean=np.frombuffer(says["fog_mean"], dtype="<f4").astype(np.float32),

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from patrol.controls import OPERATOR
 from patrol.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
 from patrol.journal import pack
 from patrol.records import Event, TickRecord
@@ -68,6 +69,8 @@ class Feed:
         self._due = self._answer_due = 0.0
         self._last: bytes | None = None
         self._events: deque[bytes] = deque(maxlen=MOST_EVENTS)
+        self._happened = 0
+        self._asked: list[bytes] = []
         self._mfow, self._fog_mean = array("f"), array("f")
         self._asking: list[Question] = []
 
@@ -84,6 +87,9 @@ class Feed:
             self._fog_mean.append(record.fog_mean)
         elif isinstance(record, Event):
             self._events.append(payload)
+            self._happened += 1
+            if record.kind == OPERATOR:
+                self._asked.append(payload)
         if self._size >= BATCH_BYTES or self._now() >= self._due:
             self.flush()
 
@@ -126,6 +132,8 @@ class Feed:
             last=self._last,
             last_seen=self._world.truth.fog.last_seen.copy(),
             events=tuple(self._events),
+            event=self._happened - len(self._events),
+            asked=tuple(self._asked),
             every=every,
             mfow=thinned(self._mfow, every),
             fog_mean=thinned(self._fog_mean, every),

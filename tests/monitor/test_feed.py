@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 from collections import deque
 from collections.abc import Mapping
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from monitor.feed import AGAIN_S, LiveSource
 from monitor.follow import HEARD
 from monitor.source import Answer, State
+from patrol.controls import OPERATOR
 from patrol.errors import BadInput
 from patrol.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
 from patrol.fog import NEVER
@@ -52,6 +54,8 @@ class Told:
         self.now = 100.0
         self.asked: list[Mapping[str, Any]] = []
         self.number = 1
+        self.most_events = 10_000
+        self.asked_for: list[Event] = []
 
     def batch(self, timeout_s: float) -> Batch | None:
         self.now += timeout_s
@@ -72,13 +76,16 @@ class Told:
         prepared = self.seen.open().prepared
         before = [unpack(record) for record in self.records[: self.number]]
         ticks = [record for record in before if isinstance(record, TickRecord)]
+        events = tuple(pack(record) for record in before if isinstance(record, Event))
         blank = np.full(prepared.terrain.passable.shape, NEVER, dtype=np.int32)
         return SoFar(
             number=self.number,
             header=self.records[0],
             last=pack(ticks[-1]) if ticks else None,
             last_seen=self.seen.truth[ticks[-1].k] if ticks else blank,
-            events=tuple(pack(record) for record in before if isinstance(record, Event)),
+            events=events[max(len(events) - self.most_events, 0) :],
+            event=max(len(events) - self.most_events, 0),
+            asked=tuple(pack(event) for event in self.asked_for),
             every=1,
             mfow=np.array([tick.mfow for tick in ticks], dtype=np.float32),
             fog_mean=np.array([tick.fog_mean for tick in ticks], dtype=np.float32),
@@ -163,7 +170,7 @@ def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
     since = state.k
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[since])
     assert len(source.series(-1).ticks) == since + 1
-    assert "not known" in source.static().note
+    assert "not known" in state.note
     wire.send(10_000)
     state = watched(source)
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
@@ -189,6 +196,66 @@ def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
     assert tuple(source.events(0)) == faulty.open().events
     assert state.ended == "completed"
+
+
+def test_a_gap_doubles_no_event_and_is_told(faulty: Seen) -> None:
+    wire = Told(faulty)
+    wire.most_events = 8
+    source = wire.source()
+    events = faulty.open().events
+    while wire.number < len(wire.records) - 1:
+        wire.send(5)
+        watched(source)
+        wire.send(1, lost=True)
+        wire.now += AGAIN_S
+    wire.send(1)
+    watched(source)
+    assert wire.answers > 5
+    assert tuple(source.events(0)) == events
+
+
+def test_links_and_beliefs_are_known_from_a_gap_on_and_the_state_says_so(faulty: Seen) -> None:
+    wire = Told(faulty)
+    source = wire.source()
+    wire.send(9)
+    assert watched(source).note == ""
+    wire.send(9, lost=True)
+    wire.now += AGAIN_S
+    wire.send(2)
+    state = watched(source)
+    assert f"watched from {state.time_s + 0.5:g} s on" in state.note
+    assert state.links is not None
+    assert state.links.sent.sum() == 0
+
+
+def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet: Seen) -> None:
+    wire = Told(quiet)
+    fault = {"kind": "loss", "id": "f1", "rate": 0.5}
+    detail = json.dumps({"do": "fault", "fault": fault})
+    wire.asked_for = [Event(0, OPERATOR, None, detail)]
+    wire.most_events = 0
+    wire.number = 20
+    state = watched(wire.source())
+    assert [one["id"] for one in state.faults] == ["f1"]
+
+
+def test_the_rate_is_right_soon_after_a_pause(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    wire.send(9)
+    watched(source)
+    part = Batch(wire.number, (), running=False, pace=None)
+    wire.batches.append(part)
+    assert watched(source).ticks_per_s == 0.0
+    wire.now += 100.0
+    states = []
+    for _ in range(6):
+        wire.send(2)
+        wire.now += 0.2
+        states.append(source.wait(0.0))
+    state = states[-1]
+    assert state is not None
+    assert state.ticks_per_s == pytest.approx(10.0, rel=0.4)
 
 
 def test_controls_go_to_the_world_unless_they_make_no_sense(quiet: Seen) -> None:
