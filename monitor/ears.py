@@ -117,6 +117,9 @@ class EarSource:
         """The tick in which each point was last seen, as heard."""
         return self._listener.fog.last_seen if layer == HEARD else None
 
+    def trail(self, first: int, last: int) -> None:
+        """The page remembers."""
+
     def series(self, after: int) -> Series:
         """MFoW and mean fog as heard, in ticks after `after`."""
         ticks = np.array(self._ticks, dtype=np.int64)

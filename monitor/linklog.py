@@ -33,14 +33,16 @@ class LinkLog:
         self._counts: list[_Counts] = [(zeros, zeros, zeros - 1)]
 
     def at(self, k: int) -> Links | None:
-        """Up to tick k; None as long as the journal is not read that far."""
+        """Up to tick k; None as long as the journal is not read that far (`reach`)."""
+        return Links(*self._after(k)) if self.reach(k) else None
+
+    def reach(self, k: int) -> bool:
+        """Read on for `BUDGET_S` at most; whether the journal is read up to tick k."""
         until = self._now() + BUDGET_S
         while len(self._rows) <= k:
             if not self._read() or self._now() > until:
                 break
-        if len(self._rows) <= k:
-            return None
-        return Links(*self._after(k))
+        return len(self._rows) > k
 
     def _after(self, k: int) -> _Counts:
         """Sent, delivered and last heard after tick k."""

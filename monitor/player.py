@@ -49,6 +49,8 @@ class Player:
         self._running = False
         self._pace = 1.0
         self._told: tuple[int, bool, float] | None = None
+        self._lacks_links = False
+        """The last state had no links, as the journal was not read that far."""
         self._at = 0
         self._shown: deque[tuple[float, int]] = deque()
 
@@ -79,23 +81,26 @@ class Player:
         )
 
     def wait(self, timeout_s: float) -> State | None:
-        """See `Source`; a state at most each `SHOW_S`."""
-        until = self._now() + timeout_s
-        with self._changed:
-            while True:
+        """See `Source`; a state at most each `SHOW_S`, and once more where its links took a while to read."""
+        until, rate = self._now() + timeout_s, 0.0
+        while True:
+            found = self._lacks_links and self._links.reach(self._at)
+            with self._changed:
                 self._advance()
                 now = self._now()
                 new = (self._k, self._running, self._pace)
+                news = found or new != self._told
                 due = (self._shown[-1][0] + SHOW_S if self._shown else now) - now
-                if new != self._told and due <= 0.0:
+                if news and due <= 0.0:
+                    self._told = new
+                    self._at = self._k
+                    rate = self._rate(now)
                     break
                 left = until - now
                 if left <= 0.0:
                     return None
-                self._changed.wait(min(left, max(due, 0.002)) if self._running or new != self._told else left)
-            self._told = new
-            self._at = self._k
-            rate = self._rate(now)
+                if found or not self._lacks_links:
+                    self._changed.wait(min(left, max(due, 0.002)) if self._running or news else left)
         return self._state(*new, rate)
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
@@ -103,6 +108,12 @@ class Player:
         if isinstance(layer, int):
             return self._hindsight.last_seen(layer, self._at)
         return self._replay.fog(self._at).last_seen if layer == "truth" else None
+
+    def trail(self, first: int, last: int) -> NDArray[np.float64]:
+        """See `Source`."""
+        poses = self._run.poses[first : last + 1, :, :2].astype(np.float64)
+        poses[np.isin(self._run.status[first : last + 1], _NO_BODY)] = np.nan
+        return poses
 
     def series(self, after: int) -> Series:
         """See `Source`."""
@@ -175,6 +186,7 @@ class Player:
     def _state(self, k: int, running: bool, pace: float, rate: float) -> State:
         run = self._run
         links = self._links.at(k)
+        self._lacks_links = links is None
         robots = []
         for place, number in enumerate(run.numbers):
             x, y, heading = run.poses[k, place].tolist()

@@ -161,6 +161,13 @@ class Source(Protocol):
         """
         ...
 
+    def trail(self, first: int, last: int) -> NDArray[np.float64] | None:
+        """float64 (last - first + 1, robots, 2), m: where robots were in these ticks, NaN where there was no body.
+
+        None where a page remembers what it was told, as time only goes forwards.
+        """
+        ...
+
     def series(self, after: int) -> Series:
         """What is known of the first layer in ticks after `after`; of a run that is over, all of it at once."""
         ...

@@ -23,27 +23,43 @@ FRAME_S = 1.0 / 30.0
 SELDOM_S = 0.5
 """Wall time between two looks at links, charts and events."""
 WAIT_S = 0.1
+TRAIL = 240
+"""Ticks of a trail, as in store.js."""
 
 Message = str | bytes
 
 
 @dataclass(eq=False)
 class Viewer:
-    """One open page. layers: the fogs it shows. sent: the versions it has of each. ready: it has drawn all it got."""
+    """One open page. layers: the fogs it shows. sent: the versions it has of each.
+
+    drawn: it says that it has drawn all it got. posted, written: frames handed over, and those that the socket took; a
+    page that says more than is true gets no frame before the last one is on its way.
+    """
 
     loop: asyncio.AbstractEventLoop
     outbox: asyncio.Queue[list[Message] | None] = field(default_factory=asyncio.Queue)
     layers: tuple[Layer, ...] = ()
-    ready: bool = True
+    drawn: bool = True
+    posted: int = 0
+    written: int = 0
     sent: dict[Layer, int] = field(default_factory=dict)
     state: State | None = None
     ticks: int = -1
     events: int = 0
     seldom: float = 0.0
     links_k: int = -1
+    trail: range = range(0)
+
+    @property
+    def ready(self) -> bool:
+        """Whether another frame may be handed over."""
+        return self.drawn and self.written == self.posted
 
     def post(self, messages: list[Message] | None) -> None:
-        """Hand over messages, from any thread; None: there will be no more."""
+        """Hand over a frame, from the hub's thread; None: there will be no more."""
+        self.drawn = False
+        self.posted += 1
         with suppress(RuntimeError):  # the loop has been closed
             self.loop.call_soon_threadsafe(self.outbox.put_nowait, messages)
 
@@ -121,7 +137,6 @@ class Hub:
                 book.take(now, self._state.k)
         for viewer in ready:
             if messages := self._news(viewer, self._state):
-                viewer.ready = False
                 viewer.post(messages)
 
     def _news(self, viewer: Viewer, state: State) -> list[Message]:
@@ -140,9 +155,26 @@ class Hub:
             viewer.seldom = now + SELDOM_S
             self._seldom(viewer, state, messages)
         if messages or viewer.state is not state:
+            if viewer.state is not state:
+                self._trail(viewer, state.k, messages)
+            if state.links is None:
+                viewer.links_k = -1
             viewer.state = state
             messages.append(self._words)
         return messages
+
+    def _trail(self, viewer: Viewer, k: int, messages: list[Message]) -> None:
+        """The ticks of the trail up to k that a viewer lacks, at either end of those it has, or all of them."""
+        wanted, has = range(max(k - TRAIL, 0), k + 1), viewer.trail
+        first, last = wanted.start, k
+        if wanted.start in has:
+            first = has.stop
+        elif k in has:
+            last = has.start - 1
+        viewer.trail = wanted
+        trail = self.source.trail(first, last) if first <= last else None
+        if trail is not None:
+            messages.append(words.trail_words(first, trail))
 
     def _seldom(self, viewer: Viewer, state: State, messages: list[Message]) -> None:
         events = self.source.events(viewer.events)

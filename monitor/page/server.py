@@ -45,6 +45,8 @@ HEADERS = {
 MOST_VIEWERS = 32
 LONGEST = 4096
 """Letters of the longest thing that a page may say."""
+FULL = 4001
+"""The code that a page over `MOST_VIEWERS` is told; main.js knows it."""
 
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 
@@ -89,13 +91,16 @@ class Server:
         gate = self._gate
         may_ask = gate.knows(socket.cookies.get(gate.cookie))
         ours = gate.host_is_ours(socket.headers) and gate.same_origin(socket.headers)
-        if not ours or not (gate.open or may_ask) or self._viewers >= MOST_VIEWERS:
+        if not ours or not (gate.open or may_ask):
             await socket.close(1008)  # before accepting: the browser sees a 403
             return
-        await socket.accept()
         self._viewers += 1
-        viewer = Viewer(asyncio.get_running_loop())
         try:
+            await socket.accept()
+            if self._viewers > MOST_VIEWERS:
+                await socket.close(FULL)
+                return
+            viewer = Viewer(asyncio.get_running_loop())
             await socket.send_text(words.static_words(self._hub.static, may_ask))
             await socket.send_bytes(self._hub.terrain)
             self._hub.enter(viewer)
@@ -115,13 +120,13 @@ class Server:
             says = _understood(await socket.receive_text())
             match says:
                 case {"type": "drawn"}:
-                    viewer.ready = True
+                    viewer.drawn = True
                 case {"type": "show", "layers": list() as numbers}:
                     self._hub.show(viewer, [number for number in numbers if type(number) is int])
-                    viewer.ready = True
+                    viewer.drawn = True
                 case {"type": "ask", "id": int() as number, "control": dict() as control}:
                     answer = await self._answer(control, may_ask)
-                    viewer.post([words.answer_words(number, answer)])
+                    await socket.send_text(words.answer_words(number, answer))
                 case _:
                     await socket.close(1003)
                     return
@@ -144,6 +149,7 @@ async def _write(socket: WebSocket, viewer: Viewer) -> None:
                 await socket.send_text(message)
             else:
                 await socket.send_bytes(message)
+        viewer.written += 1
     await socket.close(1001)
 
 

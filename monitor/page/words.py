@@ -67,6 +67,7 @@ def state_words(state: State) -> str:
             "ended": state.ended,
             "note": state.note,
             "intruders": [list(place) for place in state.intruders],
+            "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
             "robots": [
                 [
@@ -84,6 +85,12 @@ def state_words(state: State) -> str:
             ],
         }
     )
+
+
+def trail_words(first: int, trail: NDArray[np.float64]) -> str:
+    """Where robots were from the tick `first` on: x and y of each robot in turn, a row for each tick."""
+    rows = trail.reshape(len(trail), -1).tolist()
+    return _json({"type": "trail", "first": first, "rows": [[_short(value) for value in row] for row in rows]})
 
 
 def links_words(links: Links, k: int) -> str:

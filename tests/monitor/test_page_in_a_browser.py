@@ -10,6 +10,7 @@ import pytest
 from monitor.player import Player
 from tests.browser import Look, browser_or_skip, looking
 from tests.monitor.pages import ServedPage
+from tests.monitor.test_feed import Told
 
 if TYPE_CHECKING:
     from tests.monitor.conftest import Seen
@@ -78,11 +79,20 @@ def test_any_time_any_fog_and_what_a_point_is(chromium: Any, page: ServedPage) -
         before = look.picture("#canvas")
         for key in ("+", "+", "ArrowLeft", "l", "n"):
             look.press(key)
-        look.until("document.querySelector('#rows tr[aria-selected=true]') !== null")
+        look.until("document.querySelector('#rows button[aria-pressed=true]') !== null")
         assert look.picture("#canvas") != before
+        look.press("c")
+        look.press("Shift+ArrowLeft")
+        look.until("/ago|obstacle|count/.test(document.getElementById('tip').textContent)")
         for pane in ("links", "events", "robots"):
             look.page.click(f"#tab-{pane}")
             assert look.evaluate(f"!document.getElementById('{pane}').hidden")
+            if pane == "links":
+                look.until("!document.getElementById('matrix').hidden")
+                look.page.focus("#matrix")
+                look.press("ArrowDown")
+                look.press("ArrowDown")
+                look.until("document.getElementById('linktip').textContent.startsWith('r3 to r2: ')")
 
 
 def legend(look: Look, fog: str) -> str:
@@ -116,8 +126,9 @@ def test_it_fits_in_light_and_in_the_dark(
     chromium: Any, page: ServedPage, scheme: str, width: int, height: int
 ) -> None:
     with Look(chromium, page.address, width, height, scheme) as look:
-        look.until("document.body.dataset.frames > 0")
+        look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
         assert look.evaluate("document.documentElement.scrollWidth") <= width
+        assert look.evaluate("document.getElementById('seek').offsetHeight") >= 24
         if width > 1000:
             assert look.evaluate("document.documentElement.scrollHeight") <= height
         tones = [
@@ -128,6 +139,17 @@ def test_it_fits_in_light_and_in_the_dark(
         small = """[...document.querySelectorAll('button, select')].filter((one) => one.offsetParent)
             .filter((one) => one.offsetHeight < 22).map((one) => one.id || one.textContent)"""
         assert look.evaluate(small) == []
+
+
+def test_a_run_that_is_over_stays_over_when_its_page_ends(chromium: Any, faulty: Seen) -> None:
+    wire = Told(faulty)
+    served = ServedPage(wire.source())
+    with Look(chromium, served.address) as look:
+        wire.send(10_000)
+        look.until("document.getElementById('mode').textContent === 'over: completed'")
+        served.close()
+        look.until("document.getElementById('note').textContent.includes('fogwatch replay')")
+        assert look.evaluate("document.getElementById('mode').textContent") == "over: completed"
 
 
 def test_who_lacks_the_key_is_told_so(chromium: Any, page: ServedPage) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Iterator
 from http.client import HTTPConnection
@@ -10,6 +11,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from monitor.page.gate import is_loopback
+from monitor.page.hub import Viewer
+from monitor.page.server import FULL
 from monitor.player import Player
 from monitor.process import main
 from tests.monitor.pages import ServedPage
@@ -144,6 +147,49 @@ def test_what_is_no_message_ends_the_connection_and_nothing_else(open_page: Serv
         assert said(socket, "static")["name"]
 
 
+def test_a_page_that_reads_nothing_gets_no_frame_before_the_last_one_was_taken() -> None:
+    async def flooded() -> None:
+        viewer = Viewer(asyncio.get_running_loop())
+        assert viewer.ready
+        viewer.post(["a frame"])
+        viewer.drawn = True
+        assert not viewer.ready
+        await asyncio.sleep(0)
+        assert viewer.outbox.qsize() == 1
+        viewer.written += 1
+        assert viewer.ready
+
+    asyncio.run(flooded())
+
+
+def test_who_finds_no_room_is_told_so(open_page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.page.server.MOST_VIEWERS", 1)
+    with look(open_page) as first:
+        said(first, "state")
+        with look(open_page) as second, pytest.raises(ConnectionClosed) as closed:
+            second.recv(timeout=30)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == FULL
+
+
+def test_whatever_the_jumps_a_page_has_the_whole_trail(open_page: ServedPage, quiet: Seen) -> None:
+    poses = quiet.open().poses[:, :, :2]
+    with look(open_page, key=open_page.key) as socket:
+        has: dict[int, list[float]] = {}
+        for k in (50, 53, 20, 70):
+            socket.send(json.dumps({"type": "ask", "id": 1, "control": {"do": "seek", "k": k}}))
+            state: dict[str, Any] = {}
+            while state.get("k") != k:
+                state = json.loads(text) if isinstance(text := socket.recv(timeout=30), str) else {}
+                if state.get("type") == "trail":
+                    has |= dict(enumerate(state["rows"], start=state["first"]))
+                elif state.get("type") == "state":
+                    socket.send('{"type":"drawn"}')
+            for tick in range(k + 1):
+                assert has[tick] == pytest.approx(poses[tick].ravel().tolist(), abs=1e-3)
+            has = {tick: row for tick, row in has.items() if tick <= k}
+
+
 def test_off_loopback_nothing_is_had_without_the_token(closed_page: ServedPage) -> None:
     for path in ("/", "/main.js", "/plotly.min.js"):
         assert get(closed_page, path)[0] == 403
@@ -170,6 +216,8 @@ def test_bad_input_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], m
         (["--replay", str(tmp_path), "--host", "0.0.0.0"], "--host 0.0.0.0"),
         (["--replay", str(tmp_path / "nowhere")], "no such folder"),
         (["--router", "tcp/127.0.0.1:1"], "--fleet"),
+        (["--router", "tcp/127.0.0.1:1", "--fleet", "x", "--radio", "tcp/127.0.0.1:2"], "give their --scenario"),
+        (["--replay", str(tmp_path), "--port", "99999"], "--page-port 99999: ports go from 1 to 65535"),
         (["--replay", str(tmp_path), "--host", "no.such.host.invalid"], "--host"),
     ):
         assert main(arguments) == 2

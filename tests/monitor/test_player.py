@@ -83,6 +83,34 @@ def test_links_add_up_to_those_of_the_whole_run(faulty: Seen) -> None:
     assert (np.diag(links.sent) == 0).all()
 
 
+def test_links_come_by_themselves_however_slowly_a_journal_is_read(
+    faulty: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.linklog.BUDGET_S", 0.0)
+    run = faulty.open()
+    player = Player(run, Wall())
+    state: State | None = at(player, run.ticks - 1)
+    assert state is not None
+    assert state.links is None
+    for _ in range(run.ticks):
+        state = player.wait(1.0)
+        if state is not None:
+            break
+    assert state is not None
+    assert (state.k, state.running) == (run.ticks - 1, False)
+    assert state.links is not None
+    assert any(robot.heard_s is not None for robot in state.robots)
+    assert player.wait(1.0) is None  # it is told once
+
+
+def test_a_trail_is_where_robots_were_as_long_as_they_had_a_body(faulty: Seen) -> None:
+    run = faulty.open()
+    trail = Player(run, Wall()).trail(30, 70)
+    there = ~np.isin(run.status[30:71], (Status.ABSENT, Status.LEFT))
+    np.testing.assert_array_equal(trail[there], run.poses[30:71, :, :2][there])
+    assert np.isnan(trail[~there]).all()
+
+
 def test_a_player_plays_at_its_pace_and_backwards_and_stops_at_the_ends(quiet: Seen) -> None:
     wall = Wall()
     player = Player(quiet.open(), wall)

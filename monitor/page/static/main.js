@@ -5,10 +5,12 @@ import { Chart } from "./chart.js";
 import { Controls } from "./controls.js";
 import { roundUp } from "./fogimage.js";
 import { MapView } from "./map.js";
-import { $, Events, Links, Robots, tabs } from "./panes.js";
+import { $, Events, Links, Robots, tabs, write } from "./panes.js";
 import { Store, clock, seconds } from "./store.js";
 
 const DIFFERENCE = "d";
+/** The code with which a server closes that has no room for another viewer. */
+const FULL = 4001;
 const AGAIN_MS = [500, 1000, 2000, 4000];
 
 const store = new Store(changed);
@@ -20,7 +22,7 @@ const links = new Links(store);
 const events = new Events(store);
 const controls = new Controls(store, ask, map);
 const chart = new Chart($("chart"), store, (k) => controls.seek(k));
-const openTab = tabs(() => {
+tabs(() => {
   links.renew();
   events.renew();
 });
@@ -58,13 +60,30 @@ function connect() {
     if (typeof data === "string") store.take(JSON.parse(data));
     else store.unpack(data);
   };
-  socket.onclose = () => {
-    badge("no connection", "bad");
-    say(store.facts?.live ? "The page is not told any more: the run may be over." : "The page's server is gone.");
+  socket.onclose = ({ code }) => {
+    lost(code);
     for (const [, done] of waiting) done({ done: false, text: "no connection" });
     waiting = new Map();
-    setTimeout(connect, AGAIN_MS[Math.min(failures++, AGAIN_MS.length - 1)]);
+    if (!over()) setTimeout(connect, AGAIN_MS[Math.min(failures++, AGAIN_MS.length - 1)]);
   };
+}
+
+/** Whether a run that went on here has ended, after which there is nothing to connect to again. */
+function over() {
+  return Boolean(store.facts?.live && store.state?.ended);
+}
+
+/** The connection has gone: say why. */
+function lost(code) {
+  if (code === FULL) {
+    badge("full", "bad");
+    say("This page has as many viewers as it takes; close one, and this one opens by itself.");
+  } else if (over()) {
+    say("The run is over, and so is its page. To see it again: fogwatch replay, and the run's folder.");
+  } else {
+    badge("no connection", "bad");
+    say(store.facts?.live ? "The page is not told any more: the run may be over." : "The page's server is gone.");
+  }
 }
 
 function send(says) {
@@ -89,6 +108,7 @@ function changed(what, says) {
       owed = true;
       controls.renew();
       header();
+      if (!store.links) links.renew();
       legend();
       map.dirtyFog = true;
       redraw();
@@ -180,7 +200,7 @@ function badge(text, kind = "") {
 }
 
 function say(text) {
-  $("note").textContent = text;
+  write($("note"), text);
   $("note").hidden = !text;
 }
 
@@ -261,7 +281,7 @@ function key(event) {
   const onButton = target.matches?.("button");
   const pans = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
   if (event.key in pans && target === $("canvas")) {
-    if (map.aiming) map.steer(...pans[event.key].map((by) => -by / (event.shiftKey ? 1 : 10)));
+    if (map.pointing) map.steer(...pans[event.key].map((by) => -by / (event.shiftKey ? 1 : 10)));
     else map.pan(...pans[event.key]);
   } else if (event.key === "Enter" && target === $("canvas") && map.aiming) map.clickHere();
   else if (event.key === "+" || event.key === "=") map.zoomAt(1.25);
@@ -269,14 +289,22 @@ function key(event) {
   else if (event.key === "0") fit();
   else if (event.key === "?") $("keys").showModal();
   else if (event.key === "l") next($("layer"));
+  else if (event.key === "c") look();
   else if (event.key === "n") cycle(1);
   else if (event.key === "p") cycle(-1);
   else if (event.key === "Escape") {
     controls.aim(false);
+    map.look(false);
     if (map.selected >= 0) pick(map.selected);
   } else if (event.key === " " && onButton) return;
   else if (!controls.key(event.key)) return;
   event.preventDefault();
+}
+
+/** A cross that arrows move tells what it stands on. */
+function look() {
+  $("canvas").focus();
+  map.look(!map.looking);
 }
 
 function next(select) {
@@ -291,5 +319,3 @@ function cycle(by) {
   map.selected = -1;
   pick((from + by + count) % count);
 }
-
-void openTab;

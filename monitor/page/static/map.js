@@ -16,7 +16,7 @@ export class MapView {
     this.centre = null;
     this.shown = { kind: "ages", layers: [0], oldest: 100 };
     this.selected = -1;
-    this.aiming = this.steered = false;
+    this.aiming = this.looking = this.steered = false;
     this.dirtyFog = true;
     this.pointers = new Map();
     this.hovered = null;
@@ -86,7 +86,7 @@ export class MapView {
     context.drawImage(this.fog.canvas, left, top, width * point * this.scale, height * point * this.scale);
     drawScaleBar(this);
     if (store.state) drawRobots(this);
-    if (this.aiming && this.hovered) drawCross(this);
+    if (this.pointing && this.hovered) drawCross(this);
     this.#hover();
   }
 
@@ -145,10 +145,25 @@ export class MapView {
 
   /** Aim at a place for a click, from the middle on unless a pointer is there; or do so no more. */
   aim(on) {
-    if (on) this.hovered ??= [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2];
-    else if (this.aiming && this.steered) this.hovered = null;
-    this.aiming = on;
-    this.steered = false;
+    this.#point(on, this.looking);
+  }
+
+  /** Look at a place in the same way, without a click; or do so no more. */
+  look(on) {
+    this.#point(this.aiming, on);
+  }
+
+  /** Whether a cross is there to be moved. */
+  get pointing() {
+    return this.aiming || this.looking;
+  }
+
+  #point(aiming, looking) {
+    if (aiming || looking) this.hovered ??= [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2];
+    else if (this.pointing && this.steered) this.hovered = null;
+    this.aiming = aiming;
+    this.looking = looking;
+    this.steered &&= this.pointing;
     this.told.redraw();
   }
 
@@ -225,7 +240,7 @@ export class MapView {
     canvas.addEventListener("pointerup", up);
     canvas.addEventListener("pointercancel", up);
     canvas.addEventListener("pointerleave", () => {
-      if (!this.aiming) this.hovered = null;
+      if (!this.pointing) this.hovered = null;
       this.told.redraw();
     });
   }

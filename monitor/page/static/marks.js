@@ -22,7 +22,7 @@ export function drawRobots(map) {
 function footprint(map, [status, , pose], facts, place) {
   const few = map.store.facts.robots.length <= 24;
   if (!pose || status !== 1 || !(few || place === map.selected)) return;
-  const c = map.context, scale = map.scale;
+  const c = map.context;
   const { point, width, height, origin } = map.store.facts;
   const terrain = map.store.terrain;
   const half = (facts.angle * Math.PI) / 360, whole = facts.angle >= 360;
@@ -49,15 +49,21 @@ function footprint(map, [status, , pose], facts, place) {
   const chosen = place === map.selected;
   c.lineWidth = (chosen ? 2 : 1) * map.ratio;
   c.strokeStyle = chosen ? "rgb(255 255 255 / 90%)" : "rgb(20 24 30 / 40%)";
-  if (scale > 0) c.stroke();
+  c.stroke();
 }
 
 function trail(map, place) {
-  const trail = map.store.trails[place];
-  if (!trail || trail.length < 2) return;
+  const { rows } = map.store.trail;
   const c = map.context;
+  let before = null;
   c.beginPath();
-  trail.forEach(([x, y], i) => (i ? c.lineTo(...map.toScreen(x, y)) : c.moveTo(...map.toScreen(x, y))));
+  for (const row of rows) {
+    const x = row[2 * place], y = row[2 * place + 1];
+    if (x === null) before = null;
+    else if (before === null) c.moveTo(...map.toScreen(x, y));
+    else if (before[0] !== x || before[1] !== y) c.lineTo(...map.toScreen(x, y));
+    if (x !== null) before = [x, y];
+  }
   c.strokeStyle = "rgb(255 255 255 / 55%)";
   c.lineWidth = (place === map.selected ? 4 : 3) * map.ratio;
   c.stroke();

@@ -7,6 +7,11 @@ const ABSENT = 0;
 
 export const $ = (id) => document.getElementById(id);
 
+/** Set a text, unless it is the one that is there: what is live is read out at each change. */
+export function write(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
 export class Robots {
   /** pick(place): told of a chosen row. */
   constructor(store, pick) {
@@ -48,7 +53,8 @@ export class Robots {
       cells[1].className = `s-${kind}`;
       cells[2].textContent = took;
       cells[3].textContent = heard;
-      row.setAttribute("aria-selected", String(selected === place));
+      row.classList.toggle("chosen", selected === place);
+      cells[0].lastChild.setAttribute("aria-pressed", String(selected === place));
     });
   }
 }
@@ -57,15 +63,23 @@ export class Links {
   constructor(store) {
     this.store = store;
     this.canvas = $("matrix");
+    this.cell = null;
     $("linkwhat").addEventListener("change", () => this.renew());
     this.canvas.addEventListener("pointermove", (event) => this.#hover(event));
-    this.canvas.addEventListener("pointerleave", () => ($("linktip").textContent = "rows send, columns hear"));
+    this.canvas.addEventListener("pointerleave", () => this.#at(null));
+    this.canvas.addEventListener("focus", () => this.#at(this.cell ?? [0, 1]));
+    this.canvas.addEventListener("blur", () => this.#at(null));
+    this.canvas.addEventListener("keydown", (event) => this.#key(event));
   }
 
   renew() {
     const { canvas, store } = this;
-    const links = store.links;
-    if (!links || canvas.closest("[hidden]")) return;
+    if (!store.facts || canvas.closest("[hidden]")) return;
+    if (canvas.hidden === Boolean(store.links)) {
+      canvas.hidden = !store.links;
+      this.#tell();
+    }
+    if (!store.links) return;
     const shown = this.#shown(), n = shown.length, colours = themed();
     const ratio = window.devicePixelRatio || 1, whole = canvas.clientWidth * ratio;
     const label = n <= 16 ? 30 * ratio : 0;
@@ -87,12 +101,18 @@ export class Links {
         }
       }
       if (label) {
-        const name = store.facts.robots[shown[from]].name.slice(0, 4);
+        const name = shortened(store.facts.robots[shown[from]].name, n > 9 ? 3 : 5);
         this.#text(c, name, label / 2, label + (from + 0.5) * side, colours.muted, 11 * ratio);
         this.#text(c, name, label + (from + 0.5) * side, label / 2, colours.muted, 11 * ratio);
       }
     }
     this.grid = { label, side, shown, ratio };
+    if (this.cell) {
+      const [row, column] = this.cell;
+      c.strokeStyle = colours.ink;
+      c.lineWidth = 2 * ratio;
+      c.strokeRect(label + column * side + ratio, label + row * side + ratio, side - 2 * ratio, side - 2 * ratio);
+    }
   }
 
   /** Places of the robots that have been there. */
@@ -107,21 +127,47 @@ export class Links {
 
   #age(from, to) {
     const { heard } = this.store.links, tick = heard[from * this.store.facts.robots.length + to];
-    return tick < 0 ? null : Math.max(this.store.state.k - tick, 0) * this.store.facts.step;
+    return tick < 0 ? null : Math.max(this.store.links.k - tick, 0) * this.store.facts.step;
   }
 
   #hover(event) {
-    if (!this.grid) return;
+    if (!this.grid || !this.store.links) return;
     const { label, side, shown, ratio } = this.grid;
     const box = this.canvas.getBoundingClientRect();
-    const to = shown[Math.floor(((event.clientX - box.left) * ratio - label) / side)];
-    const from = shown[Math.floor(((event.clientY - box.top) * ratio - label) / side)];
-    if (from === undefined || to === undefined || from === to) return;
-    const at = from * this.store.facts.robots.length + to, { sent, delivered } = this.store.links;
-    const names = this.store.facts.robots.map((robot) => robot.name);
+    const at = (pixels) => Math.floor((pixels * ratio - label) / side);
+    const cell = [at(event.clientY - box.top), at(event.clientX - box.left)];
+    if (cell.every((place) => place >= 0 && place < shown.length)) this.#at(cell);
+  }
+
+  #key(event) {
+    const move = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] }[event.key];
+    if (!move || !this.cell) return;
+    const last = this.#shown().length - 1;
+    this.#at(this.cell.map((place, i) => Math.min(Math.max(place + move[i], 0), last)));
+    event.preventDefault();
+  }
+
+  /** Point at a cell, [row, column], or at none. */
+  #at(cell) {
+    const moved = String(cell) !== String(this.cell);
+    this.cell = cell;
+    this.#tell();
+    if (moved) this.renew();
+  }
+
+  /** What the cell that is pointed at stands for. */
+  #tell() {
+    const { store } = this;
+    if (!store.facts) return;
+    const shown = this.#shown(), [from, to] = (this.cell ?? []).map((place) => shown[place]);
+    if (!store.links) return write($("linktip"), store.facts.live ? "nobody tells of links" : "working it out");
+    if (from === undefined || to === undefined) return write($("linktip"), "rows send, columns hear");
+    const names = store.facts.robots.map((robot) => robot.name);
+    if (from === to) return write($("linktip"), `${names[from]}: itself`);
+    const at = from * names.length + to, { sent, delivered } = store.links;
     const share = this.#share(from, to), age = this.#age(from, to);
-    $("linktip").textContent = share === null ? `${names[from]} to ${names[to]}: nothing sent`
-      : `${names[from]} to ${names[to]}: ${delivered[at]} of ${sent[at]} frames (${(100 * share).toFixed(1)} %), the last ${age === null ? "never" : `${seconds(age)} ago`}`;
+    write($("linktip"), share === null ? `${names[from]} to ${names[to]}: nothing sent`
+      : `${names[from]} to ${names[to]}: ${delivered[at]} of ${sent[at]} frames (${(100 * share).toFixed(1)} %), the last ${age === null ? "never" : `${seconds(age)} ago`}`);
   }
 
   #text(c, text, x, y, colour, size) {
@@ -131,6 +177,11 @@ export class Links {
     c.fillStyle = colour;
     c.fillText(text, x, y);
   }
+}
+
+/** A name in so many letters; its end tells robots of one kind apart. */
+function shortened(name, most) {
+  return name.length <= most ? name : `${name.slice(0, most - 3)}…${name.slice(-2)}`;
 }
 
 /** The colour of a share of the fog's scale. */
@@ -179,7 +230,7 @@ export class Events {
   }
 }
 
-/** Tabs that arrow keys go through. */
+/** Tabs that arrow keys go through. changed(): another one is open. */
 export function tabs(changed) {
   const all = [...document.querySelectorAll("[role=tab]")];
   const open = (tab) => {
@@ -191,7 +242,7 @@ export function tabs(changed) {
     }
     changed();
   };
-  all.forEach((tab, place) => {
+  for (const tab of all) {
     tab.addEventListener("click", () => open(tab));
     tab.addEventListener("keydown", (event) => {
       const move = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
@@ -202,7 +253,5 @@ export function tabs(changed) {
       open(next);
       event.preventDefault();
     });
-    void place;
-  });
-  return open;
+  }
 }

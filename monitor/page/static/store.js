@@ -16,7 +16,7 @@ export class Store {
     this.facts = null;
     this.state = null;
     this.layers = new Map();
-    this.trails = [];
+    this.trail = { first: 0, rows: [] };
     this.series = { k: [], mfow: [], mean: [] };
     this.stalest = 0;
     this.events = [];
@@ -31,12 +31,16 @@ export class Store {
       case "static":
         this.reset();
         this.facts = says;
-        this.trails = says.robots.map(() => []);
         break;
       case "state":
-        this.#trail(says);
+        if (this.facts.live) this.#remember(says);
+        this.#shorten(says.k);
         this.state = says;
+        if (!says.linked) this.links = null;
         this.stalest = Math.max(this.stalest, says.mfow ?? 0);
+        break;
+      case "trail":
+        this.#join(says);
         break;
       case "series":
         this.series.k.push(...says.k);
@@ -100,17 +104,31 @@ export class Store {
     return this.layers.get(TERRAIN);
   }
 
-  #trail(next) {
-    const last = this.state;
-    const jump = last && (next.k < last.k || next.k - last.k > TRAIL / 2);
-    next.robots.forEach((robot, place) => {
-      const trail = this.trails[place];
-      if (jump) trail.length = 0;
-      const pose = robot[2];
-      const end = trail[trail.length - 1];
-      if (pose && (!end || end[0] !== pose[0] || end[1] !== pose[1])) trail.push([pose[0], pose[1], next.k]);
-      while (trail.length && trail[0][2] < next.k - TRAIL) trail.shift();
-    });
+  /** A state of a run that goes on is the trail's next row; ticks that were skipped repeat the row before them. */
+  #remember({ k, robots }) {
+    const { trail } = this;
+    const row = robots.flatMap(({ 2: pose }) => (pose ? [pose[0], pose[1]] : [null, null]));
+    const end = trail.first + trail.rows.length;
+    if (k < end - 1 || k > end + TRAIL / 2) this.trail = { first: k, rows: [row] };
+    else {
+      while (trail.first + trail.rows.length < k) trail.rows.push(trail.rows.at(-1) ?? row);
+      trail.rows[k - trail.first] = row;
+    }
+  }
+
+  /** Rows of a replay's trail: before those that there are, behind them, or instead of them. */
+  #join({ first, rows }) {
+    const { trail } = this;
+    if (first === trail.first + trail.rows.length) trail.rows.push(...rows);
+    else if (first + rows.length === trail.first) this.trail = { first, rows: [...rows, ...trail.rows] };
+    else this.trail = { first, rows };
+  }
+
+  /** The trail ends with tick k, and has the last so many ticks. */
+  #shorten(k) {
+    const { trail } = this;
+    const from = Math.max(k - TRAIL, trail.first);
+    this.trail = { first: from, rows: trail.rows.slice(from - trail.first, Math.max(k + 1 - trail.first, 0)) };
   }
 }
 
