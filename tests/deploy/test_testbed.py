@@ -130,7 +130,7 @@ def test_a_robot_that_is_cut_off_halts_and_comes_back_while_the_others_go_on(bed
         timely = decided(ticks, place)
         going_on = [k for k in timely if down <= k < up]
         otherwise = (len(timely) - len(going_on)) / (len(ticks) - (up - down))
-        assert len(going_on) >= 0.5 * otherwise * (up - down) > 0.0, f"{ROBOTS[place]} stood still too"
+        assert len(going_on) >= 0.8 * otherwise * (up - down) > 0.0, f"{ROBOTS[place]} stood still too"
     back = [k for k in decided(ticks, 1) if k > up]
     assert back, "it has not come back"
     assert back[0] - up <= 5.0 / 0.25, "it took more than 5 s of wall time"
@@ -141,7 +141,8 @@ def test_a_robot_that_is_cut_off_halts_and_comes_back_while_the_others_go_on(bed
     lost = {link: counts["sent"] - counts["heard"] for link, counts in links.items()}
     for number, link in ((1, "r1 to r2"), (3, "r3 to r2")):
         overheard = sum(number in dict(tick.frames) for tick in quiet)
-        assert lost[link] >= overheard > 0, "it has heard what it cannot have heard"
+        cut = [k for k in decided(ticks, number - 1) if down + 4 <= k < up]
+        assert lost[link] >= overheard >= 0.8 * len(cut) > 0, "it has heard what it cannot have heard"
     assert lost["r1 to r3"] <= STARTING * TICKS
 
 
@@ -156,7 +157,10 @@ def test_a_lossy_network_loses_its_share_and_the_fleet_patrols_on(bed: Bed) -> N
     summary = ran.file("summary.json")
     sent = summary["messages"]["sent"]
     deviation = (loss * (1.0 - loss) / sent) ** 0.5
-    assert summary["direct"]["heard_share"] == pytest.approx(1.0 - loss, abs=5.0 * deviation + STARTING)
+    share = summary["direct"]["heard_share"]
+    assert 1.0 - loss - 5.0 * deviation - STARTING <= share <= 1.0 - loss + 5.0 * deviation
+    timely = sum(len(decided(ran.ticks, place)) for place in range(len(ROBOTS)))
+    assert sent >= 0.9 * 2 * timely, "each robot's position goes to two others"
     links = next(check for check in summary["verdict"]["checks"] if check["name"] == "links add up")
     assert links["ok"]
     assert not links["judged"]
