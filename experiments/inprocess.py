@@ -92,8 +92,10 @@ class InProcessFleet:
         del number
         return ""
 
-    def resume(self, number: int) -> None:
+    def resume(self, number: int) -> str:
         """Nothing: it is called again."""
+        del number
+        return ""
 
     def start(self, number: int, incarnation: int) -> None:
         """Make a new mind."""

@@ -68,10 +68,11 @@ class HandsServer:
                 self._end.sendall(self._do(line))
 
     def _do(self, line: bytes) -> bytes:
-        """Do what a line asks for; the answer. Whether a paused process stands still is looked at."""
+        """Do what a line asks for; the answer. A pause is looked at when it begins and ends."""
         try:
             request = Request.read(line)
+            before = self._doer.state(request.robot) if request.do == "resume" else ""
             self._does[request.do](request)
-            return answer_line(state=self._doer.state(request.robot) if request.do == "pause" else "")
+            return answer_line(state=self._doer.state(request.robot) if request.do == "pause" else before)
         except Exception as error:  # noqa: BLE001 - whatever went wrong is the world's to tell
             return answer_line(f"{type(error).__name__}: {error}")

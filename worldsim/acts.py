@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SKIPPED = "skipped"
 WAITING = "waiting"
 LOOKED_AT = "looked at"
-"""Kinds of events that change no status; the last tells what was seen of a process that was paused."""
+"""Kinds of events that change no status; the last tells what was seen of a process when its pause began or ended."""
 
 APPLIES: Mapping[str, frozenset[Status]] = {
     "kill": frozenset({Status.ALIVE, Status.PAUSED}),
@@ -111,11 +111,11 @@ class Acts:
             case "pause":
                 seen = hands.pause(number)
                 yield world.stand_down(number, Status.PAUSED, reason)
-                if seen:
-                    yield Event(world.tick, LOOKED_AT, number, seen)
+                yield from self._looked_at(number, seen)
             case "resume":
-                hands.resume(number)
+                seen = hands.resume(number)
                 yield world.wake(number, reason)
+                yield from self._looked_at(number, seen)
             case "leave":
                 hands.leave(number)
                 yield world.stand_down(number, Status.LEFT, reason, away=True)
@@ -126,6 +126,10 @@ class Acts:
                 body.incarnation += 1
                 hands.start(number, body.incarnation)
                 self._coming[number] = f"{reason}: process {body.incarnation}"
+
+    def _looked_at(self, number: int, seen: str) -> Iterator[Event]:
+        if seen:
+            yield Event(self._world.tick, LOOKED_AT, number, seen)
 
     def _bring_in(self, number: int, hands: Hands) -> Iterator[Event]:
         """Let a robot that was started take part, as soon as its mind is there and its place is free."""

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from worldsim.record import RunRecord
     from worldsim.timeline import Timeline
 
+_STATUSES = {status.name.lower() for status in Status}
+
 KILLED = -9
 """The exit code of a process that SIGKILL has ended."""
 
@@ -73,7 +75,10 @@ class DownAreSilent:
 
 
 class PausedStandStill:
-    """Every process that was to be paused was seen to be stopped; a world that only ignored it would tell the same."""
+    """Every process that was to be paused was seen to be stopped, when its pause began and when it ended by a resume.
+
+    A world that only ignored it in between would tell the same.
+    """
 
     def __init__(self, journal: RunRecord, *, processes: bool) -> None:
         """processes: whether robots were processes."""
@@ -87,32 +92,38 @@ class PausedStandStill:
         """The result, once all ticks are in."""
         name = "the paused stand still"
         names = names_of(self._journal)
-        pauses = self._pauses()
+        looks = self._looks()
         if not self._processes:
             return Check(name, True, "there were no processes", judged=False)
         wrong = [
-            f"{names.get(robot, robot)} was paused at tick {k}, and {seen or 'nobody looked whether it was'}"
-            for k, robot, seen in pauses
+            f"{names.get(robot, robot)} was paused {to} tick {k}, and {seen or 'nobody looked whether it was'}"
+            for k, robot, to, seen in looks
             if seen not in (STOPPED, UNSEEN)
         ]
         if wrong:
             return Check(name, False, "; ".join(wrong))
-        unseen = sum(seen == UNSEEN for _, _, seen in pauses)
+        unseen = sum(seen == UNSEEN for *_, seen in looks)
         if unseen:
-            return Check(name, True, f"{unseen} of {len(pauses)} could not be looked at", judged=False)
-        return Check(name, True, f"{len(pauses)} were seen to")
+            return Check(name, True, f"{unseen} of {len(looks)} times nobody could look", judged=False)
+        return Check(name, True, f"{len(looks)} times they were seen to")
 
-    def _pauses(self) -> list[tuple[int, int, str]]:
-        """Tick and robot of each pause, and what was seen of the process then."""
-        pauses: list[tuple[int, int, str]] = []
+    def _looks(self) -> list[tuple[int, int, str, str]]:
+        """Tick and robot of each beginning ("at") and end ("until") of a pause, and what was seen of the process."""
+        looks: list[tuple[int, int, str, str]] = []
+        status: dict[int, str] = {}
+        paused, alive = Status.PAUSED.name.lower(), Status.ALIVE.name.lower()
         for event in self._journal.events:
             if event.robot is None:
                 continue
-            if event.kind == Status.PAUSED.name.lower():
-                pauses.append((event.k, event.robot, ""))
-            elif event.kind == LOOKED_AT and pauses and pauses[-1] == (event.k, event.robot, ""):
-                pauses[-1] = (event.k, event.robot, event.detail)
-        return pauses
+            if event.kind == LOOKED_AT and looks and (*looks[-1][:2], looks[-1][3]) == (event.k, event.robot, ""):
+                looks[-1] = (*looks[-1][:3], event.detail)
+            if event.kind == paused:
+                looks.append((event.k, event.robot, "at", ""))
+            elif event.kind == alive and status.get(event.robot) == paused:
+                looks.append((event.k, event.robot, "until", ""))
+            if event.kind in _STATUSES:
+                status[event.robot] = event.kind
+        return looks
 
 
 class ExitCodes:

@@ -34,8 +34,8 @@ class Hands(Protocol):
         """Stop it where it is; what was seen of its process then, in words, or nothing where it has none."""
         ...
 
-    def resume(self, number: int) -> None:
-        """Let it go on where it was stopped."""
+    def resume(self, number: int) -> str:
+        """Let it go on where it was stopped; what was seen of its process just before, as for `pause`."""
         ...
 
     def leave(self, number: int) -> None:
@@ -85,8 +85,8 @@ class Request:
 def answer_line(problem: str = "", state: str = "") -> bytes:
     """The launcher's answer to a request: done, or the problem.
 
-    state: of a process that was paused, as the system tells it (proc(5)): "T" for one that is stopped; empty where
-    nobody can tell.
+    state: of a process that was just paused, or is just about to go on, as the system tells it (proc(5)): "T" for one
+    that is stopped; empty where nobody can tell.
     """
     return json.dumps({"problem": problem, "state": state}).encode() + b"\n"
 
@@ -116,13 +116,13 @@ class SeatedHands:
 
     def pause(self, number: int) -> str:
         """SIGSTOP; its process stands still, and was looked at to see that it does."""
-        state = self._do("pause", number)
-        return {"T": STOPPED, "": UNSEEN}.get(state, f"its process has the state {state} and does not stand still")
+        return _seen(self._do("pause", number))
 
-    def resume(self, number: int) -> None:
-        """SIGCONT."""
-        self._do("resume", number)
+    def resume(self, number: int) -> str:
+        """SIGCONT; its process was looked at before, to see that it stood still to the end."""
+        seen = _seen(self._do("resume", number))
         self._seats.bear_with(number)
+        return seen
 
     def leave(self, number: int) -> None:
         """Told to go by the world, and its process waited for."""
@@ -157,8 +157,13 @@ class SeatedHands:
                 return
 
     def _do(self, what: str, number: int, incarnation: int = 0) -> str:
-        """Have something done; the state of the process afterwards, where the launcher tells."""
+        """Have something done; the state of the process, where the launcher tells."""
         answer = json.loads(self._ask(Request(what, number, incarnation).line()))
         if answer["problem"]:
             raise Handless(f"{what} robot {number}: {answer['problem']}")
         return str(answer["state"])
+
+
+def _seen(state: str) -> str:
+    """What a state says of a process that is to stand still."""
+    return {"T": STOPPED, "": UNSEEN}.get(state, f"its process has the state {state} and does not stand still")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -62,8 +63,14 @@ def test_a_paused_process_stands_still_when_that_is_answered(office: Office) -> 
     for _ in range(3):
         assert office.answer("pause") == {"problem": "", "state": "T"}
         assert office.state() == "T"
-        assert office.ask("resume") == ""
+        assert office.answer("resume") == {"problem": "", "state": "T"}
         assert office.state() != "T"
+
+
+def test_a_process_that_was_let_go_on_during_its_pause_is_seen_to_run(office: Office) -> None:
+    office.ask("pause")
+    office.process.send_signal(signal.SIGCONT)
+    assert office.answer("resume")["state"] in ("R", "S")
 
 
 def test_a_process_that_nobody_stopped_is_seen_to_run(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -104,8 +104,9 @@ class RandomFleet:
         self.done.append(("pause", number))
         return self.seen
 
-    def resume(self, number: int) -> None:
+    def resume(self, number: int) -> str:
         self.done.append(("resume", number))
+        return self.seen
 
     def leave(self, number: int) -> None:
         self.done.append(("leave", number))

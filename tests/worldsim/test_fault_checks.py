@@ -65,7 +65,7 @@ def test_what_was_planned_is_valid(run: Run) -> None:
     assert details["statuses"] == "6 changes as planned"
     assert details["exit codes"] == "4 processes ended with 0, 1 were killed as planned"
     assert details["the down are silent"] == "over 15 ticks of robots"
-    assert details["the paused stand still"] == "1 were seen to"
+    assert details["the paused stand still"] == "2 times they were seen to"
 
 
 @pytest.mark.parametrize(
@@ -164,12 +164,21 @@ def test_how_a_lost_or_belated_process_ends_says_nothing(run: Run) -> None:
     assert list(failures(run, {name: code for name, code in EXITS.items() if name != "r1"})) == ["nobody lost"]
 
 
-def seen(run: Run, *details: str) -> None:
-    """What was seen of r1 when it was paused."""
-    events = [event for event in run[0].events if event.kind != LOOKED_AT]
-    place = next(place for place, event in enumerate(events) if event.kind == "paused")
-    events[place + 1 : place + 1] = [Event(6, LOOKED_AT, 1, detail) for detail in details]
+def seen(run: Run, *details: str, k: int = 6) -> None:
+    """What was seen of r1 when it was paused, or at tick 9 when that ended."""
+    events = [event for event in run[0].events if (event.kind, event.k) != (LOOKED_AT, k)]
+    place = next(place for place, e in enumerate(events) if (e.k, e.robot) == (k, 1) and e.kind in ("paused", "alive"))
+    events[place + 1 : place + 1] = [Event(k, LOOKED_AT, 1, detail) for detail in details]
     run[0].events = tuple(events)
+
+
+def test_a_paused_process_that_somebody_lets_go_on_meanwhile_fails(run: Run) -> None:
+    seen(run, "its process has the state S and does not stand still", k=9)
+    says = "r1 was paused until tick 9, and its process has the state S and does not stand still"
+    assert failures(run, EXITS) == {"the paused stand still": says}
+    seen(run, k=9)
+    says = "r1 was paused until tick 9, and nobody looked whether it was"
+    assert failures(run, EXITS) == {"the paused stand still": says}
 
 
 def test_a_paused_process_that_does_not_stand_still_fails(run: Run) -> None:
@@ -189,4 +198,4 @@ def test_a_pause_that_nobody_looked_at_fails_where_there_are_processes(run: Run)
 def test_where_nobody_can_look_it_is_not_judged(run: Run) -> None:
     seen(run, UNSEEN)
     (check,) = [c for c in judge(run[0], EXITS, run[1].prepared).checks if c.name == "the paused stand still"]
-    assert (check.ok, check.judged, check.detail) == (True, False, "1 of 1 could not be looked at")
+    assert (check.ok, check.judged, check.detail) == (True, False, "1 of 2 times nobody could look")

@@ -207,6 +207,7 @@ def test_what_was_seen_of_a_paused_process_is_told(state: str, says: str) -> Non
     stage = Stage()
     stage.state = state
     assert stage.hands.pause(2) == says
+    assert stage.hands.resume(2) == says
 
 
 def test_what_the_launcher_cannot_do_is_told() -> None:
