@@ -21,11 +21,16 @@ from patrol.controls import OPERATOR
 from patrol.errors import BadInput
 from patrol.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
 from patrol.fog import NEVER
-from patrol.journal import MAGIC, pack, unpack
+from patrol.journal import MAGIC, JournalWriter, pack, unpack
 from patrol.records import Event, Status, TickRecord
-from worldsim.feed import ground_of
+from worldsim.controls import Manner
+from worldsim.feed import Feed, ground_of
+from worldsim.record import header_of
+from worldsim.world import World
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tests.monitor.conftest import Seen
 
 
@@ -237,6 +242,42 @@ def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet:
     wire.number = 20
     state = watched(wire.source())
     assert [one["id"] for one in state.faults] == ["f1"]
+
+
+class Asking:
+    """Somebody who asks a world once for all so far."""
+
+    payload = b""
+
+    def __init__(self) -> None:
+        self.waiting = [("truth/fog", self)]
+        self.told: list[bytes] = []
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Asking] | None:  # noqa: ARG002 - it is there or it is not
+        return self.waiting.pop() if self.waiting else None
+
+    def answer(self, payload: bytes) -> None:
+        self.told.append(payload)
+
+
+def test_a_world_tells_of_its_latest_events_by_number_and_of_all_that_was_asked_for(
+    quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("worldsim.feed.MOST_EVENTS", 3)
+    world, asking, posted = World(quiet.open().prepared), Asking(), list[bytes]()
+    header = header_of(world, "2026-01-02T03:04:05+00:00")
+    with JournalWriter(tmp_path / "journal", header) as journal:
+        manner = Manner(running=True, pace=None)
+        feed = Feed(world, journal, header, posted.append, asking, lambda do: do(), lambda: 100.0, lambda: manner)
+        asked = Event(0, OPERATOR, None, '{"do":"pause"}')
+        for record in (asked, *(Event(k, "fault", None, f"f{k}") for k in range(1, 6))):
+            feed.write(record)
+        feed.between()
+    so_far = read_so_far(asking.told[0])
+    latest = [event for one in so_far.events if isinstance(event := unpack(one), Event)]
+    assert [event.detail for event in latest] == ["f3", "f4", "f5"]
+    assert so_far.event == 3
+    assert so_far.asked == (pack(asked),)
 
 
 def test_the_rate_is_right_soon_after_a_pause(quiet: Seen) -> None:

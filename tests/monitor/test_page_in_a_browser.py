@@ -83,7 +83,7 @@ def test_any_time_any_fog_and_what_a_point_is(chromium: Any, page: ServedPage) -
         assert look.picture("#canvas") != before
         look.press("c")
         look.press("Shift+ArrowLeft")
-        look.until("/ago|obstacle|count/.test(document.getElementById('tip').textContent)")
+        look.until("/seen|obstacle|count/.test(document.getElementById('tip').textContent)")
         for pane in ("links", "events", "robots"):
             look.page.click(f"#tab-{pane}")
             assert look.evaluate(f"!document.getElementById('{pane}').hidden")
