@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Drive, Pose, Velocity
-from patrol.sweep import advance, free_fraction
+from patrol.sweep import advance, free_fraction, path_is_free
 from worldsim.checks import Check, names_of
 from worldsim.motion import length
 from worldsim.roll import Roll
@@ -68,12 +69,14 @@ class MovesAreTrue:
     """From its start on each body goes where its commands take it, to the bit, and they are within its limits.
 
     A body that nobody drives, or whose move was cancelled, stays exactly where it is; one that was away comes back at
-    its start.
+    its start. A move that was not cancelled touches no wall, and for one that was there is a wall in its way or another
+    body so near that the two could have met; whether they would have is not computed anew.
     """
 
     def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
         roster = prepared.scenario.roster
         self._step = prepared.scenario.step
+        self._terrain = prepared.terrain
         self._specs = {spec.number: spec for spec in roster}
         self._starts = {spec.number: start for spec, start in zip(roster, prepared.starts, strict=True)}
         self._due = dict(self._starts)
@@ -88,8 +91,8 @@ class MovesAreTrue:
             self._due[number] = self._starts[number]
         for row in () if self._problem else record.robots:
             spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
-            command = Drive(row.c0, row.c1) if spec.model == "car" else Velocity(row.c0, row.c1)
-            problem = self._problem_of(row, spec, pose, command)
+            command = self._command(row)
+            problem = self._problem_of(row, spec, pose, command) or self._problem_of_cancelling(row, record.robots)
             if problem:
                 self._problem = f"{spec.name} {problem} at tick {record.k}"
                 return
@@ -100,6 +103,29 @@ class MovesAreTrue:
     def check(self) -> Check:
         """The result, once all ticks are in."""
         return Check("moves", not self._problem, self._problem or f"{self._looked} poses are where commands lead")
+
+    def _command(self, row: RobotTick) -> Command:
+        car = self._specs[row.number].model == "car"
+        return Drive(row.c0, row.c1) if car else Velocity(row.c0, row.c1)
+
+    def _problem_of_cancelling(self, row: RobotTick, rows: Sequence[RobotTick]) -> str:
+        """Whether a move was cancelled for nothing, or was not and should have been."""
+        command, radius = self._command(row), self._specs[row.number].radius
+        pose, far = Pose(row.x, row.y, row.heading), length(command, self._step)
+        if far <= 0.0:
+            return "has a move cancelled and does not drive" if row.bumped else ""
+        free = path_is_free(self._terrain, pose, command, self._step, radius)
+        if not row.bumped:
+            return "" if free else "drives through a wall"
+        if not free:
+            return ""
+        for other in rows:
+            if other.number == row.number or other.number in self._roll.away:
+                continue
+            reach = radius + self._specs[other.number].radius + far + length(self._command(other), self._step)
+            if math.hypot(other.x - row.x, other.y - row.y) <= reach + SLACK:
+                return ""
+        return "has a move cancelled, and neither a wall nor another body was in its way,"
 
     def _problem_of(self, row: RobotTick, spec: RobotSpec, pose: Pose, command: Command) -> str:
         due = self._due[row.number]

@@ -299,6 +299,14 @@ def test_a_cancelled_move_that_the_record_lets_happen_fails(
     assert only_failure(verdict(journal)).startswith("moves: ")
 
 
+@pytest.mark.parametrize("free", [False, True])
+def test_a_world_that_cancels_moves_at_will_fails(lab: Lab, monkeypatch: pytest.MonkeyPatch, free: bool) -> None:
+    monkeypatch.setattr("worldsim.motion.path_is_free", lambda *_: free)
+    world = lab.patrol(ticks=TICKS)
+    found = failures(judge(lab.run(world), GOOD_EXITS, world.prepared))
+    assert ("drives through a wall" if free else "neither a wall nor another body was in its way") in found["moves"]
+
+
 def test_a_dead_body_that_drives_fails(lab: Lab) -> None:
     journal, world = killing(lab)
     change(journal, TICKS - 1, robots=moved(journal.records[-1], 2, c0=1.0))
