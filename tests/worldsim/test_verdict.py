@@ -299,14 +299,6 @@ def test_a_cancelled_move_that_the_record_lets_happen_fails(
     assert only_failure(verdict(journal)).startswith("moves: ")
 
 
-@pytest.mark.parametrize("free", [False, True])
-def test_a_world_that_cancels_moves_at_will_fails(lab: Lab, monkeypatch: pytest.MonkeyPatch, free: bool) -> None:
-    monkeypatch.setattr("worldsim.motion.path_is_free", lambda *_: free)
-    world = lab.patrol(ticks=TICKS)
-    found = failures(judge(lab.run(world), GOOD_EXITS, world.prepared))
-    assert ("drives through a wall" if free else "neither a wall nor another body was in its way") in found["moves"]
-
-
 def test_a_dead_body_that_drives_fails(lab: Lab) -> None:
     journal, world = killing(lab)
     change(journal, TICKS - 1, robots=moved(journal.records[-1], 2, c0=1.0))
@@ -366,46 +358,6 @@ def test_a_frame_that_says_what_is_not_so_fails(
     record = journal.records[7]
     change(journal, 7, frames=((1, frame_of(record, 0, **fields)), *record.frames[1:]))
     assert only_failure(verdict(journal)).startswith("frames: frame 7 of r1 says Position(")
-
-
-def silenced(journal: MemoryJournal, number: int) -> None:
-    """Take a robot's frames, and all that became of them, off the record."""
-    for k, record in enumerate(journal.records):
-        journal.records[k] = replace(
-            record,
-            frames=tuple(frame for frame in record.frames if frame[0] != number),
-            deliveries=tuple(link for link in record.deliveries if link[0] != number),
-            dropped=tuple(drop for drop in record.dropped if drop[0] != number),
-        )
-    agree(journal)
-
-
-def test_a_living_robot_that_never_sends_fails_in_lockstep(
-    journal: MemoryJournal, verdict: Callable[..., Verdict]
-) -> None:
-    silenced(journal, 1)
-    assert only_failure(verdict(journal)) == "frames: r1 did not send its position in tick 0"
-
-
-def test_a_robot_that_is_silent_in_the_last_tick_only_fails_too(
-    journal: MemoryJournal, verdict: Callable[..., Verdict]
-) -> None:
-    last = journal.records[-1]
-    change(
-        journal,
-        last.k,
-        frames=last.frames[1:],
-        deliveries=tuple(link for link in last.deliveries if link[0] != 1),
-    )
-    assert only_failure(verdict(journal)) == f"frames: r1 did not send its position in tick {last.k}"
-
-
-def test_at_a_pace_nobody_waits_for_a_frame(lab: Lab) -> None:
-    world = lab.patrol(ticks=TICKS, pace=10)
-    journal = lab.run(world)
-    silenced(journal, 1)
-    verdict = judge(journal, GOOD_EXITS, world.prepared)
-    assert verdict.valid, verdict.failed
 
 
 def test_a_frame_with_a_true_trail_is_good(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
