@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from monitor.linklog import LinkLog
 from monitor.player import Player
 from tests.browser import Look, browser_or_skip, looking
 from tests.monitor.pages import ServedPage
@@ -141,10 +144,25 @@ def test_it_fits_in_light_and_in_the_dark(
         assert look.evaluate(small) == []
 
 
+def test_links_that_take_a_while_to_read_come_by_themselves(
+    chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, reach = threading.Event(), LinkLog.reach
+    monkeypatch.setattr(LinkLog, "reach", lambda log, k: read.is_set() and reach(log, k))
+    with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-links")
+        seek(look, 70)
+        look.until("document.getElementById('linktip').textContent === 'working it out'")
+        assert look.evaluate("document.getElementById('matrix').hidden")
+        read.set()
+        look.until("!document.getElementById('matrix').hidden")
+        assert look.evaluate("document.getElementById('linktip').textContent") == "rows send, columns hear"
+
+
 def test_a_run_that_is_over_stays_over_when_its_page_ends(chromium: Any, faulty: Seen) -> None:
     wire = Told(faulty)
-    served = ServedPage(wire.source())
-    with Look(chromium, served.address) as look:
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         wire.send(10_000)
         look.until("document.getElementById('mode').textContent === 'over: completed'")
         served.close()

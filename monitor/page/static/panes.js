@@ -74,7 +74,7 @@ export class Links {
 
   renew() {
     const { canvas, store } = this;
-    if (!store.facts || canvas.closest("[hidden]")) return;
+    if (!store.facts || canvas.parentElement.closest("[hidden]")) return;
     if (canvas.hidden === Boolean(store.links)) {
       canvas.hidden = !store.links;
       this.#tell();
