@@ -47,7 +47,7 @@ def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
 def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     """The cost of everything that has no curve, as bars; False where there is nothing."""
     shown = [one for one in found if one.condition.group not in NO_BARS and one.cost is not None]
-    names = list(dict.fromkeys(one.condition.name for one in shown))
+    names = list(dict.fromkeys(_label(one) for one in shown))
     if not names:
         return False
     figure = _figure((9.0, 1.2 + 0.42 * len(names)))
@@ -57,8 +57,8 @@ def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
         for one in shown:
             if one.variant != variant or one.cost is None:
                 continue
-            y = names.index(one.condition.name) - 0.4 + (index + 0.5) * height
-            label = variant if one.condition.name == names[0] else None
+            y = names.index(_label(one)) - 0.4 + (index + 0.5) * height
+            label = variant if _label(one) == names[0] else None
             axes.barh(y, one.cost.mean, 0.92 * height, color=COLOURS[index], label=label, zorder=2)
             if one.cost.half:
                 axes.errorbar(
@@ -72,6 +72,12 @@ def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     axes.legend(frameon=False, fontsize=9, loc="lower right")
     write_figure(figure, files)
     return True
+
+
+def _label(one: Finding) -> str:
+    """A condition by its name, and by its group too where that is a bare number."""
+    group, name = one.condition.group, one.condition.name
+    return f"{group} {name}" if name[0].isdigit() else name
 
 
 def _curve(
