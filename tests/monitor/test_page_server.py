@@ -178,12 +178,13 @@ def test_whatever_the_jumps_a_page_has_the_whole_trail(open_page: ServedPage, qu
         has: dict[int, list[float]] = {}
         for k in (50, 53, 20, 70):
             socket.send(json.dumps({"type": "ask", "id": 1, "control": {"do": "seek", "k": k}}))
-            state: dict[str, Any] = {}
-            while state.get("k") != k:
-                state = json.loads(text) if isinstance(text := socket.recv(timeout=30), str) else {}
-                if state.get("type") == "trail":
-                    has |= dict(enumerate(state["rows"], start=state["first"]))
-                elif state.get("type") == "state":
+            shown = -1
+            while shown != k:
+                says = json.loads(text) if isinstance(text := socket.recv(timeout=30), str) else {}
+                if says.get("type") == "trail":
+                    has |= dict(enumerate(says["rows"], start=says["first"]))
+                elif says.get("type") == "state":  # the last message of a frame
+                    shown = says["k"]
                     socket.send('{"type":"drawn"}')
             for tick in range(k + 1):
                 assert has[tick] == pytest.approx(poses[tick].ravel().tolist(), abs=1e-3)

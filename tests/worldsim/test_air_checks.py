@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from shapely import LineString, box
 
-from patrol.journal import TickRecord, trace_hash
+from patrol.journal import TickRecord
 from patrol.records import sent_at
 from patrol.terrain import Terrain
+from tests.worldsim.judged import Result, change, failures, runs
 from worldsim.radio_rules import RadioRules, arrival
 from worldsim.reach_checks import GRAZING_M, Sightlines
 from worldsim.share_checks import DelaysAsAsked, alarm_of
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from worldsim.record import MemoryJournal
     from worldsim.world import World
 
-Result = tuple["World", "MemoryJournal"]
 NEAR = {"kind": "range", "reach": 8.0, "id": "near"}
 SEEN = {"kind": "range", "reach": 100.0, "through_walls": False, "id": "seen"}
 LATE = {"kind": "delay", "delay": {"constant": 1.2}, "id": "late"}
@@ -39,22 +39,7 @@ MIXED = {"kind": "reorder", "rate": 0.3, "hold": 1.0, "id": "mixed"}
 
 @pytest.fixture
 def run(lab: Lab) -> Callable[..., Result]:
-    def of(*faults: dict[str, Any], ticks: int = 40) -> Result:
-        world = lab.patrol(ticks=ticks, faults=list(faults))
-        return world, lab.run(world)
-
-    return of
-
-
-def failures(result: Result) -> dict[str, str]:
-    world, journal = result
-    return {check.name: check.detail for check in judge(journal, {}, world.prepared).failed}
-
-
-def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
-    journal.records[k] = replace(journal.records[k], **fields)
-    assert journal.end
-    journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
+    return runs(lab, ticks=40)
 
 
 # --- when faults happen ----------------------------------------------------------------------------------------------

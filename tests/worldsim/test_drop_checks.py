@@ -6,22 +6,17 @@ Where the radio itself is broken, the replay is broken in the same way and finds
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from patrol.journal import trace_hash
 from patrol.records import FORGED
+from tests.worldsim.judged import Result, change, failures, runs
 from worldsim.radio_rules import RadioRules, cause
-from worldsim.verdict import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
-    from worldsim.record import MemoryJournal
-    from worldsim.world import World
 
-Result = tuple["World", "MemoryJournal"]
 QUIET = {"kind": "silence", "who": "r1", "id": "quiet"}
 SPLIT = {"kind": "partition", "groups": [["r1", "r2"], ["r3", "r4"]], "id": "split"}
 NARROW = {"kind": "bandwidth", "bytes_per_s": 20.0, "id": "narrow"}
@@ -33,22 +28,7 @@ DELAY = {"kind": "delay", "delay": {"constant": 1.2}, "id": "late"}
 
 @pytest.fixture
 def run(lab: Lab) -> Callable[..., Result]:
-    def of(*faults: dict[str, Any], ticks: int = 30) -> Result:
-        world = lab.patrol(ticks=ticks, faults=list(faults))
-        return world, lab.run(world)
-
-    return of
-
-
-def failures(result: Result) -> dict[str, str]:
-    world, journal = result
-    return {check.name: check.detail for check in judge(journal, {}, world.prepared).failed}
-
-
-def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
-    journal.records[k] = replace(journal.records[k], **fields)
-    assert journal.end
-    journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
+    return runs(lab, ticks=30)
 
 
 def lost(*causes: str) -> Callable[..., str | None]:

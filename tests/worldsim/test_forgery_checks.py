@@ -14,15 +14,13 @@ import pytest
 from patrol.journal import Status, trace_hash
 from patrol.message import Position, decode, encode
 from patrol.pose import Pose
+from tests.worldsim.judged import Result, failures, runs
 from worldsim.forging import Forged, Forger
 from worldsim.verdict import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
-    from worldsim.record import MemoryJournal
-    from worldsim.world import World
 
-Result = tuple["World", "MemoryJournal"]
 DRIFT = {"kind": "drift", "who": "r2", "bias": [30.0, 0.0], "noise": 0.3}
 CLOCK = {"kind": "clock", "who": "r2", "offset": 2.0, "rate": 0.3}
 PAYLOADS: tuple[Any, ...] = (
@@ -41,16 +39,7 @@ def spoof(payload: Any, **more: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def run(lab: Lab) -> Callable[..., Result]:
-    def of(*faults: dict[str, Any], **more: Any) -> Result:
-        world = lab.patrol(ticks=30, faults=list(faults), **more)
-        return world, lab.run(world)
-
-    return of
-
-
-def failures(result: Result) -> dict[str, str]:
-    world, journal = result
-    return {check.name: check.detail for check in judge(journal, {}, world.prepared).failed}
+    return runs(lab, ticks=30)
 
 
 @pytest.mark.parametrize("payload", PAYLOADS, ids=str)

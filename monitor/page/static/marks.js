@@ -135,15 +135,7 @@ function body(map, robot, facts, place) {
     c.setLineDash([]);
   }
   if (map.store.facts.robots.length <= 24 || place === map.selected) {
-    c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
-    c.textAlign = "center";
-    c.textBaseline = "bottom";
-    c.lineWidth = 3 * r;
-    c.strokeStyle = "rgb(255 255 255 / 90%)";
-    c.fillStyle = "#14171b";
-    const above = y - size - 5 * r;
-    c.strokeText(facts.name, x, above);
-    c.fillText(facts.name, x, above);
+    words(c, facts.name, x, y - size - 5 * r, "center", r);
   }
 }
 
@@ -184,14 +176,18 @@ export function drawScaleBar(map) {
     c.lineWidth = wide * r;
     line(c, left, y, right, y);
   }
+  words(c, `${length} m`, right, y - 4 * r, "right", r);
+}
+
+function words(c, text, x, y, align, r) {
   c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
-  c.textAlign = "right";
+  c.textAlign = align;
   c.textBaseline = "bottom";
   c.lineWidth = 3 * r;
-  c.strokeStyle = "rgb(255 255 255 / 85%)";
+  c.strokeStyle = "rgb(255 255 255 / 90%)";
   c.fillStyle = "#14171b";
-  c.strokeText(`${length} m`, right, y - 4 * r);
-  c.fillText(`${length} m`, right, y - 4 * r);
+  c.strokeText(text, x, y);
+  c.fillText(text, x, y);
 }
 
 function ring(c, x, y, size, colour, wide) {

@@ -1,0 +1,40 @@
+"""Runs of a lab under faults, altered afterwards, and what their verdict says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from patrol.journal import trace_hash
+from worldsim.verdict import judge
+
+if TYPE_CHECKING:
+    from tests.worldsim.conftest import Lab
+    from worldsim.record import MemoryJournal
+    from worldsim.world import World
+
+Result = tuple["World", "MemoryJournal"]
+
+
+def runs(lab: Lab, ticks: int) -> Callable[..., Result]:
+    """What makes a run of so many ticks, unless told otherwise, under faults."""
+
+    def of(*faults: dict[str, Any], ticks: int = ticks, **more: Any) -> Result:
+        world = lab.patrol(ticks=ticks, faults=list(faults), **more)
+        return world, lab.run(world)
+
+    return of
+
+
+def failures(result: Result) -> dict[str, str]:
+    """The details of the checks that failed, by name."""
+    world, journal = result
+    return {check.name: check.detail for check in judge(journal, {}, world.prepared).failed}
+
+
+def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
+    """Alter one tick's record, and make the trace hash agree with it."""
+    journal.records[k] = replace(journal.records[k], **fields)
+    assert journal.end
+    journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
