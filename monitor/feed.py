@@ -42,6 +42,8 @@ AGAIN_S = 5.0
 """Wall time between two questions for the fog."""
 REMEMBERED = 48 << 20
 """Bytes of the ticks that are remembered for beliefs."""
+PATHS = 256
+"""Ticks whose places are remembered for trails."""
 BATCHES = 4096
 """Batches that are taken in before a state is shown again."""
 
@@ -108,6 +110,7 @@ class LiveSource:
         self._logged = 0
         self._last: TickRecord | None = None
         self._rates: deque[tuple[float, int]] = deque()
+        self._paths: deque[NDArray[np.float64]] = deque(maxlen=PATHS)
         self._asked_at = now()
         self._news_at = now()
         self._shown: tuple[object, ...] = ()
@@ -171,8 +174,13 @@ class LiveSource:
             follower = self._followers[layer] = self._follower(layer)
         return None if follower.behind else follower.fog.last_seen
 
-    def trail(self, first: int, last: int) -> None:
-        """The page remembers it."""
+    def trail(self, first: int, last: int) -> NDArray[np.float64] | None:
+        """See `Source`; None where one of these ticks is not remembered."""
+        end = 0 if self._last is None else self._last.k + 1
+        begin = end - len(self._paths)
+        if first < begin or last >= end:
+            return None
+        return np.stack([self._paths[k - begin] for k in range(first, last + 1)])
 
     def series(self, after: int) -> Series:
         """What is known of MFoW and mean fog in ticks after `after`."""
@@ -223,6 +231,7 @@ class LiveSource:
         self._rates.clear()
         self._log.clear()
         self._logged = 0
+        self._paths.clear()
         self._followers = {layer: self._follower(layer) for layer in self._followers}
 
     def _take(self, batch: Batch) -> None:
@@ -272,11 +281,15 @@ class LiveSource:
 
     def _tick(self, record: TickRecord) -> None:
         k = record.k
+        places = np.full((len(self._numbers), 2), np.nan)
         for row in record.robots:
+            if row.status not in (Status.ABSENT, Status.LEFT):
+                places[self._place[row.number]] = row.x, row.y
             if row.status is Status.ALIVE:
                 pose = as_sent(row.number, Pose(row.x, row.y, row.heading))
                 self._truth.observe(self._footprint.visible(pose), k)
         self._last = record
+        self._paths.append(places)
         self._ticks.append(k)
         self._mfow.append(record.mfow)
         self._mean.append(record.fog_mean)

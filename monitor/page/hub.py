@@ -18,8 +18,8 @@ from monitor.page import words
 from monitor.page.tiles import TileBook, layer_number, terrain_packet
 from monitor.source import Layer, Source, State
 
-FRAME_S = 1.0 / 30.0
-"""Wall time between two frames."""
+FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0
+"""Wall time between two frames of a replay, and of a live fleet, whose processors they are taken from."""
 SELDOM_S = 0.5
 """Wall time between two looks at links, charts and events."""
 WAIT_S = 0.1
@@ -73,6 +73,7 @@ class Hub:
         self.terrain = terrain_packet(self.static.passable, self.static.patrolled)
         self.failure: BaseException | None = None
         self._now = now
+        self._frame_s = LIVE_FRAME_S if self.static.live else FRAME_S
         self._by_number = {layer_number(layer): layer for layer in self.static.layers}
         self._lock = threading.Lock()
         self._viewers: list[Viewer] = []
@@ -113,7 +114,7 @@ class Hub:
             while not self._ending.is_set():
                 begun = self._now()
                 self._turn()
-                self._ending.wait(max(FRAME_S - (self._now() - begun), 0.0))
+                self._ending.wait(max(self._frame_s - (self._now() - begun), 0.0))
         except BaseException as error:
             self.failure = error
             raise

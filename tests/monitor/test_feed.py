@@ -233,6 +233,24 @@ def test_links_and_beliefs_are_known_from_a_gap_on_and_the_state_says_so(faulty:
     assert state.links.sent.sum() == 0
 
 
+def test_trails_have_every_tick_that_came_however_many_came_at_once(quiet: Seen) -> None:
+    world = Told(quiet)
+    source = world.source()
+    for _ in range(3):
+        world.send(20)
+    k = watched(source).k
+    assert k == 59
+    trail = source.trail(0, k)
+    assert trail is not None
+    np.testing.assert_array_equal(trail, quiet.open().poses[: k + 1, :, :2])
+    assert source.trail(0, k + 1) is None
+    world.send(2, lost=True)
+    world.send(2)
+    world.now += AGAIN_S
+    watched(source)
+    assert source.trail(k, k) is None
+
+
 def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet: Seen) -> None:
     wire = Told(quiet)
     fault = {"kind": "loss", "id": "f1", "rate": 0.5}
