@@ -1,6 +1,6 @@
 """Makes the pictures of the page that the README shows, `make pictures`: of a run that it does itself, or of one given.
 
-A real browser opens the page as anybody would, in light and in dark, and at a phone's width.
+A real browser opens the page as anybody would, in light and in dark.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ AT = 0.97
 TRAIL = 120
 """Ticks that are played before, so that robots have trails."""
 
-VIEWS = (("page-light", 1280, 720, "light"), ("page-dark", 1280, 720, "dark"), ("page-phone", 390, 844, "light"))
+VIEWS = (("page-light", 1280, 720, "light"), ("page-dark", 1280, 720, "dark"))
 
 
 def main(given: Path | None) -> None:

@@ -14,7 +14,7 @@ import pytest
 import fogwatch
 from tests.browser import Look, browser_or_skip, looking
 
-pytestmark = [pytest.mark.accept, *browser_or_skip()]
+pytestmark = [pytest.mark.accept, pytest.mark.timeout(1800), *browser_or_skip()]
 
 FLEET: dict[str, Any] = {
     "name": "fifty",
