@@ -315,7 +315,7 @@ def read_request(payload: bytes, token: str) -> Control:
     except (ValueError, RecursionError):
         raise BadInput("control: is no JSON") from None
     given = says.get("token") if isinstance(says, dict) else None
-    if not isinstance(given, str) or not hmac.compare_digest(given.encode(), token.encode()):
+    if not isinstance(given, str) or not hmac.compare_digest(_utf8(given), _utf8(token)):
         raise BadInput("control: refused; whoever controls this fleet needs the token that its launcher made")
     return read_control(says.get("control"))
 
@@ -331,3 +331,8 @@ def read_answer(payload: bytes) -> Answer:
     if not isinstance(says, dict) or type(says.get("done")) is not bool or not isinstance(says.get("text"), str):
         raise ValueError("no answer")
     return Answer(says["done"], says["text"][:2000])
+
+
+def _utf8(text: str) -> bytes:
+    """A text as bytes, also one that JSON allows and UTF-8 does not: half of a surrogate pair."""
+    return text.encode("utf-8", "surrogatepass")
