@@ -12,7 +12,8 @@
     control.json   where a running fleet is met, and the right to control it; gone when the run is over
     logs/          what each process printed, if there was more than one
 
-A fleet's key is a secret and is not copied: the scenario goes on naming its file.
+A run whose world was started by hand leaves the same but for what only the launcher makes: pictures, recording, report
+and logs.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from patrol.access import FILE as ACCESS
 from patrol.errors import BadInput
-from patrol.maps import load_terrain, read_map_file
-from patrol.scenario import Scenario, dump_scenario, load_scenario
+from patrol.maps import load_terrain
+from patrol.scenario import Scenario, load_scenario
+from patrol.scenario_copy import FILE as SCENARIO
+from patrol.scenario_copy import keep_scenario
 
 RUNS = Path("runs")
 
@@ -45,7 +46,7 @@ class RunFolder:
     @property
     def scenario(self) -> Path:
         """The resolved scenario."""
-        return self.path / "scenario.yaml"
+        return self.path / SCENARIO
 
     @property
     def journal(self) -> Path:
@@ -130,8 +131,7 @@ def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
         if path.is_dir() and any(path.iterdir()):
             raise BadInput(f"{shown}: is not empty; choose a folder that is, or that does not exist yet")
         path.mkdir(parents=True, exist_ok=True)
-        copied = _with_own_map(scenario, folder.path / "map")
-        folder.scenario.write_text(dump_scenario(copied), encoding="utf-8")
+        keep_scenario(scenario, path)
     except OSError as error:
         raise BadInput(f"{shown}: cannot be written ({error.strerror}); choose another folder") from None
     return folder
@@ -145,28 +145,3 @@ def untaken(first: Path) -> Path:
         path = first.with_name(f"{first.name}-{number}")
         number += 1
     return path
-
-
-def _with_own_map(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with its map copied into `folder`, named relative to the scenario's file."""
-    if scenario.terrain.map is None:
-        return scenario
-    source = read_map_file(scenario.base / scenario.terrain.map)
-    folder.mkdir()
-    try:
-        shutil.copyfile(source.image, folder / source.image.name)
-    except OSError as error:
-        raise BadInput(f"{source.path}: image = {source.image}: cannot be read ({error.strerror})") from None
-    says = {
-        "image": source.image.name,
-        "resolution": source.resolution,
-        "origin": [*source.origin, 0.0],
-        "negate": int(source.negate),
-        "occupied_thresh": source.occupied_thresh,
-        "free_thresh": source.free_thresh,
-        "mode": source.mode,
-    }
-    name = source.path.name
-    (folder / name).write_text(yaml.safe_dump(says, sort_keys=False), encoding="utf-8")
-    terrain = scenario.terrain.model_copy(update={"map": f"{folder.name}/{name}"})
-    return scenario.model_copy(update={"terrain": terrain})

@@ -40,8 +40,9 @@ if TYPE_CHECKING:
 HELP = f"""
 The world of a fleet whose router and robots run elsewhere. {TOGETHER}
 
-The run begins when all robots of the scenario are there. The folder gets the journal, ticks.csv and, started by hand,
-summary.json. Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown, 130 interrupted.
+The run begins when all robots of the scenario are there. The folder gets the journal and ticks.csv; started by hand,
+also summary.json and scenario.yaml with a copy of its map: all that `fogwatch report`, `replay` and `record` ask for.
+Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 could not be judged, 130 interrupted.
 """
 
 UNKNOWN = 3
@@ -69,6 +70,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     from patrol.keys import check_locator, check_radio, fleet_keys
     from patrol.scenario import load_scenario
     from patrol.warmup import warm
+    from worldsim.folder import check, keep
 
     options.token = None if options.control is None else read_access(options.control, "--control").token
     router = check_locator(options.router, "--router")
@@ -76,7 +78,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     scenario = load_scenario(options.scenario)
     _check_hands(scenario, options.hands)
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
-    _check_folder(options.out)
+    check(options.scenario, options.out)
     warm(("patrol", "worldsim"), _say)
 
     from patrol.link import open_links
@@ -93,6 +95,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     try:
         ear = _ear(link, air, keys, scenario) if scenario.radio.via == "direct" else None
         seats = _gather(link, keys, scenario, options.wait, ending)
+        if options.lifeline is None:
+            keep(scenario, options.scenario, options.out)
         wall_s = _record(options, prepared, link, keys, seats, ear, ending)
     except Interrupted:
         return EXIT_INTERRUPTED
@@ -343,19 +347,6 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     for check in verdict.failed:
         _say(f"  {check.name}: {check.detail}")
     return verdict.exit_code
-
-
-def _check_folder(out: Path) -> None:
-    """The folder can be written to and holds no other run."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        taken = (out / "journal").exists() or (out / "ticks.csv").exists()
-    except OSError as error:
-        raise BadInput(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from None
-    if taken:
-        raise BadInput(f"--out {out}: holds a run already; choose another folder")
-    if not os.access(out, os.W_OK):
-        raise BadInput(f"--out {out}: cannot be written; choose another folder")
 
 
 def _say(line: str) -> None:

@@ -110,6 +110,11 @@ def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> Non
     summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
     assert summary["verdict"]["valid"]
     assert summary["trace_hash"] == fogwatch.run(SCENARIO, out=tmp_path / "one").trace_hash
+    hand.start("report", "fogwatch", "report", str(hand.out))
+    assert hand.code("report") == 0, hand.said("report")
+    assert (hand.out / "report.html").is_file()
+    again = fogwatch.run(hand.out / "scenario.yaml", out=tmp_path / "again")
+    assert again.trace_hash == summary["trace_hash"]
     hand.processes["router"].terminate()
     assert hand.code("router") == 0
 
@@ -292,7 +297,10 @@ def test_what_cannot_be_started_is_said_in_one_line(hand: Hand) -> None:
     hand.start("fleet", "worldsim", *hand.common()[:2], "--fleet", "a/*", *hand.common()[4:], "--out", str(hand.out))
     hand.start("static", "agent", *hand.common(), "--robot", "anna", "--static", "none", "--wait", "0.1")
     hand.start("taken", "worldsim", *hand.common(), "--out", str(hand.scenario))
-    for name in ("unknown", "address", "fleet", "static", "taken"):
+    (hand.folder / "given").mkdir()
+    (hand.folder / "given" / "scenario.yaml").touch()
+    hand.start("given", "worldsim", *hand.common(), "--out", str(hand.folder / "given"))
+    for name in ("unknown", "address", "fleet", "static", "taken", "given"):
         assert hand.code(name) == 2
         lines = [line for line in hand.said(name).splitlines() if not line.endswith((COMPILING, WAITING))]
         assert len(lines) == 1, lines
