@@ -130,15 +130,15 @@ def line_of(text: str, location: Sequence[int | str]) -> int | None:
 
 
 def dump_section(section: Section, indent: int = 0) -> str:
-    """A section as YAML, one field a line, with each field's description beside it; what is None is left out."""
+    """A section as YAML, one field a line, with each field's description beside it; what is None is a comment."""
     lines = []
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)
-        if value is None:
-            continue
         start = f"{' ' * indent}{name}:"
         note = field.description or ""
-        if isinstance(value, Section):
+        if value is None:
+            lines.append(_beside(f"{' ' * indent}# {field.alias or name}:", note))
+        elif isinstance(value, Section):
             lines += [_beside(start, note), dump_section(value, indent + 2)]
         elif isinstance(value, tuple) and value and isinstance(value[0], Section):
             entries = [entry.model_dump(mode="json", exclude_none=True) for entry in value]
