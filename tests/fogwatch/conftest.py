@@ -60,10 +60,13 @@ class Run:
             return 0
 
     def until(self, what: Callable[[], bool], limit_s: float = PATIENCE_S) -> None:
-        """Wait for something to become true."""
+        """Wait for something to become true; if it does not, say what the run was doing instead."""
         end = time.monotonic() + limit_s
         while not what():
-            assert time.monotonic() < end, "waited in vain"
+            if time.monotonic() >= end:
+                ticks, children = self.ticks(), sorted(self.children())
+                self.process.kill()
+                pytest.fail(f"waited in vain; {ticks} ticks, {children}, {self.process.communicate()[1][-4000:]}")
             time.sleep(0.005)
 
     def end(self) -> int:
