@@ -1,4 +1,4 @@
-"""The sensor radius that the paper does not give: the one whose runs come nearest to its Tables 2 and 3.
+"""The sensor range that the paper does not give: the one whose runs come nearest to its Tables 2 and 3.
 
 MFoW is a maximum, so fine points show slivers that coarse ones hide: a radius belongs to a size of points.
 """
@@ -37,7 +37,7 @@ def radius_setups(
 ) -> dict[str, Setup]:
     """A setup for each radius (m), by the end of its cases' names. BadInput for radii that make no sense."""
     if not radii or any(not math.isfinite(radius) or radius <= 0.0 for radius in radii) or len({*radii}) < len(radii):
-        raise BadInput("--radii: expected different numbers above 0, in m, such as 10,11,12,13,14")
+        raise BadInput("--ranges: expected different numbers above 0, in m, such as 10,11,12,13,14")
     return {f" range {radius:g}": Setup(point, radius, seeds, settings) for radius in radii}
 
 

@@ -41,7 +41,8 @@ def _head(setup: Setup, command: str, wall_s: float, failed: int, pictures: Sequ
     yield ""
     where = f"`{setup.terrain}`, {setup.robots} robots, {setup.duration:g} s, points of {setup.point:g} m"
     yield f"{where}, seeds {', '.join(map(str, setup.seeds))}; everything else as a scenario has it by default:"
-    yield "cars under the paper's final algorithm, without and with claims (`patrol.separation: claims`)."
+    yield "cars under the paper's final algorithm and giving way (`patrol.give_way`), without and with claims"
+    yield "(`patrol.separation: claims`)."
     for name, value in setup.settings.items():
         yield f"Set everywhere: `{name}: {value}`."
     yield ""

@@ -92,7 +92,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class SensorRange:
-    """The sensor radius (m) that fits Tables 2 and 3 on points of a size (m), and how that was found."""
+    """The sensor range (m) that fits Tables 2 and 3 on points of a size (m), and how that was found."""
 
     point: float
     range: float
@@ -136,7 +136,7 @@ class Remark:
 class Paper:
     """All that is kept of the paper.
 
-    settings: of every cell. fit_tables, fit_below: what a sensor radius is fitted to, namely those cells of these
+    settings: of every cell. fit_tables, fit_below: what a sensor range is fitted to, namely those cells of these
     tables that are printed below so many s.
     """
 
@@ -184,7 +184,7 @@ def paper() -> Paper:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What all cells are run with besides their own settings: point and sensor radius (m), seeds, further settings."""
+    """What all cells are run with besides their own settings: point and sensor range (m), seeds, further settings."""
 
     point: float
     sensor_range: float

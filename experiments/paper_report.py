@@ -48,7 +48,7 @@ def _head(setup: Setup, command: str, wall_s: float) -> Iterator[str]:
     yield ""
     yield f"Made by `{command}`: {_minutes(wall_s)} of computing on one core."
     yield ""
-    radius = f"sensor radius {setup.sensor_range:g} m"
+    radius = f"sensor range {setup.sensor_range:g} m"
     if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):
         radius += f" ({calibrated.found})"
     yield f"Points of {setup.point:g} m, {radius}, seeds {', '.join(map(str, setup.seeds))}."

@@ -54,7 +54,7 @@ app.command()(cli_page.monitor)
 app.add_typer(cli_paper.app, name="paper")
 app.add_typer(cli_experiment.app, name="experiment")
 
-EXIT_CODES = "Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 could not be judged, 130 interrupted."
+EXIT_CODES = "Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown (it could not be judged), 130 interrupted."
 PAGE_SPARES = 2
 """How many robots a page can add unless the scenario or the command line says so."""
 BODY = "Robots"

@@ -28,7 +28,11 @@ from patrol.builtins import builtin_terrain
 from patrol.errors import BadInput
 from patrol.scenario import parse_overrides
 
-app = typer.Typer(help="The paper's tables, ours beside the printed ones.", no_args_is_help=True)
+app = typer.Typer(
+    help="The paper's tables, ours beside the printed ones.",
+    epilog="Exit codes: 0 every run has its numbers, 1 some failed, 2 bad input, 130 interrupted.",
+    no_args_is_help=True,
+)
 
 TERRAIN_POINT = 0.1
 """Points of the drawn terrains, m."""
@@ -48,7 +52,7 @@ Settings = Annotated[
 ]
 Radius = Annotated[
     float | None,
-    typer.Option(metavar="R", help="Sensor radius, m; the calibrated one for the point unless given."),
+    typer.Option(metavar="R", help="Sensor range, m; the calibrated one for the point unless given."),
 ]
 Names = Annotated[str | None, typer.Option(metavar="NAME,...", help="These alone.")]
 
@@ -92,7 +96,7 @@ def everything(
 @app.command()
 def calibrate(
     point: Point = 0.5,
-    radii: Annotated[str, typer.Option(metavar="R,...", help="Sensor radii to try, m.")] = "10,11,12,13,14",
+    ranges: Annotated[str, typer.Option(metavar="R,...", help="Sensor ranges to try, m.")] = "10,11,12,13,14",
     seeds: Seeds = 1,
     duration: Duration = None,
     settings: Settings = None,
@@ -100,9 +104,9 @@ def calibrate(
     workers: Workers = None,
     cluster: ClusterAddress = None,
 ) -> int:
-    """Find the sensor radius, which the paper does not give, that fits its Tables 2 and 3 on points of a size."""
+    """Find the sensor range, which the paper does not give, that fits its Tables 2 and 3 on points of a size."""
     base = _setup(point, None, seeds, duration, settings)
-    setups = setups_of(point, _numbers(radii), base.seeds, base.settings)
+    setups = setups_of(point, _numbers(ranges), base.seeds, base.settings)
     console = Console()
     folder = _folder(out, point)
     outcome = make_runs(calibration_plan(setups), folder, crew_of(workers, cluster), console, foretell=True)
@@ -110,7 +114,7 @@ def calibrate(
     write_text(folder / "calibration.json", json_text(fits_as_json(point, base.seeds, fits)))
     grid = Grid(title=f"Tables 2 and 3 on points of {point:g} m", box=None, pad_edge=False, header_style="cyan")
     below = f"< {paper().fit_below:g} s"
-    for title in ("radius (m)", f"cells {below}", "median ratio", "RMS log error", "correlation", "all: RMS", "corr."):
+    for title in ("range (m)", f"cells {below}", "median ratio", "RMS log error", "correlation", "all: RMS", "corr."):
         grid.add_column(title, justify="right")
     best = best_radius(fits)
     for one in fits:
@@ -131,7 +135,7 @@ def _reproduce(
     console = Console()
     folder = _folder(out, setup.point)
     plan = plan_of(tables, {"": setup})
-    _say(console, f"points of {setup.point:g} m, sensor radius {setup.sensor_range:g} m{_calibrated(setup)}")
+    _say(console, f"points of {setup.point:g} m, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
     outcome = make_runs(plan, folder, crew_of(workers, cluster), console, foretell=True)
     comparisons = [compare(table, setup, outcome) for table in tables]
     for comparison in comparisons:
@@ -200,7 +204,7 @@ def _numbers(text: str) -> list[float]:
     try:
         return [float(number) for number in text.split(",")]
     except ValueError:
-        raise BadInput(f"--radii = {text}: expected numbers such as 10,11,12") from None
+        raise BadInput(f"--ranges = {text}: expected numbers such as 10,11,12") from None
 
 
 def _show(console: Console, comparison: Comparison) -> None:

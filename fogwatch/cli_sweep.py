@@ -41,7 +41,7 @@ ClusterAddress = Annotated[
 
 
 def sweep(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="YAML: base, grid, cases, seeds.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="YAML: base, grid, cases, seeds, against.")],
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where results go and are looked for; runs/NAME unless given.")
     ] = None,

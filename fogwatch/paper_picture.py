@@ -50,7 +50,7 @@ def table_picture(comparison: Comparison, files: Sequence[Path]) -> None:
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=9, borderpad=1.0)
     runs = (
-        f"points of {setup.point:g} m, sensor radius {setup.sensor_range:g} m, {len(setup.seeds)} seeds, 95 % intervals"
+        f"points of {setup.point:g} m, sensor range {setup.sensor_range:g} m, {len(setup.seeds)} seeds, 95 % intervals"
     )
     figure.suptitle(f"Table {table.number}: {table.title}\n{runs}", x=0.01, ha="left", fontsize=10)
     write_figure(figure, files)

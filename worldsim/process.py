@@ -42,7 +42,7 @@ The world of a fleet whose router and robots run elsewhere. {TOGETHER}
 
 The run begins when all robots of the scenario are there. The folder gets the journal and ticks.csv; started by hand,
 also summary.json and scenario.yaml with a copy of its map: all that `fogwatch report`, `replay` and `record` ask for.
-Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 could not be judged, 130 interrupted.
+Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown (it could not be judged), 130 interrupted.
 """
 
 UNKNOWN = 3

@@ -164,8 +164,8 @@ def test_dead_ends_are_further_rows() -> None:
             lambda: plan_of([paper().table(2)], {"": Setup(0.5, 9.0, (1,), {"patrol.fog": 1})}),
             "patrol.fog: unknown key",
         ),
-        (lambda: radius_setups(0.5, [10, 10], (1,), {}), "--radii: expected different numbers"),
-        (lambda: radius_setups(0.5, [math.nan], (1,), {}), "--radii: expected different numbers"),
+        (lambda: radius_setups(0.5, [10, 10], (1,), {}), "--ranges: expected different numbers"),
+        (lambda: radius_setups(0.5, [math.nan], (1,), {}), "--ranges: expected different numbers"),
     ],
 )
 def test_what_does_not_exist_is_bad_input(ask: Callable[[], Any], problem: str) -> None:

@@ -42,7 +42,7 @@ def test_a_table_is_made_shown_and_written(tmp_path: Path, capsys: pytest.Captur
     part = ("--rows", "f3", "--columns", "g3,g4", "--seeds", "2", "--sensor-range", "11")
     code, said, _ = run(capsys, "table", "2", "3", *part, *QUICK, "--out", str(tmp_path))
     assert code == 0
-    assert "points of 1 m, sensor radius 11 m (calibrated for points of" in said
+    assert "points of 1 m, sensor range 11 m (calibrated for points of" in said
     assert "8 runs to make; 1 at a time, " in said
     assert "Table 2: open field, 3 holonomic robots, vector sum; 2 seeds" in said
     assert "assumed: no dilatation" in said
@@ -75,7 +75,7 @@ def test_calibration_prints_what_each_radius_comes_to(
     few = {number: paper().table(number).part(["f3", "f4"], ["g4"]) for number in (2, 3)}
     monkeypatch.setitem(paper().tables, 2, few[2])
     monkeypatch.setitem(paper().tables, 3, few[3])
-    code, said, _ = run(capsys, "calibrate", "--radii", "10,30", *QUICK, "--out", str(tmp_path))
+    code, said, _ = run(capsys, "calibrate", "--ranges", "10,30", *QUICK, "--out", str(tmp_path))
     assert code == 0
     assert "Tables 2 and 3 on points of 1 m" in said
     says = json.loads((tmp_path / "calibration.json").read_text())
@@ -97,8 +97,8 @@ def test_calibration_prints_what_each_radius_comes_to(
         (["table", "2", "--seeds", "0"], "--seeds = 0"),
         (["table", "2", "--set", "patrol.fog=3"], "patrol.fog: unknown key"),
         (["table", "2", "--cluster", "nowhere"], "--cluster = nowhere: cannot be reached"),
-        (["calibrate", "--radii", "ten"], "--radii = ten: expected numbers"),
-        (["calibrate", "--radii", "10,10"], "--radii: expected different numbers"),
+        (["calibrate", "--ranges", "ten"], "--ranges = ten: expected numbers"),
+        (["calibrate", "--ranges", "10,10"], "--ranges: expected different numbers"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
