@@ -344,6 +344,8 @@ def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut]]:
         )
     if len(scenario.roster) > MOST_ROBOTS:
         raise BadInput(f"{options.scenario}: {len(scenario.roster)} robots; a test bed has at most {MOST_ROBOTS}")
+    if scenario.spares:
+        raise BadInput(f"{options.scenario}: has spare robots, and on a test bed nobody can join; leave them out")
     if not 0.0 <= options.loss <= 1.0:
         raise BadInput(f"--loss {options.loss:g}: expected a share from 0 to 1")
     if options.out.exists() and any(options.out.iterdir()):

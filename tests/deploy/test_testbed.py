@@ -83,6 +83,7 @@ def decided(ticks: Sequence[TickRecord], place: int) -> list[int]:
     [
         ({"radio": {"via": "ether"}}, (), "radio.via = ether"),
         ({"pace": "lockstep"}, (), "pace is lockstep"),
+        ({"robots": {"count": 2, "spare": 1}}, (), "has spare robots"),
         ({}, ("--loss", "1.5"), "--loss 1.5"),
         ({}, ("--cut", "r2:soon"), "--cut r2:soon: expected ROBOT:AT:FOR"),
         ({}, ("--cut", "r9:1:2"), "no robot of"),
