@@ -19,18 +19,19 @@ if TYPE_CHECKING:
 
 DPI = 150
 CURVES = (("loss", "each frame by itself", "-", "o"), ("bursts", "in bursts of 8", "--", "s"))
+PANELS = (("", "bare positions"), (WITH_TRAIL, "with the last positions"))
 NO_BARS = ("quiet", *(f"{group}{end}" for group, *_ in CURVES for end in ("", WITH_TRAIL)))
 
 
 def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     """MFoW against the share lost; False, and nothing drawn, where no loss was tried."""
-    if not any(one.condition.group in NO_BARS[1:] for one in found):
+    tried = {one.condition.group for one in found}
+    shown = [(end, title) for end, title in PANELS if tried.intersection(f"{group}{end}" for group, *_ in CURVES)]
+    if not shown:
         return False
-    figure = _figure((11.0, 4.6))
-    panels = figure.subplots(1, 2, sharey=True)
-    for panel, (end, title) in zip(
-        panels, (("", "bare positions"), (WITH_TRAIL, "with the last positions")), strict=True
-    ):
+    figure = _figure((1.0 + 5.0 * len(shown), 4.6))
+    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    for panel, (end, title) in zip(panels, shown, strict=True):
         for colour, variant in zip(COLOURS, VARIANTS, strict=False):
             for group, label, line, marker in CURVES:
                 _curve(panel, found, f"{group}{end}", variant, f"{variant}, {label}", colour, line, marker)
