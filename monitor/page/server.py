@@ -117,7 +117,10 @@ class Server:
 
     async def _read(self, socket: WebSocket, viewer: Viewer, may_ask: bool) -> None:
         while True:
-            says = _understood(await socket.receive_text())
+            message = await socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            says = _understood(message.get("text"))
             match says:
                 case {"type": "drawn"}:
                     viewer.drawn = True
@@ -153,8 +156,9 @@ async def _write(socket: WebSocket, viewer: Viewer) -> None:
     await socket.close(1001)
 
 
-def _understood(text: str) -> object:
-    if len(text) > LONGEST:
+def _understood(text: str | None) -> object:
+    """What a page says; None for what is no text, and for other nonsense."""
+    if text is None or len(text) > LONGEST:
         return None
     try:
         says: object = json.loads(text)

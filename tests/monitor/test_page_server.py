@@ -147,6 +147,18 @@ def test_what_is_no_message_ends_the_connection_and_nothing_else(open_page: Serv
         assert said(socket, "static")["name"]
 
 
+def test_bytes_are_no_message_and_leave_no_traceback(open_page: ServedPage, caplog: pytest.LogCaptureFixture) -> None:
+    with look(open_page) as socket:
+        said(socket, "static")
+        socket.send(b"\0")
+        with pytest.raises(ConnectionClosed) as closed:
+            said(socket, "never")
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 1003
+    assert get(open_page, "/")[0] == 200
+    assert caplog.records == []
+
+
 def test_a_page_that_reads_nothing_gets_no_frame_before_the_last_one_was_taken() -> None:
     async def flooded() -> None:
         viewer = Viewer(asyncio.get_running_loop())
