@@ -20,6 +20,8 @@ export class Controls {
     this.expected = new Map();
     this.called = new Map();
     this.lossTimer = 0;
+    this.lossWanted = null;
+    this.settingLoss = false;
     $("play").addEventListener("click", () => this.#turn());
     $("step").addEventListener("click", () => this.#do({ do: "step" }));
     $("pace").addEventListener("change", () => this.#pace($("pace").value));
@@ -85,7 +87,7 @@ export class Controls {
     $("restart").disabled = AWAY.includes(status);
     const inForce = this.#inForce();
     $("silence").setAttribute("aria-pressed", String(inForce.some((fault) => silences(fault, this.#who()))));
-    if (!this.lossTimer) this.#showLoss(Math.max(0, ...inForce.filter(losesEverywhere).map((fault) => fault.rate)));
+    if (!this.lossTimer && !this.settingLoss) this.#showLoss(Math.max(0, ...inForce.filter(losesEverywhere).map((fault) => fault.rate)));
     $("silence").disabled = AWAY.includes(status);
   }
 
@@ -143,8 +145,8 @@ export class Controls {
     this.#do({ do: "pace", factor: value === "null" ? null : Number(value) });
   }
 
-  #fault(fault) {
-    return this.#do({ do: "fault", fault }, `${fault.kind} ${typeof fault.who === "string" ? fault.who : ""}: asked for`);
+  #fault(fault, instead) {
+    return this.#do({ do: "fault", fault, instead }, `${fault.kind} ${typeof fault.who === "string" ? fault.who : ""}: asked for`);
   }
 
   /** The operators' faults that are in force: as the state tells, but for what it cannot tell yet. */
@@ -172,15 +174,34 @@ export class Controls {
   #lossMoved() {
     $("lossvalue").textContent = `${$("loss").value} %`;
     clearTimeout(this.lossTimer);
-    this.lossTimer = setTimeout(() => this.#setLoss(Number($("loss").value) / 100), SETTLED_MS);
+    this.lossTimer = setTimeout(() => {
+      this.lossTimer = 0;
+      this.lossWanted = Number($("loss").value) / 100;
+      this.#settleLoss();
+    }, SETTLED_MS);
   }
 
-  async #setLoss(rate) {
-    const mine = this.lossTimer;
-    for (const { id } of this.#inForce().filter(losesEverywhere)) await this.#heal(id);
-    if (rate > 0) await this.#lasting({ kind: "loss", id: `loss-${Date.now().toString(36)}`, rate });
-    if (mine === this.lossTimer) this.lossTimer = 0;
+  /** Ask for the newest loss that is wanted once what was asked for before is answered. */
+  async #settleLoss() {
+    if (this.settingLoss) return;
+    this.settingLoss = true;
+    while (this.lossWanted !== null) {
+      const rate = this.lossWanted;
+      this.lossWanted = null;
+      await this.#setLoss(rate);
+    }
+    this.settingLoss = false;
     this.renew();
+  }
+
+  /** One loss in force, or none; a tick without any would be a gap. */
+  async #setLoss(rate) {
+    let before = this.#inForce().filter(losesEverywhere).map(({ id }) => id);
+    if (rate > 0) {
+      await this.#lasting({ kind: "loss", id: `loss-${Date.now().toString(36)}`, rate }, before[0]);
+      before = before.slice(1);
+    }
+    for (const id of before) await this.#heal(id);
   }
 
   #showLoss(rate) {
@@ -189,8 +210,11 @@ export class Controls {
     $("lossvalue").textContent = `${share} %`;
   }
 
-  async #lasting(fault) {
-    if (await this.#fault(fault)) this.#expect(fault.id, fault);
+  /** A fault until it is taken back. instead: the one that ends at that moment, if any. */
+  async #lasting(fault, instead) {
+    if (!(await this.#fault(fault, instead))) return;
+    if (instead) this.expected.set(instead, { fault: null, until: performance.now() + NEWS_MS });
+    this.#expect(fault.id, fault);
   }
 
   async #heal(id) {
