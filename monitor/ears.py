@@ -94,6 +94,7 @@ class EarSource:
             bound_s=None,
             live=True,
             layers=(HEARD,),
+            direct=self._scenario.radio.via == "direct",
             note=f"positions alone: nobody tells the truth here, nor what was before{self._unknown}",
         )
 
@@ -116,6 +117,10 @@ class EarSource:
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
         """The tick in which each point was last seen, as heard."""
         return self._listener.fog.last_seen if layer == HEARD else None
+
+    def since(self, layer: Layer) -> int:  # noqa: ARG002 - its time begins when it does
+        """See `Source`."""
+        return 0
 
     def trail(self, first: int, last: int) -> None:
         """The page remembers."""

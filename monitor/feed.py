@@ -10,16 +10,17 @@ from __future__ import annotations
 import json
 import time
 from array import array
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.follow import HEARD, Follower
+from monitor.follow import HEARD, Follower, Followers
 from monitor.observer import as_sent
 from monitor.source import Answer, Layer, Links, RobotShape, RobotState, Series, State, Static
 from patrol.controls import CONTROLS, OPERATOR, amended, in_force, read_control, told
@@ -33,6 +34,9 @@ from patrol.pose import Pose
 from patrol.records import FORGED, End, Event, Header, Status, TickRecord
 from patrol.scenario import Scenario, load_scenario
 from patrol.terrain import Terrain
+
+if TYPE_CHECKING:
+    from monitor.wire import Wire
 
 SLICE_S = 0.05
 """Wall time that catching up on a belief may take at a time."""
@@ -49,36 +53,6 @@ BATCHES = 4096
 
 _RATE_S = 3.0
 _SAMPLE_S = 0.1
-
-
-class Wire(Protocol):
-    """What connects a viewer with a world."""
-
-    def batch(self, timeout_s: float) -> Batch | None:
-        """The next batch, or None when none came in time."""
-        ...
-
-    def so_far(self) -> bytes | None:
-        """The world's answer to the question for all so far, None without one."""
-        ...
-
-    def ask(self, control: Mapping[str, Any]) -> Answer:
-        """The world's answer to a control."""
-        ...
-
-    @property
-    def may_ask(self) -> bool:
-        """Whether controls are obeyed at all."""
-        ...
-
-    @property
-    def present(self) -> bool:
-        """Whether there is a world."""
-        ...
-
-    def close(self) -> None:
-        """No more is wanted."""
-        ...
 
 
 class LiveSource:
@@ -105,7 +79,10 @@ class LiveSource:
         self._ended: str | None = None
         self._events: list[Event] = []
         self._next_event = 0
-        self._followers: dict[Layer, Follower] = {}
+        # With a direct radio the journal has what the world has overheard; what robots have, nobody knows.
+        self._direct = self._scenario.radio.via == "direct"
+        self._layers: tuple[Layer, ...] = ("truth", HEARD, *(() if self._direct else self._numbers))
+        self._followers = Followers(self._follower)
         self._log: deque[tuple[int, bytes]] = deque()
         self._logged = 0
         self._last: TickRecord | None = None
@@ -114,7 +91,6 @@ class LiveSource:
         self._asked_at = now()
         self._news_at = now()
         self._shown: tuple[object, ...] = ()
-        self._gaps = 0
         self._begin(so_far)
 
     # --- Source ------------------------------------------------------------------------------------------------------
@@ -138,8 +114,9 @@ class LiveSource:
             ticks=self._scenario.ticks,
             bound_s=self._header.bound_s,
             live=True,
-            layers=("truth", HEARD, *self._numbers),
+            layers=self._layers,
             controls=CONTROLS if self._wire.may_ask else (),
+            direct=self._direct,
         )
 
     def wait(self, timeout_s: float) -> State | None:
@@ -147,14 +124,14 @@ class LiveSource:
         until = self._now() + timeout_s
         while True:
             left = until - self._now()
-            catching = any(follower.behind for follower in self._followers.values())
-            batch = self._wire.batch(0.0 if catching else max(0.0, left))
+            batch = self._wire.batch(0.0 if self._followers.behind else max(0.0, left))
             for _ in range(BATCHES):
                 if batch is None:
                     break
                 self._take(batch)
                 batch = self._wire.batch(0.0)
             self._catch_up(min(SLICE_S, max(left, 0.01)))
+            self._followers.drop(self._now())
             state = self._state()
             mark = (state.k, state.running, state.pace, state.ended, state.note, len(self._events))
             if mark != self._shown:
@@ -167,12 +144,14 @@ class LiveSource:
         """The tick in which each point was last seen; None while it is still worked out."""
         if layer == "truth":
             return self._truth.last_seen
-        if layer != HEARD and layer not in self._place:
+        if layer not in self._layers:
             return None
-        follower = self._followers.get(layer)
-        if follower is None:
-            follower = self._followers[layer] = self._follower(layer)
+        follower = self._followers.ask(layer, self._now())
         return None if follower.behind else follower.fog.last_seen
+
+    def since(self, layer: Layer) -> int:
+        """See `Source`; of a belief, whatever is remembered."""
+        return self._followers.since(layer)
 
     def trail(self, first: int, last: int) -> NDArray[np.float64] | None:
         """See `Source`; None where one of these ticks is not remembered."""
@@ -184,10 +163,9 @@ class LiveSource:
 
     def series(self, after: int) -> Series:
         """What is known of MFoW and mean fog in ticks after `after`."""
-        ticks = np.array(self._ticks, dtype=np.int64)
-        first = int(np.searchsorted(ticks, after, side="right"))
+        first = bisect_right(self._ticks, after)
         mfow, mean = (np.array(values[first:], dtype=np.float64) * self._step for values in (self._mfow, self._mean))
-        return Series(ticks[first:], mfow, mean)
+        return Series(np.array(self._ticks[first:], dtype=np.int64), mfow, mean)
 
     def events(self, since: int) -> Sequence[Event]:
         """What has happened, from the event numbered `since` on."""
@@ -227,18 +205,16 @@ class LiveSource:
         self._next_event = so_far.event + len(so_far.events)
         side = (len(self._numbers),) * 2
         self._links = Links(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64))
-        self._spoke: dict[int, int] = {}
+        self._heard: dict[int, int] = {}
         self._rates.clear()
         self._log.clear()
         self._logged = 0
         self._paths.clear()
-        self._followers = {layer: self._follower(layer) for layer in self._followers}
+        self._followers.begin_anew()
 
     def _take(self, batch: Batch) -> None:
-        if batch.first > self._number:
-            self._gaps += 1
-            if not self._ask_anew():
-                return
+        if batch.first > self._number and not self._ask_anew():
+            return
         for number, packed in enumerate(batch.records, start=batch.first):
             if number == self._number:
                 self._number += 1
@@ -270,8 +246,6 @@ class LiveSource:
                 self._logged += len(packed)
                 while self._logged > REMEMBERED:
                     self._logged -= len(self._log.popleft()[1])
-                    for follower in self._followers.values():
-                        follower.forget()
             case Event():
                 self._amend(record)
                 self._events.append(_shown(record))
@@ -300,9 +274,11 @@ class LiveSource:
     def _count(self, record: TickRecord) -> None:
         place, links = self._place, self._links
         here = [place[row.number] for row in record.robots if row.status not in (Status.ABSENT, Status.LEFT)]
+        alone = self._direct or len(here) == 1
         for source, _ in record.frames:
             if source != FORGED:
-                self._spoke[source] = record.k
+                if alone:  # what was sent is all that can be told
+                    self._heard[source] = record.k
                 links.sent[place[source], here] += 1
                 links.sent[place[source], place[source]] = 0
         for source, to, _, _ in record.copies:
@@ -312,6 +288,7 @@ class LiveSource:
             if source != FORGED:
                 links.delivered[place[source], place[to]] += 1
                 links.heard[place[source], place[to]] = record.k
+                self._heard[source] = record.k
 
     def _amend(self, event: Event) -> None:
         if event.kind == OPERATOR:
@@ -329,15 +306,12 @@ class LiveSource:
             key = None
         number = layer if isinstance(layer, int) else None
         area = self._ground.patrolled if number is None else self._ground.areas[self._ground.area_of[number]]
-        return Follower(number, self._scenario, self._terrain, self._footprint, area, key, self._log)
+        facts = (self._scenario, self._terrain, self._footprint, area, self._ground.patrolled)
+        return Follower(number, *facts, key, self._log, self._log[0][0] if self._log else self._since)
 
     def _catch_up(self, limit_s: float) -> None:
         until = self._now() + limit_s
-        for follower in self._followers.values():
-            while follower.behind:
-                follower.step()
-                if self._now() >= until:
-                    return
+        self._followers.catch_up(lambda: self._now() >= until)
 
     # --- showing -----------------------------------------------------------------------------------------------------
 
@@ -353,7 +327,7 @@ class LiveSource:
             robots=() if last is None else tuple(self._robot(last, place) for place in range(len(self._numbers))),
             mfow_s=None if last is None else last.mfow * self._step,
             fog_mean_s=None if last is None else last.fog_mean * self._step,
-            links=self._links,
+            links=None if self._direct else self._links,
             ended=self._ended,
             intruders=tuple(one.place for one in self._scenario.intruders if one.is_there(k * self._step)),
             faults=in_force(self._scenario, coming, self._planned),
@@ -362,7 +336,7 @@ class LiveSource:
 
     def _robot(self, last: TickRecord, place: int) -> RobotState:
         row = last.robots[place]
-        spoke = self._spoke.get(row.number)
+        heard = self._heard.get(row.number)
         there = row.status not in (Status.ABSENT, Status.LEFT)
         return RobotState(
             number=row.number,
@@ -371,7 +345,7 @@ class LiveSource:
             pose=Pose(row.x, row.y, row.heading) if there else None,
             goal=row.goal,
             decision_ms=row.decision_ms,
-            heard_s=None if spoke is None else (last.k - spoke) * self._step,
+            heard_s=None if heard is None else (last.k - heard) * self._step,
             rejected=row.rejected,
         )
 

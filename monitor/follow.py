@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Sequence
+from collections.abc import Callable
 from itertools import islice
 from typing import TYPE_CHECKING, Final
 
 from monitor.beliefs import GONE, frames_of
-from monitor.observer import NOBODY, Listener, as_sent
+from monitor.observer import NOBODY, Listener, as_sent, keep_outside
 from patrol.inbox import inbox_of
 from patrol.journal import unpack
 from patrol.message import Rejected, decode
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from monitor.source import Layer
     from patrol.fog import Fog
     from patrol.footprint import Footprint
     from patrol.scenario import Scenario
@@ -30,12 +31,17 @@ HEARD: Final = "heard"
 PAST = 256
 """Ticks whose frames are kept for those that arrive late."""
 
+KEPT_S = 10.0
+"""For how long a belief is followed that nobody asks for."""
+
+Log = deque[tuple[int, bytes]]
+
 
 class Follower:
     """One listener, taken along a log of packed ticks that grows at its end and may lose its beginning.
 
-    number: whose belief, None for somebody who hears every frame that is sent. area: bool (h, w), what it patrols. log:
-    (k, packed record); `forget` is to be called whenever its first entry is taken away.
+    number: whose belief, None for somebody who hears every frame that is sent. area: bool (h, w), what it patrols.
+    patrolled: bool (h, w), what the fleet does. log: (k, packed record), one for each tick. since: its first tick.
     """
 
     def __init__(
@@ -45,42 +51,50 @@ class Follower:
         terrain: Terrain,
         footprint: Footprint,
         area: NDArray[np.bool_],
+        patrolled: NDArray[np.bool_],
         key: bytes | None,
-        log: Sequence[tuple[int, bytes]] | deque[tuple[int, bytes]],
+        log: Log,
+        since: int,
     ) -> None:
         self._number = number
         self._scenario = scenario
         self._bounds = terrain.bounds
         self._footprint = footprint
         self._area = area
+        self._patrolled = patrolled
         self._key = key
         self._log = log
-        self._done = 0
+        self._next = 0
         self._past: deque[tuple[int, dict[tuple[int, int], bytes]]] = deque(maxlen=PAST)
         self._waiting: deque[tuple[int, bytes]] = deque()
-        self._was = Status.ALIVE
-        self._listener = self._new_listener()
+        self._begin(since)
 
     @property
     def behind(self) -> bool:
         """Whether there are ticks that it has not taken in."""
-        return self._done < len(self._log)
+        return bool(self._log) and self._next <= self._log[-1][0]
 
     @property
     def fog(self) -> Fog:
         """What follows from the ticks taken in."""
         return self._listener.fog
 
-    def forget(self) -> None:
-        """The log has lost its first entry."""
-        self._done = max(0, self._done - 1)
+    def _begin(self, k: int) -> None:
+        """Begin with tick k, knowing nothing of what was before."""
+        self._next = self.since = k
+        self._past.clear()
+        self._was = Status.ALIVE
+        self._listener = self._new_listener()
 
     def step(self) -> None:
         """Take in the next tick."""
         if not self._waiting:
-            self._waiting.extend(islice(self._log, self._done, self._done + PAST))
-        _, packed = self._waiting.popleft()
-        self._done += 1
+            first = self._log[0][0]
+            if self._next < first:  # forgotten before it was taken in
+                self._begin(first)
+            self._waiting.extend(islice(self._log, self._next - first, self._next - first + PAST))
+        self._next, packed = self._waiting.popleft()
+        self._next += 1
         record = unpack(packed)
         if not isinstance(record, TickRecord):
             return
@@ -91,7 +105,8 @@ class Follower:
             return
         row = next(row for row in record.robots if row.number == self._number)
         if row.status.name.lower() not in GONE and self._was.name.lower() in (*GONE, "absent"):
-            self._listener = self._new_listener()  # a new mind, which knows nothing
+            self._listener = self._new_listener()
+            self.since = 0  # a new mind: what it knows, which is nothing, is known
         self._was = row.status
         if row.status is Status.ALIVE:
             self._listener.look(record.k, self._own(record, frames, Pose(row.x, row.y, row.heading)))
@@ -121,4 +136,49 @@ class Follower:
     def _new_listener(self) -> Listener:
         own = NOBODY if self._number is None else self._number
         inbox = inbox_of(self._scenario, own, self._bounds, self._key)
-        return Listener(self._footprint, self._area, inbox, self._scenario.step)
+        listener = Listener(self._footprint, self._area, inbox, self._scenario.step)
+        keep_outside(listener.fog, self._patrolled)
+        return listener
+
+
+class Followers:
+    """Those that are wanted, each as long as it is. make: a new one, at the beginning of what is remembered."""
+
+    def __init__(self, make: Callable[[Layer], Follower]) -> None:
+        self._make = make
+        self._all: dict[Layer, Follower] = {}
+        self._asked: dict[Layer, float] = {}
+
+    @property
+    def behind(self) -> bool:
+        """Whether some of them have ticks to take in."""
+        return any(follower.behind for follower in self._all.values())
+
+    def ask(self, layer: Layer, now_s: float) -> Follower:
+        """The one for a fog, which is wanted at this time (s, of any clock)."""
+        if layer not in self._all:
+            self._all[layer] = self._make(layer)
+        self._asked[layer] = now_s
+        return self._all[layer]
+
+    def since(self, layer: Layer) -> int:
+        """See `monitor.source.Source`; 0 of one that is not followed."""
+        return self._all[layer].since if layer in self._all else 0
+
+    def drop(self, now_s: float) -> None:
+        """Nobody has asked for some of them for long: each would cost all that is sent in every tick."""
+        for layer in [layer for layer, asked in self._asked.items() if now_s > asked + KEPT_S]:
+            del self._all[layer], self._asked[layer]
+
+    def begin_anew(self) -> None:
+        """What was remembered is gone."""
+        self._all = {layer: self._make(layer) for layer in self._all}
+
+    def catch_up(self, over: Callable[[], bool]) -> None:
+        """Take in ticks until there are no more, or until it is over; who was not served is the first next time."""
+        for layer, follower in list(self._all.items()):
+            while follower.behind:
+                follower.step()
+                if over():
+                    return
+            self._all[layer] = self._all.pop(layer)

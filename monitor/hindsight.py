@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.beliefs import BeliefWatcher
-from monitor.observer import Listener
+from monitor.observer import Listener, keep_outside
 from monitor.runs import Run
 from patrol.fog import Fog
 from patrol.footprint import Footprint, sensor_footprint
@@ -46,7 +46,7 @@ class Hindsight:
                 return None
         base = self._before(k)
         if not base <= self._k <= k:
-            self._fog = Fog.resumed(self._patrolled, self._kept[base]) if base >= 0 else Fog(self._patrolled)
+            self._fog = Fog.resumed(self._patrolled, self._kept.get(base, self._blank))
             self._k = base
         while self._k < k:
             self._walk()
@@ -57,9 +57,10 @@ class Hindsight:
     def _choose(self, number: int) -> None:
         self._number = number
         self._patrolled = self._run.prepared.fields[number].patrolled
+        self._blank = keep_outside(Fog(self._patrolled), self._run.prepared.patrolled).last_seen
         self._recall = _Recall(self._run, self._footprint, self._key, number)
         self._kept: dict[int, NDArray[np.int32]] = {}
-        self._fog = Fog(self._patrolled)
+        self._fog = Fog.resumed(self._patrolled, self._blank)
         self._k = -1
 
     def _before(self, k: int) -> int:
@@ -70,7 +71,7 @@ class Hindsight:
         """One tick on."""
         self._k += 1
         if self._k in self._recall.anew:
-            self._fog = Fog(self._patrolled)
+            self._fog = Fog.resumed(self._patrolled, self._blank)
         for at, pose in self._recall.looks[self._k]:
             self._fog.observe(self._footprint.visible(pose), at)
         if self._k % self._apart == 0:

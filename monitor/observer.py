@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from monitor.source import OUTSIDE
 from patrol.fog import Fog
 from patrol.hearsay import Hearsay
 from patrol.inbox import Inbox
@@ -28,6 +29,15 @@ NOBODY = -1
 def as_sent(number: int, pose: Pose) -> Pose:
     """A pose as others hear it (cm, mrad); every footprint is computed from it."""
     return Position.of(number, 0, 0.0, pose).pose
+
+
+def keep_outside(fog: Fog, patrolled: NDArray[np.bool_]) -> Fog:
+    """The fog, in which the fleet's patrolled points, bool (h, w), that do not count for it say so (`OUTSIDE`).
+
+    They never change: an observation leaves alone what does not count.
+    """
+    fog.last_seen[patrolled & (fog.patrolled == 0)] = OUTSIDE
+    return fog
 
 
 class Listener:

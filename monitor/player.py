@@ -41,6 +41,9 @@ class Player:
         self._replay = Replay(run)
         self._links = LinkLog(run)
         self._hindsight = Hindsight(run, _key_of(run))
+        # With a direct radio nobody knows who heard what.
+        self._direct = run.prepared.scenario.radio.via == "direct"
+        self._layers: tuple[Layer, ...] = ("truth", *(() if self._direct else run.numbers))
         self._changed = threading.Condition()
         self._k = 0
         self._place = 0.0
@@ -75,9 +78,10 @@ class Player:
             ticks=run.ticks,
             bound_s=run.journal.header.bound_s,
             live=False,
-            layers=("truth", *run.numbers),
+            layers=self._layers,
             controls=("pause", "go", "step", "pace", "seek"),
             note="" if run.ended is not None else "this run was cut off, or goes on; what there is of it is shown",
+            direct=self._direct,
         )
 
     def wait(self, timeout_s: float) -> State | None:
@@ -105,9 +109,15 @@ class Player:
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
         """See `Source`; what a robot believed takes a while to find out."""
+        if layer not in self._layers:
+            return None
         if isinstance(layer, int):
             return self._hindsight.last_seen(layer, self._at)
-        return self._replay.fog(self._at).last_seen if layer == "truth" else None
+        return self._replay.fog(self._at).last_seen
+
+    def since(self, layer: Layer) -> int:  # noqa: ARG002 - a run is known from its beginning
+        """See `Source`."""
+        return 0
 
     def trail(self, first: int, last: int) -> NDArray[np.float64]:
         """See `Source`."""
@@ -185,8 +195,8 @@ class Player:
 
     def _state(self, k: int, running: bool, pace: float, rate: float) -> State:
         run = self._run
-        links = self._links.at(k)
-        self._lacks_links = links is None
+        links = None if self._direct else self._links.at(k)
+        self._lacks_links = links is None and not self._direct
         robots = []
         for place, number in enumerate(run.numbers):
             x, y, heading = run.poses[k, place].tolist()

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 Layer = Literal["truth", "heard"] | int
 """A fog: the true one, the one that follows from all positions that can be heard, or what a robot believes."""
 
+OUTSIDE = -2
+"""In place of a last-seen tick: the point counts for the fleet, but not for the one whose fog this is."""
+
 
 @dataclass(frozen=True, slots=True)
 class RobotShape:
@@ -42,7 +45,8 @@ class Static:
     m. origin: m, the grid's lower left corner. step: s of a tick. ticks: of the whole run, None where nobody knows.
     bound_s: the lower bound of MFoW, None where nobody knows. live: it is going on now. layers: the fogs that
     `last_seen` can tell of, the first one best. controls: what `ask` takes, by the names of a control's "do"; none
-    where nothing can be asked. note: what the viewer should know besides, such as what is missing.
+    where nothing can be asked. note: what the viewer should know besides, such as what is missing. direct: robots hear
+    each other by themselves (`radio.via`), so nobody else knows what each of them has heard: no links, no beliefs.
     """
 
     name: str
@@ -59,6 +63,7 @@ class Static:
     layers: tuple[Layer, ...]
     controls: tuple[str, ...] = ()
     note: str = ""
+    direct: bool = False
 
     @property
     def has_truth(self) -> bool:
@@ -72,8 +77,9 @@ class RobotState:
 
     status: its standing; LOST where only positions are known and none has come for long. state: what its mind says it
     does, empty where it says nothing. pose: where it truly is, or was last heard; None where that is unknown. goal: m.
-    decision_ms: of its last decision. heard_s: how long ago its last position was heard by the source itself, None
-    where none was. rejected: frames that it has refused so far.
+    decision_ms: of its last decision. heard_s: how long ago it was last heard by another robot, or by the source where
+    robots' hearing is not known or none is there to hear it; None where it was not. rejected: frames that it has
+    refused so far.
     """
 
     number: int
@@ -155,10 +161,14 @@ class Source(Protocol):
         ...
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
-        """int32 (h, w): the tick in which each point was last seen, `patrol.fog.NEVER` where not; None: not known.
+        """int32 (h, w): the tick in which each point was last seen; None while that is worked out, or not known.
 
-        As of the state that `wait` returned last.
+        As of the state that `wait` returned last. `patrol.fog.NEVER` where a point was not seen, and `OUTSIDE`.
         """
+        ...
+
+    def since(self, layer: Layer) -> int:
+        """The tick from which on a fog is followed: a point that was last seen before it may have been seen later."""
         ...
 
     def trail(self, first: int, last: int) -> NDArray[np.float64] | None:

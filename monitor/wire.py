@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from monitor.source import Answer
 from patrol.controls import ASK, read_answer, request
@@ -22,8 +22,38 @@ CONTROL_S = 15.0
 """How long a world may take to answer, s of wall time."""
 
 
+class Wire(Protocol):
+    """What connects a viewer with a world."""
+
+    def batch(self, timeout_s: float) -> Batch | None:
+        """The next batch, or None when none came in time."""
+        ...
+
+    def so_far(self) -> bytes | None:
+        """The world's answer to the question for all so far, None without one."""
+        ...
+
+    def ask(self, control: Mapping[str, Any]) -> Answer:
+        """The world's answer to a control."""
+        ...
+
+    @property
+    def may_ask(self) -> bool:
+        """Whether controls are obeyed at all."""
+        ...
+
+    @property
+    def present(self) -> bool:
+        """Whether there is a world."""
+        ...
+
+    def close(self) -> None:
+        """No more is wanted."""
+        ...
+
+
 class FeedWire:
-    """A `monitor.feed.Wire` over Zenoh. token: the right to control the fleet, or None."""
+    """A `Wire` over Zenoh. token: the right to control the fleet, or None."""
 
     def __init__(self, link: Link, keys: FleetKeys, token: str | None = None) -> None:
         self._link = link

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 from monitor.faultbands import bands_of
 from monitor.page import words
+from monitor.page.thinning import thinned
 from monitor.page.tiles import TileBook, layer_number, terrain_packet
 from monitor.source import Layer, Source, State
 
@@ -23,6 +24,8 @@ FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0
 SELDOM_S = 0.5
 """Wall time between two looks at links, charts and events."""
 WAIT_S = 0.1
+MOST_POINTS = 5000
+"""Of the chart, at once."""
 TRAIL = 240
 """Ticks of a trail, as in store.js."""
 
@@ -31,7 +34,7 @@ Message = str | bytes
 
 @dataclass(eq=False)
 class Viewer:
-    """One open page. layers: the fogs it shows. sent: the versions it has of each.
+    """One open page. layers: the fogs it shows. sent: the version and the tick that it has of each.
 
     drawn: it says that it has drawn all it got. posted, written: frames handed over, and those that the socket took; a
     page that says more than is true gets no frame before the last one is on its way.
@@ -43,7 +46,7 @@ class Viewer:
     drawn: bool = True
     posted: int = 0
     written: int = 0
-    sent: dict[Layer, int] = field(default_factory=dict)
+    sent: dict[Layer, tuple[int, int]] = field(default_factory=dict)
     state: State | None = None
     ticks: int = -1
     events: int = 0
@@ -145,12 +148,12 @@ class Hub:
         messages: list[Message] = []
         for layer in viewer.layers:
             book = self._books.get(layer)
-            if book is None:
+            if book is None or book.tick != state.k:  # it is still worked out, which the page sees by the tick it has
                 continue
-            packet = book.packet(viewer.sent.get(layer, 0), state.k)
-            viewer.sent[layer] = book.version
-            if packet is not None:
-                messages.append(packet)
+            version, tick = viewer.sent.get(layer, (0, -1))
+            if (version, tick) != (book.version, book.tick):
+                viewer.sent[layer] = book.version, book.tick
+                messages.append(book.packet(version, self.source.since(layer)))
         now = self._now()
         if now >= viewer.seldom:
             viewer.seldom = now + SELDOM_S
@@ -187,7 +190,7 @@ class Hub:
         series = self.source.series(viewer.ticks)
         if len(series.ticks):
             viewer.ticks = int(series.ticks[-1])
-            messages.append(words.series_words(series))
+            messages.append(words.series_words(thinned(series, MOST_POINTS)))
         if state.links is not None and state.k != viewer.links_k:
             viewer.links_k = state.k
             messages.append(words.links_words(state.links, state.k))

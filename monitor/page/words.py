@@ -37,6 +37,7 @@ def static_words(static: Static, may_ask: bool) -> str:
             "controls": list(static.controls) if may_ask else [],
             "mayAsk": may_ask or not static.controls,
             "note": static.note,
+            "direct": static.direct,
             "robots": [
                 {
                     "number": robot.number,

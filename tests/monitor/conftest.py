@@ -107,6 +107,35 @@ def hazy(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     return run_of(tmp_path_factory.mktemp("hazy"), {**QUIET, "name": "hazy", "sensor": {"quality": 0.6}})
 
 
+@pytest.fixture(scope="session")
+def muted(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run whose first robot nobody hears from tick 10 on."""
+    silence = {"kind": "silence", "who": "r1", "direction": "both", "at": 5}
+    return run_of(tmp_path_factory.mktemp("muted"), {**QUIET, "name": "muted", "faults": [silence]})
+
+
+@pytest.fixture(scope="session")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run of one robot."""
+    robots = {"count": 1, "model": "holonomic"}
+    return run_of(tmp_path_factory.mktemp("alone"), {**QUIET, "name": "alone", "duration": 10, "robots": robots})
+
+
+@pytest.fixture(scope="session")
+def mixed(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run of robots that do not all get everywhere."""
+    robots = [{"model": "holonomic", "radius": radius} for radius in (0.3, 2.5)]
+    facts = {"name": "mixed", "duration": 10, "sensor": {"range": 3.0}, "robots": robots}
+    return run_of(tmp_path_factory.mktemp("mixed"), {**QUIET, **facts})
+
+
+@pytest.fixture(scope="session")
+def direct(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run whose robots would hear each other by themselves; here nobody carries their frames."""
+    facts = {"name": "direct", "duration": 10, "pace": "realtime", "radio": {"via": "direct"}}
+    return run_of(tmp_path_factory.mktemp("direct"), {**QUIET, **facts})
+
+
 @pytest.fixture
 def copied(tmp_path: Path) -> Callable[[Seen], Path]:
     """A copy of a run's folder, to change."""

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from monitor.feed import AGAIN_S, LiveSource
 from monitor.follow import HEARD
+from monitor.player import Player
 from monitor.source import Answer, State
 from patrol.controls import OPERATOR
 from patrol.errors import BadInput
@@ -260,6 +261,41 @@ def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet:
     wire.number = 20
     state = watched(wire.source())
     assert [one["id"] for one in state.faults] == ["f1"]
+
+
+def test_a_robot_that_nobody_hears_is_silent_however_much_it_sends(muted: Seen) -> None:
+    run, wire = muted.open(), Told(muted)
+    source = wire.source()
+    wire.send(10_000)
+    state = watched(source)
+    heard = [robot.heard_s for robot in state.robots]
+    assert heard == [(state.k - 9) * run.step, 0.0, 0.0]
+
+
+def test_the_only_robot_is_heard_of_as_long_as_it_sends(alone: Seen) -> None:
+    wire = Told(alone)
+    source = wire.source()
+    wire.send(10_000)
+    assert [robot.heard_s for robot in watched(source).robots] == [0.0]
+
+
+def test_of_a_direct_radio_nobody_tells_who_heard_what(direct: Seen) -> None:
+    wire = Told(direct)
+    source = wire.source()
+    wire.send(10_000)
+    state = watched(source)
+    assert state.links is None
+    assert [robot.heard_s for robot in state.robots] == [0.0, 0.0, 0.0]  # the world has overheard them
+    assert source.static().direct
+    assert source.static().layers == ("truth", HEARD)
+    assert source.last_seen(1) is None
+    player = Player(direct.open())
+    assert player.static().direct
+    assert player.static().layers == ("truth",)
+    shown = player.wait(1.0)
+    assert shown is not None
+    assert shown.links is None
+    assert player.last_seen(1) is None
 
 
 class Asking:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from monitor.hindsight import Hindsight
 from monitor.linklog import LinkLog
 from monitor.player import Player
 from tests.browser import Look, browser_or_skip, looking
@@ -42,6 +43,21 @@ def colours(look: Look) -> int:
                 .getImageData(c.width / 4, c.height / 4, c.width / 2, c.height / 2).data, seen = new Set();
                 for (let i = 0; i < d.length; i += 44) seen.add([d[i] >> 4, d[i + 1] >> 4, d[i + 2] >> 4].join());
                 return seen.size; }"""
+        )
+    )
+
+
+def yellows(look: Look) -> int:
+    """How many pixels of the map have the colour of what has just been seen."""
+    return int(
+        look.evaluate(
+            """() => { const { width, height } = document.getElementById('canvas');
+                const copy = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
+                copy.drawImage(document.getElementById('canvas'), 0, 0);
+                const d = copy.getImageData(0, 0, width, height).data;
+                let found = 0;
+                for (let i = 0; i < d.length; i += 4) found += d[i] > 240 && d[i + 1] > 220 && d[i + 2] < 80;
+                return found; }"""
         )
     )
 
@@ -158,6 +174,31 @@ def test_links_that_take_a_while_to_read_come_by_themselves(
         read.set()
         look.until("!document.getElementById('matrix').hidden")
         assert look.evaluate("document.getElementById('linktip').textContent") == "rows send, columns hear"
+
+
+def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
+    chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known, last_seen = threading.Event(), Hindsight.last_seen
+    monkeypatch.setattr(
+        Hindsight, "last_seen", lambda one, number, k: last_seen(one, number, k) if known.is_set() else None
+    )
+    caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
+    with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.hover("#canvas", position={"x": 455, "y": 300})
+        truth = look.picture("#canvas")
+        for fog in ("3", "d3"):
+            known.clear()
+            look.page.select_option("#layer", fog)
+            seek(look, 50 if fog == "3" else 20)
+            look.until(f"{caption} === 'working it out' && {tip}.includes('working it out')")
+            assert yellows(look) == 0
+            known.set()
+            look.until(f"{caption} !== 'working it out' && !{tip}.includes('working')")
+            look.until(f"/seen .* ago/.test({tip})")
+            assert (yellows(look) > 1000) == (fog == "3")
+        assert look.picture("#canvas") != truth
 
 
 def test_a_run_that_is_over_stays_over_when_its_page_ends(chromium: Any, faulty: Seen) -> None:

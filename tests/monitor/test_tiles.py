@@ -12,13 +12,13 @@ from monitor.page.tiles import SIDE, TileBook, terrain_packet
 SHAPE = (SIDE + 9, 2 * SIDE + 5)
 
 
-def unpack(packet: bytes, shown: NDArray[np.int32]) -> tuple[int, int]:
-    """What the page does with a packet; its layer and how many tiles it holds."""
-    layer, _, tiles, runs = np.frombuffer(packet, "<i4", 4).tolist()
-    ids, counts = np.frombuffer(packet, "<i4", 2 * tiles, 16).reshape(2, tiles)
-    values = np.frombuffer(packet, "<i4", runs, 16 + 8 * tiles)
-    lengths = np.frombuffer(packet, "<u2", runs, 16 + 8 * tiles + 4 * runs)
-    assert len(packet) == 16 + 8 * tiles + 6 * runs
+def unpack(packet: bytes, shown: NDArray[np.int32]) -> tuple[int, int, int, int]:
+    """What the page does with a packet; its layer, its tick, since when it is known, and how many tiles it holds."""
+    layer, tick, since, tiles, runs = np.frombuffer(packet, "<i4", 5).tolist()
+    ids, counts = np.frombuffer(packet, "<i4", 2 * tiles, 20).reshape(2, tiles)
+    values = np.frombuffer(packet, "<i4", runs, 20 + 8 * tiles)
+    lengths = np.frombuffer(packet, "<u2", runs, 20 + 8 * tiles + 4 * runs)
+    assert len(packet) == 20 + 8 * tiles + 6 * runs
     across = -(-shown.shape[1] // SIDE)
     run = 0
     for tile, count in zip(ids.tolist(), counts.tolist(), strict=True):
@@ -28,7 +28,7 @@ def unpack(packet: bytes, shown: NDArray[np.int32]) -> tuple[int, int]:
         np.copyto(part, said, where=said != KEEP)
         run += count
     assert run == runs
-    return layer, tiles
+    return layer, tick, since, tiles
 
 
 Change = tuple[int, int, int, int, int]
@@ -53,10 +53,9 @@ def test_whoever_looks_however_often_sees_the_map(turns: list[tuple[list[Change]
         book.take(now, tick)
         for name, shown in (("keen", keen), ("lazy", lazy)):
             if name == "keen" or looks:
-                packet = book.packet(had[name], tick)
-                assert (packet is None) == (had[name] == book.version)
-                if packet is not None:
-                    assert unpack(packet, shown)[0] == 3
+                layer, of, since, tiles = unpack(book.packet(had[name], 7), shown)
+                assert (layer, of, since) == (3, tick, 7)
+                assert (tiles == 0) == (had[name] == book.version)
                 had[name] = book.version
                 np.testing.assert_array_equal(shown, now)
 
@@ -68,12 +67,13 @@ def test_only_what_changed_is_sent() -> None:
     before = book.version
     now[3:9, 4:20] = 1
     book.take(now, 1)
-    packet = book.packet(before, 1)
-    assert packet is not None
+    packet = book.packet(before)
     assert len(packet) < 200
-    assert unpack(packet, np.zeros(SHAPE, dtype=np.int32)) == (0, 1)
+    assert unpack(packet, np.zeros(SHAPE, dtype=np.int32)) == (0, 1, 0, 1)
     book.take(now, 2)
-    assert book.packet(book.version, 2) is None
+    packet = book.packet(book.version)
+    assert len(packet) == 20
+    assert unpack(packet, now) == (0, 2, 0, 0)
 
 
 def test_a_terrain_needs_a_point() -> None:

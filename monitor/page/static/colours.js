@@ -40,6 +40,7 @@ export function themed() {
   return {
     dark,
     wall: dark ? pixel(104, 113, 123) : pixel(116, 123, 132),
+    stripe: dark ? pixel(58, 65, 73) : pixel(190, 197, 204),
     outside: dark ? pixel(38, 43, 49) : pixel(214, 219, 224),
     ink: css("--ink"), muted: css("--muted"), grid: css("--grid"), card: css("--card"),
     accent: css("--accent"), alert: css("--alert"), warn: css("--warn"),

@@ -1,8 +1,11 @@
 // The fog as an image, one pixel a point, row 0 on top. Ages come from last-seen ticks, so the page ages the map itself.
 
 import { AGES, DIFFERENCES, STEPS, themed } from "./colours.js";
+import { surely } from "./store.js";
 
 const PASSABLE = 1, COUNTED = 2;
+/** Points from one stripe to the next where nothing is known. */
+const STRIPE = 4;
 
 export class FogImage {
   constructor(width, height) {
@@ -22,7 +25,7 @@ export class FogImage {
   base(terrain) {
     const colours = themed();
     const { width, height } = this;
-    const from = [], to = [];
+    const from = [], to = [], unknown = [];
     for (let row = 0; row < height; row++) {
       for (let col = 0; col < width; col++) {
         const at = row * width + col, out = (height - 1 - row) * width + col;
@@ -30,6 +33,7 @@ export class FogImage {
         if (what & COUNTED) {
           from.push(at);
           to.push(out);
+          unknown.push((row + col) % STRIPE < STRIPE / 2 ? colours.outside : colours.stripe);
         } else {
           this.pixels[out] = what & PASSABLE ? colours.outside : colours.wall;
         }
@@ -37,30 +41,38 @@ export class FogImage {
     }
     this.from = Int32Array.from(from);
     this.to = Int32Array.from(to);
+    this.unknown = Uint32Array.from(unknown);
   }
 
-  /** Ages in ticks at tick k; `oldest` ticks and more are the darkest. */
-  ages(seen, k, oldest) {
+  /** Nothing is known of any point. */
+  blank() {
+    const { to, pixels, unknown } = this;
+    for (let i = 0; i < to.length; i++) pixels[to[i]] = unknown[i];
+    this.context.putImageData(this.image, 0, 0);
+  }
+
+  /** Ages in ticks at tick k of a fog of the store; `oldest` ticks and more are the darkest. */
+  ages(fog, k, oldest) {
     const ramp = this.#ramp(AGES, oldest, "ages");
-    const { from, to, pixels } = this;
-    const last = ramp.length - 1;
+    const { from, to, pixels, unknown } = this;
+    const { seen } = fog, least = surely(fog), last = ramp.length - 1;
     for (let i = 0; i < from.length; i++) {
-      const since = seen[from[i]];
-      const age = k - (since > 0 ? since : 0);
-      pixels[to[i]] = ramp[age < 0 ? 0 : age < last ? age : last];
+      const since = seen[from[i]], age = k - (since > 0 ? since : 0);
+      pixels[to[i]] = since < least ? unknown[i] : ramp[age < last ? age : last];
     }
     this.context.putImageData(this.image, 0, 0);
   }
 
   /** How much older (orange) or younger (blue) than the truth somebody takes each point to be. */
-  difference(believed, truth, k, most) {
-    const { from, to, pixels } = this;
+  difference(believed, truth, most) {
+    const { from, to, pixels, unknown } = this;
+    const least = surely(believed);
     const middle = (STEPS - 1) / 2, share = middle / most;
     for (let i = 0; i < from.length; i++) {
       const at = from[i];
-      const older = Math.max(truth[at], 0) - Math.max(believed[at], 0);
-      const place = middle + older * share;
-      pixels[to[i]] = DIFFERENCES[place < 0 ? 0 : place > STEPS - 1 ? STEPS - 1 : Math.round(place)];
+      const older = Math.max(truth.seen[at], 0) - Math.max(believed.seen[at], 0);
+      const place = Math.min(Math.max(Math.round(middle + older * share), 0), STEPS - 1);
+      pixels[to[i]] = believed.seen[at] < least ? unknown[i] : DIFFERENCES[place];
     }
     this.context.putImageData(this.image, 0, 0);
   }

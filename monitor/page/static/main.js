@@ -113,9 +113,7 @@ function changed(what, says) {
       map.dirtyFog = true;
       redraw();
       break;
-    case "fog":
     case "terrain":
-      map.dirtyFog = true;
       redraw();
       break;
     case "series":
@@ -165,8 +163,12 @@ function layers() {
   for (const [number, name] of others) {
     options.push(new Option(`${name === "heard" ? "as heard" : named(number)} against the truth`, `${DIFFERENCE}${number}`));
   }
+  if (facts.direct && facts.truth) {
+    options.push(new Option("what robots believe: with direct radio nobody knows what they heard", ""));
+    options.at(-1).disabled = true;
+  }
   select.replaceChildren(...options);
-  if ([...select.options].some((option) => option.value === before)) select.value = before;
+  if (before && [...select.options].some((option) => option.value === before)) select.value = before;
   if (select.value) choose();
 }
 
@@ -209,6 +211,7 @@ let shownScale = "";
 function legend(force = false) {
   const { facts, state } = store;
   if (!facts) return;
+  caption();
   const { kind } = map.shown;
   const stalest = Math.max(store.stalest || (state?.time ?? 0), 10);
   const most = roundUp(kind === "difference" ? Math.max(Math.min(stalest / 4, 60), 10) : stalest);
@@ -227,9 +230,15 @@ function legend(force = false) {
     mark.style.left = `${(100 * i) / (marks.length - 1)}%`;
     return mark;
   }));
-  $("legendtext").textContent = kind === "difference"
-    ? "s believed younger or older" : "seconds since last seen";
   map.dirtyFog = true;
+}
+
+/** What the colours stand for, or that the fog is still worked out. */
+function caption() {
+  const fogs = map.fogs, late = fogs.some((fog) => fog?.since > 0);
+  const what = map.shown.kind === "difference" ? "s believed younger or older" : "seconds since last seen";
+  const known = late ? `${what}; striped: not known` : what;
+  write($("legendtext"), store.state && fogs.includes(null) ? "working it out" : known);
 }
 
 function pick(place) {
@@ -308,7 +317,8 @@ function look() {
 }
 
 function next(select) {
-  select.selectedIndex = (select.selectedIndex + 1) % select.options.length;
+  const open = [...select.options].filter((option) => !option.disabled);
+  open[(open.indexOf(select.selectedOptions[0]) + 1) % open.length].selected = true;
   select.dispatchEvent(new Event("change"));
 }
 

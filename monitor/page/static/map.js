@@ -3,7 +3,7 @@
 import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
 import { drawCross, drawRobots, drawScaleBar, PASSABLE } from "./marks.js";
-import { NEVER, seconds } from "./store.js";
+import { NEVER, OUTSIDE, seconds, surely } from "./store.js";
 
 export class MapView {
   /** told: {hover(text, x, y), click(x, y), pick(place)} */
@@ -90,6 +90,11 @@ export class MapView {
     this.#hover();
   }
 
+  /** The fogs that are shown, null for one that is worked out. */
+  get fogs() {
+    return this.shown.layers.map((number) => this.store.fog(number));
+  }
+
   #paintFog() {
     const { store, fog, shown } = this;
     if (!this.terrainDone) {
@@ -98,10 +103,10 @@ export class MapView {
       this.dirtyFog = true;
     }
     if (!this.dirtyFog || !store.state) return;
-    const [first, second] = shown.layers.map((number) => store.layers.get(number));
-    const k = store.state.k;
-    if (shown.kind === "difference" && first && second) fog.difference(first, second, k, shown.oldest);
-    else if (shown.kind === "ages" && first) fog.ages(first, k, shown.oldest);
+    const fogs = this.fogs;
+    if (fogs.includes(null)) fog.blank();
+    else if (shown.kind === "difference") fog.difference(...fogs, shown.oldest);
+    else fog.ages(fogs[0], store.state.k, shown.oldest);
     this.dirtyFog = false;
   }
 
@@ -119,11 +124,14 @@ export class MapView {
     const what = store.terrain[at];
     if (!(what & PASSABLE)) return "obstacle";
     if (!(what & 2)) return "does not count: no robot can see it";
-    const told = shown.layers.map((number) => {
-      const seen = store.layers.get(number);
-      if (!seen) return "not known yet";
-      const age = seconds(Math.max(store.state.k - Math.max(seen[at], 0), 0) * store.facts.step);
-      return seen[at] === NEVER ? `never seen, for ${age}` : `seen ${age} ago`;
+    const { step, truth } = store.facts;
+    const told = this.fogs.map((fog) => {
+      if (!fog) return "working it out";
+      const last = fog.seen[at], age = seconds((store.state.k - Math.max(last, 0)) * step);
+      if (last === OUTSIDE) return "does not count for this robot";
+      if (last < surely(fog)) return `not seen since ${seconds(fog.since * step)}; before that is not known`;
+      if (last === NEVER) return truth ? `never seen, for ${age}` : `not seen in the ${age} that were listened to`;
+      return `seen ${age} ago`;
     });
     return shown.kind === "difference" ? `believed: ${told[0]}\ntruly: ${told[1]}` : told[0];
   }

@@ -160,7 +160,7 @@ export class Links {
     const { store } = this;
     if (!store.facts) return;
     const shown = this.#shown(), [from, to] = (this.cell ?? []).map((place) => shown[place]);
-    if (!store.links) return write($("linktip"), store.facts.live ? "nobody tells of links" : "working it out");
+    if (!store.links) return write($("linktip"), unlinked(store.facts));
     if (from === undefined || to === undefined) return write($("linktip"), "rows send, columns hear");
     const names = store.facts.robots.map((robot) => robot.name);
     if (from === to) return write($("linktip"), `${names[from]}: itself`);
@@ -177,6 +177,12 @@ export class Links {
     c.fillStyle = colour;
     c.fillText(text, x, y);
   }
+}
+
+/** Why there are no links. */
+function unlinked({ direct, live, truth }) {
+  if (direct && truth) return "the network carries the frames (direct radio): how many were heard is in the run's summary";
+  return live ? "nobody tells of links" : "working it out";
 }
 
 /** A name in so many letters; its end tells robots of one kind apart. */

@@ -2,7 +2,10 @@
 
 const KEEP = -2147483648;
 const TERRAIN = -2;
-export const NEVER = -1;
+/** In place of a last-seen tick: not seen yet; or does not count for the one whose fog it is. */
+export const NEVER = -1, OUTSIDE = -2;
+/** Ticks of the chart that are kept; beyond, every other one goes. */
+const MOST_TICKS = 10000;
 const TRAIL = 240;
 
 export class Store {
@@ -16,13 +19,13 @@ export class Store {
     this.facts = null;
     this.state = null;
     this.layers = new Map();
+    this.held = [];
     this.trail = { first: 0, rows: [] };
     this.series = { k: [], mfow: [], mean: [] };
     this.stalest = 0;
     this.events = [];
     this.bands = [];
     this.links = null;
-    this.terrainVersion = 0;
   }
 
   /** One JSON message. */
@@ -36,6 +39,7 @@ export class Store {
         if (this.facts.live) this.#remember(says);
         this.#shorten(says.k);
         this.state = says;
+        for (const packet of this.held.splice(0)) this.#fill(packet);
         if (!says.linked) this.links = null;
         this.stalest = Math.max(this.stalest, says.mfow ?? 0);
         break;
@@ -43,10 +47,7 @@ export class Store {
         this.#join(says);
         break;
       case "series":
-        this.series.k.push(...says.k);
-        this.series.mfow.push(...says.mfow);
-        this.series.mean.push(...says.mean);
-        this.stalest = says.mfow.reduce((most, value) => Math.max(most, value ?? 0), this.stalest);
+        this.#lengthen(says);
         break;
       case "events":
         this.events.push(...says.events);
@@ -61,19 +62,28 @@ export class Store {
     this.changed(says.type, says);
   }
 
-  /** One packet of tiles; see monitor/page/tiles.py. */
+  /** One packet of tiles; see monitor/page/tiles.py. A fog's belongs to the state that comes behind it. */
   unpack(buffer) {
+    if (new Int32Array(buffer, 0, 1)[0] !== TERRAIN) return this.held.push(buffer);
+    this.#fill(buffer);
+    this.changed("terrain");
+  }
+
+  /** A fog of the newest state, {seen, since}; null while that is worked out. */
+  fog(number) {
+    const layer = this.layers.get(number);
+    return layer && layer.tick === this.state?.k ? layer : null;
+  }
+
+  #fill(buffer) {
     const { width, height, side } = this.facts;
-    const [number, tick, tiles, runs] = new Int32Array(buffer, 0, 4);
-    const ids = new Int32Array(buffer, 16, tiles);
-    const counts = new Int32Array(buffer, 16 + 4 * tiles, tiles);
-    const values = new Int32Array(buffer, 16 + 8 * tiles, runs);
-    const lengths = new Uint16Array(buffer, 16 + 8 * tiles + 4 * runs, runs);
-    let map = this.layers.get(number);
-    if (map === undefined) {
-      map = new Int32Array(width * height).fill(NEVER);
-      this.layers.set(number, map);
-    }
+    const [number, tick, since, tiles, runs] = new Int32Array(buffer, 0, 5);
+    const ids = new Int32Array(buffer, 20, tiles);
+    const counts = new Int32Array(buffer, 20 + 4 * tiles, tiles);
+    const values = new Int32Array(buffer, 20 + 8 * tiles, runs);
+    const lengths = new Uint16Array(buffer, 20 + 8 * tiles + 4 * runs, runs);
+    const map = this.layers.get(number)?.seen ?? new Int32Array(width * height).fill(NEVER);
+    this.layers.set(number, { seen: map, tick, since });
     const across = Math.ceil(width / side);
     let run = 0;
     for (let i = 0; i < tiles; i++) {
@@ -95,13 +105,25 @@ export class Store {
         }
       }
     }
-    if (number === TERRAIN) this.terrainVersion++;
-    this.changed(number === TERRAIN ? "terrain" : "fog", number);
-    return tick;
   }
 
   get terrain() {
-    return this.layers.get(TERRAIN);
+    return this.layers.get(TERRAIN)?.seen;
+  }
+
+  /** More of the chart; of a run that goes on for days, of each two ticks the fresher one is left out. */
+  #lengthen({ k, mfow, mean }) {
+    const { series } = this;
+    for (let i = 0; i < k.length; i++) {
+      series.k.push(k[i]);
+      series.mfow.push(mfow[i]);
+      series.mean.push(mean[i]);
+      this.stalest = Math.max(this.stalest, mfow[i] ?? 0);
+    }
+    if (series.k.length <= MOST_TICKS) return;
+    const kept = [];
+    for (let i = 0; i < series.k.length; i += 2) kept.push(series.mfow[i + 1] > series.mfow[i] ? i + 1 : i);
+    for (const name of Object.keys(series)) series[name] = kept.map((i) => series[name][i]);
   }
 
   /** A state of a run that goes on is the trail's next row; ticks that were skipped repeat the row before them. */
@@ -143,6 +165,11 @@ export function standing(robot) {
   if (status === PAUSED) return { word: "paused", kind: "warn" };
   if (heard !== null && heard > 5) return { word: state ? `${state}, silent` : "silent", kind: "warn" };
   return { word: state || "waiting", kind: state === "dead-end" ? "warn" : "good" };
+}
+
+/** The least tick that a fog is sure of: what it takes to be last seen before it was followed may have been seen later. */
+export function surely({ since }) {
+  return since || NEVER;
 }
 
 /** Seconds as people read them. */

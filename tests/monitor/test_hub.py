@@ -1,0 +1,88 @@
+"""What the hub sends of a source, to viewers that are played here."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from array import array
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monitor.hindsight import Hindsight
+from monitor.page.hub import MOST_POINTS, Hub, Viewer
+from monitor.page.thinning import thinned
+from monitor.player import Player
+from monitor.source import Series
+
+if TYPE_CHECKING:
+    import pytest
+
+    from tests.monitor.conftest import Seen
+
+
+class Page:
+    """A page that is never opened: what one turn of the hub after the other sends it."""
+
+    def __init__(self, hub: Hub) -> None:
+        self.viewer = Viewer(asyncio.new_event_loop())
+        self.hub = hub
+        hub.enter(self.viewer)
+
+    def close(self) -> None:
+        self.viewer.loop.close()
+
+    def turn(self) -> list[Any]:
+        """What it gets now: packets as (layer, tick, since), and what else there is by its type."""
+        self.hub._turn()
+        loop = self.viewer.loop
+        loop.call_soon(loop.stop)
+        loop.run_forever()
+        found: list[Any] = []
+        while not self.viewer.outbox.empty():
+            for message in self.viewer.outbox.get_nowait() or ():
+                if isinstance(message, bytes):
+                    found.append(tuple(array("i", message[:12])))
+                else:
+                    found.append(json.loads(message)["type"])
+            self.viewer.written += 1
+        self.viewer.drawn = True
+        return found
+
+    def packets(self) -> list[tuple[int, ...]]:
+        return [one for one in self.turn() if isinstance(one, tuple)]
+
+
+def test_a_fog_is_sent_with_its_tick_and_only_once_it_is_known(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    known, last_seen = False, Hindsight.last_seen
+    monkeypatch.setattr(Hindsight, "last_seen", lambda one, number, k: last_seen(one, number, k) if known else None)
+    player = Player(quiet.open())
+    hub = Hub(player)
+    with closing(Page(hub)) as page:
+        assert page.packets() == [(0, 0, 0)]
+        hub.show(page.viewer, [1])
+        assert page.packets() == []
+        known = True
+        assert page.packets() == [(1, 0, 0)]
+        assert page.packets() == []
+        known = False
+        player.ask({"do": "seek", "k": 40})
+        assert page.turn()[-1] == "state"
+        assert page.packets() == []
+        known = True
+        assert page.packets() == [(1, 40, 0)]
+
+
+def test_a_chart_of_any_length_keeps_its_ends_and_its_stalest_ticks() -> None:
+    ticks = np.arange(1_000_003)
+    mfow = np.random.default_rng(3).uniform(0.0, 50.0, ticks.size)
+    mfow[[123_456, 777_777]] = 200.0, np.nan
+    few = thinned(Series(ticks, mfow, mfow / 2.0), MOST_POINTS)
+    assert MOST_POINTS / 4 < few.ticks.size <= MOST_POINTS + 1
+    assert {0, 123_456, 1_000_002} <= set(few.ticks.tolist())
+    assert (np.diff(few.ticks) > 0).all()
+    np.testing.assert_array_equal(few.mfow_s, mfow[few.ticks])
+    np.testing.assert_array_equal(few.fog_mean_s, mfow[few.ticks] / 2.0)
+    short = Series(ticks[:5], mfow[:5], mfow[:5])
+    assert thinned(short, 5) is short
