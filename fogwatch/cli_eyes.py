@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 RUN = typer.Argument(metavar="RUN", help="A run's folder.")
 PANEL = "Runs afterwards"
 STILL_S = 30.0
-"""A journal without an end that was written to within so many seconds of wall time may still be growing."""
+"""A journal without an end that was written to within so many seconds of wall time may still be growing, even where no
+world answers: one in a process of its own has none."""
 
 BROKEN = 1
 INTERRUPTED = 130
@@ -61,6 +62,9 @@ def record(
 
 def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, radio: str | None, wait_s: float) -> int:
     """Record a fleet until its run ends or somebody interrupts, which is how it ends well; the exit code."""
+    from monitor.runfiles import check_out
+
+    check_out(out, f"{fleet}.mcap")
     ending = heed(None, patience=1)
     if out.exists():
         raise BadInput(f"{out}: is there already; name a new file with --out")
@@ -81,17 +85,23 @@ def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, rad
         last = record_live(source, out, started, lambda: bool(ending), say)
     finally:
         source.close()
-    what = "nothing was heard" if last is None else f"up to {last.time_s:g} s, {last.ended or 'it goes on'}"
+    what = "nothing was heard"
+    if last is not None:
+        what = f"up to {last.time_s:g} s, {last.ended or ('its world is gone' if last.gone else 'it goes on')}"
     typer.echo(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {what}")
     return 0
 
 
 def _record_run(run: Path, out: Path | None) -> None:
+    from monitor.runfiles import RECORDING, check_out
+
+    file = run / RECORDING if out is None else out
+    if out is not None:
+        check_out(out, RECORDING)
     what, going = _open(run)
-    from monitor.recording import FILE, Recorder, key_frame_ticks
+    from monitor.recording import Recorder, key_frame_ticks
     from monitor.replay import play
 
-    file = run / FILE if out is None else out
     recorder = Recorder(what, file)
     try:
         wrong = play(what, [recorder])
@@ -140,11 +150,15 @@ def report(
     ] = None,
 ) -> None:
     """Write a run's report: what happened, as one HTML file that needs no network."""
+    from monitor.runfiles import REPORT, check_out
+
+    file = run / REPORT if out is None else out
+    if out is not None:
+        check_out(out, REPORT)
     what, going = _open(run)
     from monitor.analysis import analyse
-    from monitor.report import FILE, write_report
+    from monitor.report import write_report
 
-    file = run / FILE if out is None else out
     made = write_report(analyse(what), file, going, figures)
     _say_state(what, going)
     typer.echo(f"report: {file}")
@@ -164,6 +178,10 @@ def compare(
         raise BadInput(f"compare {runs[0]}: one run cannot be compared; name two or more (or use fogwatch report)")
     from rich.console import Console
     from rich.table import Table
+
+    from monitor.runfiles import check_out
+
+    check_out(out, "compare.html")
 
     analyses = [_analysed(folder) for folder in runs]
     from monitor.compare import compare_html, drawings, names_of, rows_of
@@ -201,8 +219,20 @@ def _open(folder: Path) -> tuple[Run, bool]:
     from monitor.runs import open_run
 
     run = open_run(folder)
-    age_s = time.time() - run.journal.path.stat().st_mtime
-    return run, run.ended is None and age_s < STILL_S
+    return run, run.ended is None and _may_go_on(run)
+
+
+def _may_go_on(run: Run) -> bool:
+    """Whether a run without an end may be going: its journal grew lately, or its world is there, paused perhaps."""
+    if time.time() - run.journal.path.stat().st_mtime < STILL_S:
+        return True
+    from patrol.access import FILE
+
+    if not (run.folder / FILE).is_file():
+        return False
+    from monitor.attach import goes_on
+
+    return goes_on(run.folder)
 
 
 def _say_state(run: Run, going: bool) -> None:

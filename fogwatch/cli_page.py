@@ -54,16 +54,31 @@ def monitor(
     wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet.")] = 60.0,
 ) -> int:
     """Show a running fleet on a live page, as many pages as wanted; none of them slows it. Ctrl-C ends it."""
-    from patrol.access import FILE
-
     fleets = (router is not None) + (fleet is not None)
     if fleets != (2 if run is None else 0):
         raise BadInput("monitor: name a run's folder, or --router and --fleet of a running fleet")
-    access = run / FILE if run is not None and run.is_dir() else run
+    access = None if run is None else _access_in(run)
     if scenario is not None and router is None:
         raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")
     what = Namespace(replay=None, access=access, router=router, fleet=fleet, scenario=scenario, radio=radio, wait=wait)
     return _page(what, host, port, token, browser)
+
+
+def _access_in(run: Path) -> Path:
+    """The control file that a running fleet's folder holds, or that is named itself; BadInput where there is none."""
+    from monitor.runfiles import JOURNAL
+    from patrol.access import FILE
+
+    if run.is_file() and run.name != JOURNAL:
+        return run
+    if not run.is_dir():
+        raise BadInput(f"monitor {run}: no such folder; name a running fleet's, such as runs/yards-20260101-120000")
+    if not (run / FILE).is_file():
+        raise BadInput(
+            f"monitor {run}: holds no {FILE}, so nothing is running there, or not yet; a run that is over is shown by: "
+            f"fogwatch replay {run}"
+        )
+    return run / FILE
 
 
 def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> int:

@@ -9,14 +9,29 @@ from typing import TYPE_CHECKING
 from monitor.wire import FeedWire, first_answer
 from patrol.access import FILE, read_access
 from patrol.errors import BadInput
-from patrol.keys import FleetKeys, check_locator, check_radio, fleet_keys
-from patrol.link import Link, open_links
+from patrol.keys import WORLD, FleetKeys, check_locator, check_radio, fleet_keys
+from patrol.link import Link, LinkDown, open_link, open_links
 
 if TYPE_CHECKING:
     from monitor.source import Source
     from patrol.lifeline import Ending
 
 POLL_S = 0.2
+ANSWER_S = 2.0
+"""How long the router of a run that may be over is waited for."""
+
+
+def goes_on(folder: Path) -> bool:
+    """Whether the world of the run in a folder is there now; a launcher that was killed leaves its control file."""
+    try:
+        access = read_access(folder, str(folder))
+        link = open_link(access.router, ANSWER_S)
+    except (BadInput, LinkDown):
+        return False
+    try:
+        return link.sees(fleet_keys(access.fleet).alive(WORLD))
+    finally:
+        link.close()
 
 
 def open_fleet(

@@ -130,8 +130,8 @@ class _Copy:
             case Schema() if record.id not in self._schemas:
                 self._schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
             case Channel() if record.id not in self._channels and record.schema_id in self._schemas:
-                schema = self._schemas[record.schema_id]
-                self._channels[record.id] = writer.register_channel(record.topic, record.message_encoding, schema)
+                what = (record.topic, record.message_encoding, self._schemas[record.schema_id], record.metadata)
+                self._channels[record.id] = writer.register_channel(*what)
             case Message() if record.channel_id in self._channels:
                 channel = self._channels[record.channel_id]
                 writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)

@@ -9,10 +9,12 @@ CDR messages with ros2msg schemas, in chunks with checksums; times count from th
     /<robot>/decision_ms std_msgs/Float64             wall time of a decision
     /mfow, /fog_mean     std_msgs/Float64             each tick, s
     /seen_share, /alive  std_msgs/Float64             share of the patrolled area seen so far; robots taking part
-    /delivered_share     std_msgs/Float64             of the frames whose fate was known in the tick
+    /delivered_share     std_msgs/Float64             of robots' frames whose fate was settled in the tick
     /rosout              rcl_interfaces/Log           the journal's events
 
-The file's metadata names the scenario, its hash and the scale; the resolved scenario is attached.
+Robots are called as they are, as far as ROS takes their names. Channels say what rosbag2 offers when it plays them
+again: /map is latched. The file's metadata names the scenario, its hash and the scale; the resolved scenario is
+attached.
 """
 
 from __future__ import annotations
@@ -27,14 +29,13 @@ from numpy.typing import NDArray
 
 from monitor import ros
 from monitor.rosfile import RosFile
-from monitor.runfiles import SCENARIO
+from monitor.runfiles import RECORDING, SCENARIO, check_out
 from monitor.runs import Run
 from patrol.errors import BadInput
 from patrol.fog import Fog
 from patrol.footprint import View
 from patrol.records import Event, Status
 
-FILE = "recording.mcap"
 KEY_FRAME_S = 10.0
 """Simulated time between two grids."""
 
@@ -48,6 +49,13 @@ THERE = (Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST)
 """Standings of robots whose bodies are on the terrain."""
 
 
+NOT_ROBOTS = frozenset(
+    {ros.FRAME, "fog", "fog_scale", "fog_mean", "tf", "mfow", "seen_share", "alive", "delivered_share", "rosout"}
+    | {"recording", "run"}
+)
+"""What no robot may be called in a recording: the map's frame, topics, and who else writes in the log."""
+
+
 class Recorder:
     """Writes a recording while `monitor.replay.play` goes through the run; close() makes it whole.
 
@@ -56,6 +64,7 @@ class Recorder:
     """
 
     def __init__(self, run: Run, out: Path) -> None:
+        check_out(out, RECORDING)
         self._run = run
         self._out = out
         self._part = out.with_name(f"{out.name}.part")
@@ -181,11 +190,11 @@ def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
 
 
 def tokens_of(names: Sequence[str]) -> list[str]:
-    """Names as ROS takes them in topics, told apart."""
+    """Names as ROS takes them in topics, told apart, and from `NOT_ROBOTS`."""
     tokens: list[str] = []
     for name in names:
         plain = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
-        plain = f"robot_{plain}" if plain[0].isdigit() else plain
+        plain = f"robot_{plain}" if plain[0].isdigit() or plain in NOT_ROBOTS else plain
         token, number = plain, 1
         while token in tokens:
             number += 1

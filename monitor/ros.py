@@ -18,11 +18,37 @@ NUMBER = "std_msgs/msg/Float64"
 LOG = "rcl_interfaces/msg/Log"
 FRAME = "map"
 
+QOS = "offered_qos_profiles"
+"""The key in a channel's metadata under which rosbag2 keeps what a topic's publishers offered."""
+
+LATCHED = frozenset({"/map"})
+"""Topics of which whoever comes late gets the last message all the same."""
+
 INFO, WARN, ERROR = 20, 30, 40
 """Levels of a Log."""
 
+_SYSTEM_DEFAULT = 0
+_KEEP_LAST = 1
+_RELIABLE = 1
+_TRANSIENT_LOCAL, _VOLATILE = 1, 2
+
 UNKNOWN = -1
 """A grid's points that do not count."""
+
+
+def offered(topic: str) -> str:
+    """The quality of service that rosbag2 shall publish a topic with, as YAML.
+
+    In rmw's numbers, as rosbag2 reads them from a file that does not say of which version it is: keep the last ones,
+    reliable, and transient local where latched, else volatile. A time of 0 is none.
+    """
+    durability = _TRANSIENT_LOCAL if topic in LATCHED else _VOLATILE
+    return (
+        f"- history: {_KEEP_LAST}\n  depth: 10\n  reliability: {_RELIABLE}\n  durability: {durability}\n"
+        "  deadline:\n    sec: 0\n    nsec: 0\n  lifespan:\n    sec: 0\n    nsec: 0\n"
+        f"  liveliness: {_SYSTEM_DEFAULT}\n  liveliness_lease_duration:\n    sec: 0\n    nsec: 0\n"
+        "  avoid_ros_namespace_conventions: false"
+    )
 
 
 class Encoder:

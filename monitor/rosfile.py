@@ -58,7 +58,9 @@ class RosFile:
         if channel is None:
             if kind not in self._schemas:
                 self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", self.encoder.definition(kind))
-            channel = self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+            offered = {ros.QOS: ros.offered(topic)}
+            channel = self._writer.register_channel(topic, "cdr", self._schemas[kind], offered)
+            self._channels[topic] = channel
         sequence = self._sequence[channel] = self._sequence.get(channel, -1) + 1
         self._writer.add_message(channel, at, data, at, sequence)
 

@@ -10,8 +10,18 @@ from patrol.journal import Journal, read_journal
 JOURNAL = "journal"
 SCENARIO = "scenario.yaml"
 SUMMARY = "summary.json"
+RECORDING = "recording.mcap"
+REPORT = "report.html"
 
 _MCAP = b"\x89MCAP0\r\n"
+
+
+def check_out(out: Path, example: str) -> None:
+    """BadInput for what cannot be written as a file, told before all the work. example: a file's name for a folder."""
+    if out.is_dir() or not out.name:
+        raise BadInput(f"{out}: is a folder; name a file, such as {out / example}")
+    if not out.parent.is_dir():
+        raise BadInput(f"{out}: cannot be written (there is no folder {out.parent}); choose another file")
 
 
 def journal_in(folder: Path) -> Journal:

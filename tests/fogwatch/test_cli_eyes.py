@@ -1,16 +1,22 @@
 from __future__ import annotations
 
 import os
+import re
+import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
 import fogwatch
 from fogwatch.cli import main
 from fogwatch.derived import derive
+from patrol.access import FILE, Access, write_access
 from patrol.journal import read_journal
+from patrol.keys import WORLD, fleet_keys
+from patrol.link import open_link, open_router
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 
@@ -130,14 +136,26 @@ def test_report_and_compare(
         (["compare", "RUN"], "one run cannot be compared"),
         (["compare", "RUN", "nowhere"], "no such folder"),
         (["record", "RUN", "--out", "none/a.mcap"], "cannot be written"),
+        (["record", "RUN", "--out", "."], "is a folder; name a file, such as recording.mcap"),
+        (["record", "RUN", "--out", "/"], "is a folder; name a file"),
+        (["record", "--router", "tcp/127.0.0.1:1", "--fleet", "x", "--out", "."], "is a folder; name a file"),
+        (["report", "RUN", "--out", "."], "is a folder; name a file, such as report.html"),
+        (["report", "RUN", "--out", "RUN"], "is a folder; name a file"),
+        (["report", "RUN", "--out", "none/a.html"], "cannot be written"),
+        (["compare", "RUN", "RUN", "--out", ".."], "is a folder; name a file, such as ../compare.html"),
+        (["monitor", "typo"], "monitor typo: no such folder"),
+        (["monitor", "RUN"], "fogwatch replay RUN"),
+        (["monitor", "RUN/journal"], "no such folder"),
     ],
 )
 def test_bad_input_is_one_line(
     ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
 ) -> None:
+    before = set(ran.parent.iterdir())
     assert command(*(part.replace("RUN", str(ran)) for part in arguments)) == 2
     shown = capsys.readouterr().err
-    assert words in shown
+    assert words.replace("RUN", str(ran)) in shown
+    assert set(ran.parent.iterdir()) == before
     assert shown.count("\n") == 1
 
 
@@ -152,6 +170,50 @@ def test_a_folder_is_looked_at_before_anything_is_compiled(
     monkeypatch.setattr("patrol.warmup.warm", never)
     assert command(what, "nowhere") == 2
     assert "no such folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["report", "RUN"], ["record", "RUN"], ["compare", "RUN", "RUN"]])
+def test_where_to_write_is_looked_at_before_anything_is_compiled(
+    ran: Path, command: Callable[..., int], monkeypatch: pytest.MonkeyPatch, arguments: list[str]
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("fogwatch.cli_eyes.warm", never)
+    assert command(*(part.replace("RUN", str(ran)) for part in arguments), "--out", ".") == 2
+
+
+def test_the_files_of_a_report_are_found_from_where_it_lies(
+    ran: Path, command: Callable[..., int], tmp_path: Path
+) -> None:
+    place = tmp_path / "a b" / "deep"
+    place.mkdir(parents=True)
+    assert command("report", ran, "--out", place / "elsewhere.html") == 0
+    page = (place / "elsewhere.html").read_text(encoding="utf-8")
+    files = re.findall(r'<a href="([^"#]+)"', page)
+    assert len(files) >= 4
+    assert all((place / unquote(file)).resolve().parent == ran.resolve() for file in files)
+    assert all((place / unquote(file)).is_file() for file in files)
+
+
+def test_a_run_that_was_paused_long_ago_is_not_cut_off_while_its_world_is_there(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = half(ran, tmp_path / "half", old=True)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    write_access(folder / FILE, Access("fleet-1", where, "0123456789abcdef"))
+    router = open_router(where)
+    world = open_link(where, 10.0)
+    try:
+        world.live(fleet_keys("fleet-1").alive(WORLD))
+        assert command("report", folder) == 0
+    finally:
+        world.close(10.0)
+        router.close(10.0)
+    assert "is still going" in capsys.readouterr().err
+    assert "The run is still going" in (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_who_does_not_want_to_wait_gets_neither(ran: Path, tmp_path: Path) -> None:

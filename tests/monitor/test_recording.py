@@ -12,6 +12,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+from rosbags.rosbag2.metadata import parse_qos
 
 from monitor.mcapfile import look
 from monitor.recording import Recorder, grid_values, key_frame_ticks, scale_of, tokens_of
@@ -19,6 +21,7 @@ from monitor.replay import play
 from monitor.runs import Run, open_run
 from patrol.errors import BadInput
 from patrol.fog import Fog
+from tests.monitor.conftest import QUIET, run_of
 
 
 def record(run: Run, out: Path) -> Path:
@@ -124,6 +127,39 @@ def test_names_that_ros_does_not_take_are_told_apart() -> None:
     assert tokens_of(["r1", "a-b", "a_b", "7of9"]) == ["r1", "a_b", "a_b_2", "robot_7of9"]
 
 
+def test_no_robot_is_called_as_the_map_or_a_topic(tmp_path: Path) -> None:
+    robots = [{"name": name, "model": "holonomic"} for name in ("map", "fog", "robot_map")]
+    run = run_of(tmp_path, {**QUIET, "duration": 5, "robots": robots}).open()
+    topics = decoded(record(run, tmp_path / "out.mcap"))
+    frames = [body.child_frame_id for body in topics["/tf"][0][1].transforms]
+    assert len(frames) == len(set(frames)) == 3
+    tops = {topic.split("/")[1] for topic in topics if topic.count("/") == 1}
+    assert not tops & set(frames)
+    assert {"map", "fog"} <= tops
+    assert {f"/{frame}/pose" for frame in frames} <= set(topics)
+
+
+def test_who_plays_a_recording_again_offers_what_we_did(quiet: Any, tmp_path: Path) -> None:
+    """Read by rosbags, as rosbag2 keeps it: a map that whoever comes late gets, and all else as it happens."""
+    whole = record(quiet.open(), tmp_path / "out.mcap")
+    look_at = whole.read_bytes()
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(look_at[: int(0.9 * len(look_at))])
+    look(torn, tmp_path / "saved.mcap")
+    for path in (whole, tmp_path / "saved.mcap"):
+        with path.open("rb") as file:
+            summary = make_reader(file).get_summary()
+        assert summary is not None
+        offers = {one.topic: parse_qos(one.metadata["offered_qos_profiles"]) for one in summary.channels.values()}
+        assert {len(profiles) for profiles in offers.values()} == {1}
+        latched = {topic for topic, [offer] in offers.items() if offer.durability is QosDurability.TRANSIENT_LOCAL}
+        assert latched == {"/map"}
+        for [offer] in offers.values():
+            assert offer.durability in (QosDurability.TRANSIENT_LOCAL, QosDurability.VOLATILE)
+            assert (offer.reliability, offer.history) == (QosReliability.RELIABLE, QosHistory.KEEP_LAST)
+            assert offer.depth > 0
+
+
 def test_grids_are_fewer_in_a_long_run_of_a_large_map(quiet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     run = quiet.open()
     assert key_frame_ticks(run) == 20
@@ -139,6 +175,10 @@ def test_nothing_half_written_is_left(quiet: Any, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
     with pytest.raises(BadInput, match="cannot be written"):
         Recorder(run, tmp_path / "none" / "out.mcap")
+    for folder in (tmp_path, Path()):
+        with pytest.raises(BadInput, match="is a folder"):
+            Recorder(run, folder)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_recording_is_looked_at(quiet: Any, tmp_path: Path) -> None:

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from monitor.attach import goes_on
+from patrol.access import FILE, Access, write_access
+from patrol.keys import WORLD, fleet_keys
+from patrol.link import open_link, open_router
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """Where a router is."""
+    where = free_endpoint()
+    router = open_router(where)
+    yield where
+    assert router.close(10.0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Callable[[str], Path]:
+    """A run's folder that says where its fleet is met."""
+
+    def make(router: str) -> Path:
+        write_access(tmp_path / FILE, Access("fleet-1", router, "0123456789abcdef"))
+        return tmp_path
+
+    return make
+
+
+def test_a_run_goes_on_while_its_world_is_there(endpoint: str, folder: Callable[[str], Path]) -> None:
+    run = folder(endpoint)
+    assert not goes_on(run)
+    world = open_link(endpoint, 10.0)
+    try:
+        world.live(fleet_keys("fleet-1").alive(WORLD))
+        assert goes_on(run)
+    finally:
+        assert world.close(10.0)
+
+
+def test_a_launcher_that_was_killed_leaves_nobody_to_ask(
+    folder: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.attach.ANSWER_S", 0.2)
+    assert not goes_on(tmp_path)
+    run = folder(free_endpoint())
+    assert not goes_on(run)
+    (run / FILE).write_text("{}", encoding="utf-8")
+    assert not goes_on(run)
