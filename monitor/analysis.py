@@ -23,9 +23,9 @@ from patrol.records import Status
 class Analysis:
     """A run and what came out of it.
 
-    beliefs: None where they are exact by construction. untested: the fleet's key cannot be read, so beliefs take
-    frames without a test of their tags. wrong_from: the first tick whose replayed fog is not as measured, which
-    means that the scenario, its map or the journal is not what the run had.
+    beliefs: None where they are exact by construction, and where nobody knows what reached whom. untested: the fleet's
+    key cannot be read, so beliefs take frames without a test of their tags. wrong_from: the first tick whose replayed
+    fog is not as measured, which means that the scenario, its map or the journal is not what the run had.
     """
 
     run: Run
@@ -41,7 +41,7 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
     footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
     visits = VisitCounter(run.prepared.patrolled, run.ticks)
     beliefs, untested = None, False
-    if not exact_by_construction(run):
+    if not run.direct and not exact_by_construction(run):
         try:
             key = fleet_key(run.prepared.scenario)
         except BadInput:
@@ -79,7 +79,6 @@ def measures(run: Run) -> list[Measure]:
     step, header = run.step, run.journal.header
     mean, bound = float(run.mfow.mean()) * step, header.bound_s
     area = float(np.count_nonzero(run.prepared.patrolled))
-    delivered, lost = int(run.links.delivered[1:].sum()), int(run.links.lost[1:].sum())  # less the forged ones
     settled = run.seen[-1] == area and run.ticks * step >= 4.0 * bound > 0.0
     decisions = run.decision_ms[~np.isnan(run.decision_ms)]
     return [
@@ -88,16 +87,27 @@ def measures(run: Run) -> list[Measure]:
         Measure("mean MFoW / bound", mean / bound if settled else None, "", "" if settled else "not settled"),
         Measure("mean fog", float(run.fog_mean.mean()) * step, "s"),
         Measure("seen", 100.0 * float(run.seen[-1]) / area, "%", f"of {header.patrolled_area_m2:.0f} m²"),
-        Measure(
-            "delivered", 100.0 * delivered / (delivered + lost) if delivered + lost else None, "%", "of all frames"
-        ),
+        Measure("delivered", _delivered(run), "%", "by what robots say" if run.direct else "of the robots' frames"),
         Measure("collisions", float(run.bumped.sum()), "", "moves cancelled"),
         Measure("driven", float(run.driven.sum()), "m", "all robots"),
         Measure("decision, median", float(np.median(decisions)) if len(decisions) else None, "ms"),
-        Measure(
-            "robots at the end", float(np.count_nonzero(run.status[-1] == Status.ALIVE)), "", f"of {len(run.names)}"
-        ),
+        Measure("robots at the end", float(np.count_nonzero(run.standing == Status.ALIVE)), "", f"of {len(run.names)}"),
     ]
+
+
+def direct_of(run: Run) -> Mapping[str, Any]:
+    """What the summary of a run with direct radio says of it; empty without one. See `worldsim.direct.as_measured`."""
+    said = (run.summary or {}).get("direct")
+    return said if isinstance(said, dict) else {}
+
+
+def _delivered(run: Run) -> float | None:
+    """The delivered share of the robots' frames whose fate is known, in percent."""
+    if run.direct:
+        share = direct_of(run).get("heard_share")
+        return None if share is None else 100.0 * float(share)
+    delivered, lost = int(run.links.delivered[1:].sum()), int(run.links.lost[1:].sum())
+    return 100.0 * delivered / (delivered + lost) if delivered + lost else None
 
 
 def state_of(run: Run, going: bool = False) -> tuple[str, str]:

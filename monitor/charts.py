@@ -12,7 +12,7 @@ from monitor.beliefs import BeliefErrors
 from monitor.faultbands import Band, lanes
 from monitor.runs import Run
 from monitor.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, plain
-from patrol.records import Status
+from patrol.records import DEAD_END, Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,8 @@ MOST_POINTS = 3000
 MOST_CELLS = 14
 """Robots up to which a link's share is written into its square."""
 
-DEAD_END = "dead-end"
+MOST_BINS = 60
+"""Bars of a histogram."""
 
 STATES: tuple[tuple[str, str], ...] = (
     ("patrolling", "#8fbcd9"),
@@ -79,7 +80,7 @@ def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figur
 
 
 def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """The delivered share of all frames over time."""
+    """The delivered share of the robots' frames over time."""
     made, axes, _ = _with_lanes(run, bands, 2.2)
     width = max(1, run.ticks // 240)
     delivered, dropped = (_summed(counts, width) for counts in (run.links.delivered_in, run.links.dropped_in))
@@ -143,9 +144,13 @@ def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
     axes = made.add_subplot()
     waits, weights = np.flatnonzero(gaps) * step, gaps[np.flatnonzero(gaps)].astype(np.float64)
     if len(waits):
-        edges = np.linspace(0.0, waits.max() + step, min(61, int(waits.max() / step) + 2))
-        shares, _ = np.histogram(waits, edges, weights=100.0 * weights / weights.sum())
-        axes.bar(edges[:-1], shares, np.diff(edges), align="edge", color=ACCENT, edgecolor=GRID, linewidth=0.4)
+        # All bins are of so many whole ticks, or even waits would look like a comb.
+        ends = int(np.flatnonzero(gaps)[-1]) + 1
+        width = -(-ends // MOST_BINS)
+        begins = np.arange(0, ends, width)
+        shares = 100.0 * np.add.reduceat(gaps[:ends], begins) / weights.sum()
+        edges = (begins - 0.5) * step
+        axes.bar(edges, shares, width * step, align="edge", color=ACCENT, edgecolor=GRID, linewidth=0.4)
         order = np.cumsum(weights) / weights.sum()
         for part, name in ((0.5, "median"), (0.95, "95 %")):
             wait = float(waits[np.searchsorted(order, part)])
@@ -214,14 +219,12 @@ def decisions_chart(run: Run) -> Figure:
 
 
 def troubles_chart(run: Run) -> Figure:
-    """Share of its living time that each robot was in a dead end, and how often it bumped."""
+    """The share of each robot's decisions in dead ends, and how often it bumped."""
     count = len(run.names)
     made = figure(WIDTH, min(1.0 + 0.26 * count, 8.0))
     left, right = made.subplots(1, 2, sharey=True)
-    doing = state_codes(run)
-    alive = np.maximum((run.status == Status.ALIVE).sum(axis=0), 1)
-    left.barh(range(count), 100.0 * (doing == _DEAD_END).sum(axis=0) / alive, height=0.62, color=STATES[_DEAD_END][1])
-    left.set_xlabel("time in dead ends (%)")
+    left.barh(range(count), 100.0 * run.dead_end_share, height=0.62, color=STATES[_DEAD_END][1])
+    left.set_xlabel("decisions in dead ends (%)")
     right.barh(range(count), run.bumped.sum(axis=0), height=0.62, color=ACCENT)
     right.set_xlabel("moves cancelled by a collision")
     few = count <= 40

@@ -17,8 +17,6 @@ from monitor.style import Drawing, colour, draw, figure, plain
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FILE = "compare.html"
-
 
 def names_of(runs: Sequence[Run]) -> list[str]:
     """What to call each run: its folder's name, with a number where two are called alike."""

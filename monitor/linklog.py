@@ -1,8 +1,9 @@
-"""How each link of a run stood at any tick: a bit for each link and tick, and counts now and then."""
+"""How each link of a run stood at any tick: counts for each link and tick, packed, and sums of them now and then."""
 
 from __future__ import annotations
 
 import time
+import zlib
 from collections.abc import Callable
 
 import numpy as np
@@ -10,26 +11,38 @@ from numpy.typing import NDArray
 
 from monitor.runs import Run
 from monitor.source import Links
+from monitor.tally import tally
 
 BUDGET_S = 0.02
 """Wall time that is given at once to reading the journal."""
 
 _APART = 64
-"""Ticks between two counts."""
+"""Ticks of a block, whose counts are packed together and summed up before the next."""
+
+_FAST = 1
+"""How hard to pack: nearly all ticks of a block are alike, so that little is won by more."""
 
 _Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 
 class LinkLog:
-    """Links at any tick. Forged frames and contacts do not count, nor does a second copy of a frame."""
+    """Links at any tick, counted by `monitor.tally`; forged frames do not count.
+
+    Of a direct radio nothing is counted: the journal has only what the world overheard.
+    """
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
         self._run = run
         self._now = now
-        self._side = len(run.numbers)
+        side = len(run.numbers)
+        self._shape = (2, side, side)
         self._records = iter(run.journal.ticks)
-        self._rows: list[tuple[NDArray[np.uint8], NDArray[np.uint8]]] = []
-        zeros = np.zeros((self._side, self._side), dtype=np.int64)
+        self._ticks = 0
+        self._packed: list[bytes] = []
+        self._open: list[NDArray[np.uint16]] = []
+        self._block_of = -1
+        self._block = np.zeros((0, *self._shape), dtype=np.uint16)
+        zeros = np.zeros((side, side), dtype=np.int64)
         self._counts: list[_Counts] = [(zeros, zeros, zeros - 1)]
 
     def at(self, k: int) -> Links | None:
@@ -39,39 +52,43 @@ class LinkLog:
     def reach(self, k: int) -> bool:
         """Read on for `BUDGET_S` at most; whether the journal is read up to tick k."""
         until = self._now() + BUDGET_S
-        while len(self._rows) <= k:
+        while self._ticks <= k:
             if not self._read() or self._now() > until:
                 break
-        return len(self._rows) > k
+        return self._ticks > k
 
     def _after(self, k: int) -> _Counts:
         """Sent, delivered and last heard after tick k."""
         number = k // _APART
         sent, delivered, heard = self._counts[number]
         first = number * _APART
-        rows = self._rows[first : k + 1]
-        shape = (len(rows), self._side, self._side)
-        came, lost = (
-            np.unpackbits(np.stack(bits), axis=1, count=self._side**2).reshape(shape).astype(np.bool_)
-            for bits in zip(*rows, strict=True)
-        )
+        rows = self._rows(number)[: k + 1 - first]
+        came = rows[:, 1] > 0
         last = np.where(came.any(axis=0), first + len(rows) - 1 - came[::-1].argmax(axis=0), heard)
-        arrived = came.sum(axis=0)
-        return sent + arrived + lost.sum(axis=0), delivered + arrived, last
+        also_sent, arrived = rows.sum(axis=0, dtype=np.int64)
+        return sent + also_sent, delivered + arrived, last
+
+    def _rows(self, number: int) -> NDArray[np.uint16]:
+        """uint16 (ticks, 2, n, n): frames sent and delivered in each tick of a block."""
+        if number == len(self._packed):
+            return np.stack(self._open)
+        if number != self._block_of:
+            counts = np.frombuffer(zlib.decompress(self._packed[number]), dtype=np.uint16)
+            self._block_of, self._block = number, counts.reshape(-1, *self._shape)
+        return self._block
 
     def _read(self) -> bool:
         """One tick more of the journal; False where it ends."""
         record = next(self._records, None)
         if record is None:
             return False
-        place, side = self._run.index, self._side
-        came, lost = np.zeros(side * side, dtype=np.uint8), np.zeros(side * side, dtype=np.uint8)
-        links = [(source, to, came) for source, to, _ in record.deliveries]
-        links += [(source, to, lost) for source, to, _, _ in record.dropped]
-        for source, to, bits in links:
-            if source in place and to in place:
-                bits[place[source] * side + place[to]] = 1
-        self._rows.append((np.packbits(came), np.packbits(lost)))
-        if len(self._rows) % _APART == 0:
-            self._counts.append(self._after(len(self._rows) - 1))
+        counts = np.zeros(self._shape, dtype=np.uint16)
+        if not self._run.direct:
+            tally(record, self._run.index, *counts)
+        self._open.append(counts)
+        self._ticks += 1
+        if len(self._open) == _APART:
+            self._counts.append(self._after(self._ticks - 1))
+            self._packed.append(zlib.compress(np.stack(self._open).tobytes(), _FAST))
+            self._open.clear()
         return True

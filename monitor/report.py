@@ -7,21 +7,23 @@ megabyte, needs no script, and its figures are those that are also written as PN
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
 from monitor import charts, html, mapcharts
-from monitor.analysis import Analysis, measures, state_of, verdict_of
+from monitor.analysis import Analysis, direct_of, measures, state_of, verdict_of
 from monitor.beliefs import SAMPLES
-from monitor.runfiles import SCENARIO
+from monitor.runfiles import RECORDING, REPORT, SCENARIO, check_out
 from monitor.runs import Run
 from monitor.style import Drawing, draw
 from patrol.errors import BadInput
 
-FILE = "report.html"
 MOST_EVENTS = 300
 MOST_LINKS = 400
 MOST_ROBOTS = 100
@@ -76,7 +78,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
         says = "Of the frames that each robot (row) sent to each other one (column), the share that arrived."
         made.append(draw("links", "Delivered share by link", says, lambda: charts.links_chart(run)))
         if run.links.lost.any():
-            says = f"Of all frames whose fate was settled at the time.{red}"
+            says = f"Of the robots' frames whose fate was settled at the time.{red}"
             made.append(draw("radio", "Delivered share over time", says, lambda: charts.radio_chart(run, bands)))
     errors = analysis.beliefs
     if errors is not None and len(errors.ticks):
@@ -85,13 +87,13 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     if not np.isnan(run.decision_ms).all():
         says = "Bar: middle half; line: 1 to 99 %; black: median; cross: longest."
         made.append(draw("decisions", "Decision times", says, lambda: charts.decisions_chart(run)))
-    says = "Share of its living time that a robot was getting out of a dead end, and its cancelled moves."
+    says = "Share of its decisions in which a robot was getting out of a dead end, and its cancelled moves."
     made.append(draw("troubles", "Dead ends and collisions", says, lambda: charts.troubles_chart(run)))
     return made
 
 
-def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = False) -> str:
-    """The report as a document. going: the run may not be over."""
+def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = False, beside: Path | None = None) -> str:
+    """The report as a document. going: the run may not be over. beside: the folder that it is for; else the run's."""
     run = analysis.run
     of = {figure.name: figure for figure in figures}
     word, why = state_of(run, going)
@@ -124,7 +126,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.tiles((measure.text, measure.name, measure.note) for measure in measures(run)),
         html.links(_contents(sections)),
         *(part for part in sections if part),
-        html.section("files", "Files", html.links(_files(run.folder))),
+        html.section("files", "Files", html.links(_files(run.folder, beside or run.folder))),
     ]
     return html.page(f"{scenario.name}: fogwatch report", (part for part in body if part))
 
@@ -134,8 +136,9 @@ def write_report(analysis: Analysis, out: Path, going: bool = False, figures: Pa
 
     BadInput where matplotlib is missing or something cannot be written.
     """
+    check_out(out, REPORT)
     made = drawings(analysis)
-    write_page(report_html(analysis, made, going), out)
+    write_page(report_html(analysis, made, going, out.parent), out)
     for drawing in made if figures is not None else ():
         drawing.save(figures)  # type: ignore[arg-type]
     return made
@@ -143,11 +146,14 @@ def write_report(analysis: Analysis, out: Path, going: bool = False, figures: Pa
 
 def write_page(document: str, out: Path) -> None:
     """Write a document so that a file of that name is always whole."""
+    check_out(out, REPORT)
     part = out.with_name(f"{out.name}.part")
     try:
         part.write_text(document, encoding="utf-8")
         part.replace(out)
     except OSError as error:
+        with suppress(OSError):
+            part.unlink()
         raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
 
 
@@ -182,15 +188,13 @@ def _verdict(run: Run) -> str:
 
 def _robots(run: Run) -> str:
     heads = ("robot", "at the end", "driven m", "dead end %", "collisions", "decision p50 ms", "p99 ms")
-    doing = charts.state_codes(run)
-    alive = (run.status == 1).sum(axis=0)
     rows = []
     for place, name in enumerate(run.names[:MOST_ROBOTS]):
         times = run.decision_ms[:, place]
         times = times[~np.isnan(times)]
         p50, p99 = (f"{np.percentile(times, part):.1f}" if len(times) else "-" for part in (50, 99))
-        stuck = 100.0 * float((doing[:, place] == 1).sum()) / max(int(alive[place]), 1)
-        end = charts.STATUS_WORDS[int(run.status[-1, place])]
+        stuck = 100.0 * float(run.dead_end_share[place])
+        end = charts.STATUS_WORDS[int(run.standing[place])]
         rows.append(
             (name, end, f"{run.driven[place]:.0f}", f"{stuck:.1f}", str(int(run.bumped[:, place].sum())), p50, p99)
         )
@@ -200,13 +204,16 @@ def _robots(run: Run) -> str:
 
 
 def _links(run: Run) -> str:
-    lost = run.links.lost
-    sent = run.links.delivered + lost
+    if run.direct:
+        return _direct_links(run)
+    sent, lost = run.links.sent, run.links.lost
     if not sent.any():
         return html.text("Nobody sent anything to anybody.", "note")
-    total, arrived = int(sent[1:].sum()), int(run.links.delivered[1:].sum())
+    on_its_way = sent - run.links.delivered - lost
+    total, arrived, flying = (int(counts[1:].sum()) for counts in (sent, run.links.delivered, on_its_way))
     forged = f", and {int(run.links.delivered[0].sum())} forged ones" if sent[0].any() else ""
-    says = f"{arrived} of {total} frames arrived (a frame counts once per receiver){forged}"
+    flying_says = f", {flying} were still on their way at the end" if flying else ""
+    says = f"{arrived} of {total} frames arrived (a frame counts once per receiver){forged}{flying_says}"
     late = f"; the latest {run.links.late * run.step:g} s after its tick" if run.links.late else ", each in its tick"
     causes = [(cause, str(int(counts.sum()))) for cause, counts in run.links.dropped.items()]
     parts = [html.text(f"{says}{late}. Robots refused {run.rejected}.")]
@@ -217,18 +224,44 @@ def _links(run: Run) -> str:
     for row, column in zip(*np.nonzero(sent), strict=True):
         delivered, number = int(run.links.delivered[row, column]), int(sent[row, column])
         why = ", ".join(f"{cause} {c[row, column]}" for cause, c in run.links.dropped.items() if c[row, column])
-        share = f"{100.0 * delivered / number:.2f}"
-        rows.append((names[row], names[column], str(number), str(delivered), share, why))
-    heads = ("from", "to", "sent", "delivered", "%", "dropped because of")
-    listed = html.table(heads, rows[:MOST_LINKS], numbers=(2, 3, 4))
+        settled = number - int(on_its_way[row, column])
+        share = f"{100.0 * delivered / settled:.2f}" if settled else "-"
+        counts = (number, delivered, number - settled)
+        rows.append((names[row], names[column], *map(str, counts), share, why))
+    heads = ("from", "to", "sent", "delivered", "on its way", "% of settled", "dropped because of")
+    return "".join([*parts, _every_link(heads, rows, range(2, 6))])
+
+
+def _every_link(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
+    listed = html.table(heads, rows[:MOST_LINKS], numbers)
     more = f"and {len(rows) - MOST_LINKS} more links" if len(rows) > MOST_LINKS else ""
-    return "".join([*parts, html.folded("every link", listed, html.text(more, "note"))])
+    return html.folded("every link", listed, html.text(more, "note"))
+
+
+def _direct_links(run: Run) -> str:
+    """What robots said of a radio that nobody carries: how many frames they sent and heard."""
+    why = "Robots heard each other directly, so nobody knows what became of a frame"
+    said = direct_of(run)
+    links = said.get("links") or {}
+    if not links:
+        return html.text(f"{why}, and no two robots said at the end how many they sent and heard.", "note")
+    sent, heard = (sum(int(counts[what]) for counts in links.values()) for what in ("sent", "heard"))
+    missing = ", ".join(said.get("unsaid", ()))
+    unsaid = f" Counts of {missing} are missing, or end before it did." if missing else ""
+    rows = []
+    for link, counts in links.items():
+        share = f"{100.0 * counts['heard'] / counts['sent']:.2f}" if counts["sent"] else "-"
+        rows.append((link, str(counts["sent"]), str(counts["heard"]), share))
+    says = html.text(f"{why}; by what they say they heard {heard} of {sent} frames.{unsaid}")
+    return says + _every_link(("link", "sent", "heard", "%"), rows, range(1, 4))
 
 
 def _belief(analysis: Analysis) -> str:
     run, errors = analysis.run, analysis.beliefs
     if len(run.names) == 1:
         return ""
+    if run.direct:
+        return html.text("Not known: robots heard each other directly, and nobody noted which frames reached whom.")
     if errors is None:
         return html.text("None: every position reached every robot in its tick, so what each believed was the truth.")
     says = "Rebuilt from each robot's own positions and the frames that reached it, before any dilatation"
@@ -309,6 +342,8 @@ def _contents(sections: Sequence[str]) -> list[tuple[str, str]]:
     return [(f"#{name}", name) for name in heads]
 
 
-def _files(folder: Path) -> list[tuple[str, str]]:
-    wanted = ("recording.mcap", "journal", "ticks.csv", "summary.json", SCENARIO, "fog.png")
-    return [(name, name) for name in wanted if (folder / name).is_file()]
+def _files(folder: Path, beside: Path) -> list[tuple[str, str]]:
+    """The run's files as links from a page in the folder `beside`."""
+    wanted = (RECORDING, "journal", "ticks.csv", "summary.json", SCENARIO, "fog.png")
+    way = Path(os.path.relpath(folder.resolve(), beside.resolve()))
+    return [(quote((way / name).as_posix()), name) for name in wanted if (folder / name).is_file()]

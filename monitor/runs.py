@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.runfiles import SCENARIO, SUMMARY, journal_in
+from monitor.tally import tally
 from patrol.controls import prepared_as_operated
 from patrol.errors import BadInput
 from patrol.journal import Journal
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
-from patrol.records import Event, RobotFacts, Status, TickRecord, sent_at
+from patrol.records import DEAD_END, FORGED, Event, RobotFacts, Status, TickRecord, sent_at, standing_after
 from patrol.scenario import load_scenario
 
 CAME = ("alive", "lost")
@@ -33,12 +34,14 @@ SILENT = ""
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """What became of frames, by directed link: index 0 are senders that are no robot, then the roster.
+    """What became of frames, by directed link: index 0 is who forges, then the roster; see `monitor.tally`.
 
-    delivered: int64 (n + 1, n + 1), source by destination. dropped: the same by cause. late: the most ticks that a
-    frame took. delivered_in, dropped_in: int64 (ticks,), over all links.
+    sent, delivered: int64 (n + 1, n + 1), source by destination. dropped: the same by cause. late: the most ticks that
+    a frame took. delivered_in, dropped_in: int64 (ticks,), over all links between robots. Of a direct radio sent is
+    what the world overheard, and all else is nothing.
     """
 
+    sent: NDArray[np.int64]
     delivered: NDArray[np.int64]
     dropped: Mapping[str, NDArray[np.int64]]
     late: int
@@ -65,8 +68,9 @@ class Run:
     (ticks, n). states: int16 (ticks, n), indices of `labels`. goals: float64 (ticks, n, 2), m, NaN without one.
     decision_ms: float64 (ticks, n), NaN without one. driven: float64 (n,), m, along the commands obeyed. mfow: int64
     (ticks,); fog_mean: float64 (ticks,); both in ticks. seen: int64 (ticks,), points seen so far. positions: frames
-    that carry the sender's own position, over all ticks. rejected: frames that robots say they refused. summary: of
-    summary.json, None where there is none.
+    that carry the sender's own position, over all ticks. rejected: frames that robots say they refused. standing: uint8
+    (n,), how each robot was left, after what happened past the last tick. summary: of summary.json, None where there is
+    none.
     """
 
     folder: Path
@@ -86,6 +90,7 @@ class Run:
     links: Links
     positions: int
     rejected: int
+    standing: NDArray[np.uint8]
     events: tuple[Event, ...]
     ended: str | None
     truncated: bool
@@ -122,6 +127,19 @@ class Run:
     def title(self) -> str:
         """The scenario's name."""
         return self.prepared.scenario.name
+
+    @property
+    def direct(self) -> bool:
+        """Whether robots heard each other directly, so that the journal does not have the fate of their frames."""
+        return self.prepared.scenario.radio.via == "direct"
+
+    @property
+    def dead_end_share(self) -> NDArray[np.float64]:
+        """float64 (n,): the share of its decisions in which each robot was getting out of a dead end; 0 without any."""
+        decided = ~np.isnan(self.decision_ms)
+        stuck = np.array([label == DEAD_END for label in self.labels])[self.states] & decided
+        share: NDArray[np.float64] = stuck.sum(axis=0) / np.maximum(decided.sum(axis=0), 1)
+        return share
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -178,6 +196,7 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
         links=rows.links(),
         positions=rows.positions,
         rejected=rows.rejected,
+        standing=_standing(rows.status, index, journal.events),
         events=journal.events,
         ended=None if journal.end is None else journal.end.reason,
         truncated=journal.truncated,
@@ -209,7 +228,9 @@ class _Rows:
         self._counted: dict[int, int] = {}
         self._delivered_in: list[int] = []
         self._dropped_in: list[int] = []
+        self._place = {FORGED: 0, **{number: place + 1 for number, place in index.items()}}
         side = len(index) + 1
+        self._sent = np.zeros((side, side), dtype=np.int64)
         self._delivered = np.zeros((side, side), dtype=np.int64)
         self._dropped: dict[str, NDArray[np.int64]] = {}
         self._late = 0
@@ -236,27 +257,32 @@ class _Rows:
         self.fog_mean.append(record.fog_mean)
         self.seen.append(record.seen)
         self.positions += len({source for source, _ in record.frames if source in self._index})
-        self._delivered_in.append(len(record.deliveries))
-        self._dropped_in.append(len(record.dropped))
-        self._count(self._delivered, record.deliveries)
+        self._delivered_in.append(sum(source in self._index for source, _, _ in record.deliveries))
+        self._dropped_in.append(sum(source in self._index for source, _, _, _ in record.dropped))
+        tally(record, self._place, self._sent, self._delivered)
         if record.deliveries:
             earliest = min(sent_at(sequence) for _, _, sequence in record.deliveries)
             self._late = max(self._late, record.k - earliest)
-        causes: dict[str, list[tuple[int, int, int]]] = {}
-        for source, destination, sequence, cause in record.dropped:
-            causes.setdefault(cause, []).append((source, destination, sequence))
-        for cause, frames in causes.items():
-            self._count(self._dropped.setdefault(cause, np.zeros_like(self._delivered)), frames)
+        for source, destination, _, cause in record.dropped:
+            if cause not in self._dropped:
+                self._dropped[cause] = np.zeros_like(self._delivered)
+            self._dropped[cause][self._place[source], self._place[destination]] += 1
 
     def links(self) -> Links:
         delivered_in = np.array(self._delivered_in, dtype=np.int64)
         dropped_in = np.array(self._dropped_in, dtype=np.int64)
         dropped = dict(sorted(self._dropped.items()))
-        return Links(self._delivered, dropped, self._late, delivered_in, dropped_in)
+        return Links(self._sent, self._delivered, dropped, self._late, delivered_in, dropped_in)
 
-    def _count(self, counts: NDArray[np.int64], frames: Sequence[tuple[int, int, int]]) -> None:
-        for source, destination, _ in frames:
-            counts[self._index.get(source, -1) + 1, self._index.get(destination, -1) + 1] += 1
+
+def _standing(status: Sequence[Sequence[int]], index: Mapping[int, int], events: Sequence[Event]) -> NDArray[np.uint8]:
+    """Each robot's standing at the end, with what befell it after the last tick, as the summary has it."""
+    standing = np.array(status[-1], dtype=np.uint8)
+    for event in events:
+        place, left = index.get(event.robot or 0), standing_after(event.kind)
+        if event.k >= len(status) and place is not None and left is not None:
+            standing[place] = left
+    return standing
 
 
 def _summary(path: Path) -> Mapping[str, Any] | None:

@@ -14,6 +14,9 @@ MAX_TICKS = 2**29 - 1
 FORGED = 0
 """The source of forged frames in a journal, whoever they claim to be from."""
 
+DEAD_END = "dead-end"
+"""The state of a mind that is getting out of a dead end."""
+
 
 def frame_sequence(k: int, place: int) -> int:
     """The number that tells a frame of tick k from all others of its sender; 32 bits for those that robots send.
@@ -38,6 +41,11 @@ class Status(IntEnum):
     DEAD = 3
     LOST = 4
     LEFT = 5
+
+
+def standing_after(kind: str) -> Status | None:
+    """The standing in which an event of this kind leaves its robot; None where it changes none."""
+    return Status.__members__.get(kind.upper())
 
 
 @dataclass(frozen=True, slots=True)

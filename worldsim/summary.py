@@ -12,7 +12,7 @@ import numpy as np
 
 from patrol.journal import Event, Header, RobotTick, Status, TickRecord
 from patrol.pose import Drive, Velocity
-from patrol.records import FORGED
+from patrol.records import DEAD_END, FORGED, standing_after
 from worldsim.direct import as_measured
 from worldsim.ether import there
 from worldsim.motion import length
@@ -21,9 +21,6 @@ from worldsim.traffic import Traffic
 if TYPE_CHECKING:
     from worldsim.record import RunRecord
     from worldsim.verdict import Verdict
-
-DEAD_END = "dead-end"
-"""The state of a mind that is getting out of a dead end."""
 
 STAY_M = 1.0
 """A robot that keeps within this distance of a place stays there."""
@@ -133,8 +130,9 @@ class Totals:
         header, step, mfow = self._header, self._step, self._mfow
         ticks = len(mfow)
         for event in journal.events:
-            if event.k >= ticks and event.robot in self._robots and event.kind.upper() in Status.__members__:
-                self._robots[event.robot].status = Status[event.kind.upper()]
+            standing = standing_after(event.kind)
+            if event.k >= ticks and event.robot in self._robots and standing is not None:
+                self._robots[event.robot].status = standing
         patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
         summary = {
             "name": header.scenario["name"],

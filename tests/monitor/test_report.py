@@ -31,12 +31,12 @@ def sections(page: str) -> list[str]:
 
 
 def asks_nobody(page: str) -> bool:
-    """Nothing in a page is fetched from anywhere: no script, no address but names of XML and places on the page."""
+    """Nothing in a page is fetched from anywhere: no script, no address but files, names of XML, places on the page."""
     addresses = re.findall(r'(?:href|src|url)\s*[=(]\s*"?([^")\s>]+)', page)
     strange = [
         address
         for address in addresses
-        if not address.startswith(("#", "data:image/png")) and not re.fullmatch(r"[\w.]+", address)
+        if not address.startswith(("#", "data:image/png")) and not re.fullmatch(r"[\w.][\w./-]*", address)
     ]
     return not strange and "<script" not in page and "@import" not in page and "default-src 'none'" in page
 
