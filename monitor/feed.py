@@ -332,6 +332,7 @@ class LiveSource:
             intruders=tuple(one.place for one in self._scenario.intruders if one.is_there(k * self._step)),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
+            gone=self._ended is None and not self._wire.present,
         )
 
     def _robot(self, last: TickRecord, place: int) -> RobotState:

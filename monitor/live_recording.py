@@ -11,6 +11,7 @@ seconds.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,6 +30,8 @@ CHUNK = 4096
 
 LEAST_SCALE_S = 10.0
 WAIT_S = 0.2
+GONE_S = 10.0
+"""Wall time after which a world that is gone is not waited for; one whose router is started anew is back by then."""
 
 
 class LiveRecorder:
@@ -97,7 +100,7 @@ class LiveRecorder:
                 self._scale_s *= 2.0
             self._file.number("/mfow", mfow_s, self._ns(k))
             self._file.number("/fog_mean", mean_s, self._ns(k))
-        self._happened(at)
+        self._happened()
         if state.robots and state.k > self._shown:
             self._robots(state, at)
         if state.k >= self._grid_k + self._every:
@@ -114,10 +117,11 @@ class LiveRecorder:
         says = "in /fog 0 is just seen, 100 is as long ago as /fog_scale says or longer, and -1 does not count"
         self._file.say("recording", " · ".join(filter(None, (says, static.note))), at)
 
-    def _happened(self, at: int) -> None:
+    def _happened(self) -> None:
         for event in self._source.events(self._events):
             self._events += 1
-            self._file.event(event.kind, self._names.get(event.robot or 0, "run"), event.detail, at)
+            name = self._names.get(event.robot or 0, "run")
+            self._file.event(event.kind, name, event.detail, self._ns(event.k))
 
     def _robots(self, state: State, at: int) -> None:
         self._shown = state.k
@@ -148,20 +152,32 @@ class LiveRecorder:
 
 
 def record_live(
-    source: Source, out: Path, started: str, stop: Callable[[], bool], say: Callable[[str], None]
+    source: Source,
+    out: Path,
+    started: str,
+    stop: Callable[[], bool],
+    say: Callable[[str], None],
+    now: Callable[[], float] = time.monotonic,
 ) -> State | None:
-    """Record a source until it ends or somebody wants it to; the last state. say: told what goes wrong meanwhile."""
+    """Record a source until it ends, nobody is there to tell of it any more, or somebody wants it; the last state.
+
+    say: told what goes wrong meanwhile. now: wall clock, s.
+    """
     recorder = LiveRecorder(source, out, started)
     note = ""
+    gone_at: float | None = None
     while not stop():
         state = source.wait(WAIT_S)
-        if state is None:
-            continue
-        recorder.take(state)
-        if state.note != note:
-            note = state.note
-            say(note or "heard again")
-        if state.ended is not None:
+        if state is not None:
+            recorder.take(state)
+            if state.note != note:
+                note = state.note
+                say(note or "heard again")
+            if state.ended is not None:
+                break
+            gone_at = (now() if gone_at is None else gone_at) if state.gone else None
+        if gone_at is not None and now() >= gone_at + GONE_S:
+            say(f"nobody was there for {GONE_S:g} s; the recording ends")
             break
     recorder.close()
     return recorder.last

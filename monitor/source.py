@@ -114,7 +114,7 @@ class State:
     fog_mean_s: of the first layer; None where nothing is known. links: None where nobody tells. ended: why no more
     ticks will come, None while some may. intruders: (x, y), m, those that are there. faults: those that operators have
     asked for and that are in force, as entries of a scenario's faults. note: what is wrong now, such as that nothing
-    has been heard for some time.
+    has been heard for some time. gone: there is nobody any more who could tell, though no end was told.
     """
 
     k: int
@@ -130,6 +130,7 @@ class State:
     intruders: tuple[tuple[float, float], ...] = ()
     faults: tuple[Mapping[str, Any], ...] = ()
     note: str = ""
+    gone: bool = False
 
 
 @dataclass(frozen=True, eq=False)
