@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from monitor.follow import HEARD, Follower, Followers
 from monitor.observer import as_sent
 from monitor.source import Answer, Layer, Links, RobotShape, RobotState, Series, State, Static
+from monitor.tally import tally
 from patrol.controls import CONTROLS, OPERATOR, amended, in_force, read_control, told
 from patrol.errors import BadInput
 from patrol.feed import Batch, Garbled, SoFar, read_so_far
@@ -273,22 +274,14 @@ class LiveSource:
 
     def _count(self, record: TickRecord) -> None:
         place, links = self._place, self._links
-        here = [place[row.number] for row in record.robots if row.status not in (Status.ABSENT, Status.LEFT)]
-        alone = self._direct or len(here) == 1
-        for source, _ in record.frames:
-            if source != FORGED:
-                if alone:  # what was sent is all that can be told
-                    self._heard[source] = record.k
-                links.sent[place[source], here] += 1
-                links.sent[place[source], place[source]] = 0
-        for source, to, _, _ in record.copies:
-            if source != FORGED:
-                links.sent[place[source], place[to]] += 1
+        tally(record, place, links.sent, links.delivered)
         for source, to, _ in record.deliveries:
             if source != FORGED:
-                links.delivered[place[source], place[to]] += 1
                 links.heard[place[source], place[to]] = record.k
                 self._heard[source] = record.k
+        here = sum(row.status not in (Status.ABSENT, Status.LEFT) for row in record.robots)
+        if self._direct or here == 1:  # what was sent is all that can be told
+            self._heard.update({source: record.k for source, _ in record.frames if source != FORGED})
 
     def _amend(self, event: Event) -> None:
         if event.kind == OPERATOR:

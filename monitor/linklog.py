@@ -26,10 +26,7 @@ _Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 
 class LinkLog:
-    """Links at any tick, counted by `monitor.tally`; forged frames do not count.
-
-    Of a direct radio nothing is counted: the journal has only what the world overheard.
-    """
+    """Links at any tick, counted by `monitor.tally`; forged frames do not count."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
         self._run = run
@@ -83,8 +80,7 @@ class LinkLog:
         if record is None:
             return False
         counts = np.zeros(self._shape, dtype=np.uint16)
-        if not self._run.direct:
-            tally(record, self._run.index, *counts)
+        tally(record, self._run.index, *counts)
         self._open.append(counts)
         self._ticks += 1
         if len(self._open) == _APART:

@@ -252,7 +252,9 @@ def _direct_links(run: Run) -> str:
     for link, counts in links.items():
         share = f"{100.0 * counts['heard'] / counts['sent']:.2f}" if counts["sent"] else "-"
         rows.append((link, str(counts["sent"]), str(counts["heard"]), share))
-    says = html.text(f"{why}; by what they say they heard {heard} of {sent} frames.{unsaid}")
+    says = html.text(
+        f"{why}; by what they say they heard {heard} of {sent} frames. They refused {run.rejected}.{unsaid}"
+    )
     return says + _every_link(("link", "sent", "heard", "%"), rows, range(1, 4))
 
 

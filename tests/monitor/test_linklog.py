@@ -12,8 +12,9 @@ from monitor.linklog import LinkLog
 from monitor.runs import Run, open_run
 from monitor.source import Links
 from patrol.records import TickRecord, frame_sequence
-from tests.monitor.conftest import QUIET, run_of
+from tests.monitor.conftest import QUIET, Seen, run_of
 from tests.monitor.retold import retold
+from tests.monitor.test_feed import Told, watched
 
 LATE: dict[str, Any] = {
     **QUIET,
@@ -30,8 +31,13 @@ LATE: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def late(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    return run_of(tmp_path_factory.mktemp("late"), LATE).open()
+def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    return run_of(tmp_path_factory.mktemp("late"), LATE)
+
+
+@pytest.fixture(scope="module")
+def late(seen: Seen) -> Run:
+    return seen.open()
 
 
 def at(log: LinkLog, k: int) -> Links:
@@ -51,6 +57,18 @@ def test_at_the_end_the_counts_are_those_of_the_summary(late: Run) -> None:
     np.testing.assert_array_equal(links.sent, of_summary(late, "sent"))
     np.testing.assert_array_equal(links.delivered, of_summary(late, "delivered"))
     assert of_summary(late, "in_flight").sum() > 0
+
+
+def test_a_live_page_a_replay_and_a_report_count_alike(seen: Seen, late: Run) -> None:
+    wire = Told(seen)
+    source = wire.source()
+    wire.send(10_000)
+    live, replayed = watched(source).links, at(LinkLog(late), late.ticks - 1)
+    assert live is not None
+    for what in ("sent", "delivered"):
+        np.testing.assert_array_equal(getattr(live, what), getattr(replayed, what))
+        np.testing.assert_array_equal(getattr(late.links, what)[1:, 1:], getattr(replayed, what))
+    np.testing.assert_array_equal(live.heard, replayed.heard)
 
 
 def test_frames_that_arrive_at_once_count_each_at_every_tick_in_any_order(late: Run) -> None:
@@ -84,10 +102,3 @@ def test_contacts_count_as_in_the_summary(quiet: Any, tmp_path: Path) -> None:
     assert links.delivered[0, 1] == 2 * run.ticks
     np.testing.assert_array_equal(links.sent, of_summary(run, "sent"))
     np.testing.assert_array_equal(links.delivered, of_summary(run, "delivered"))
-
-
-def test_of_a_direct_radio_nothing_is_counted(quiet: Any, tmp_path: Path) -> None:
-    scenario = {**QUIET, "pace": 1.0, "radio": {"via": "direct"}}
-    silent = retold(quiet, tmp_path / "direct", lambda record: replace(record, deliveries=()), scenario)
-    run = open_run(silent)
-    assert at(LinkLog(run), run.ticks - 1).sent.sum() == 0

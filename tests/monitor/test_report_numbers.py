@@ -214,7 +214,7 @@ def test_of_a_direct_radio_a_report_says_what_robots_said_and_nothing_of_beliefs
     assert "was the truth" not in page
     assert "Rebuilt from" not in page
     assert "Not known: robots heard each other directly" in page
-    assert "by what they say they heard 100 of 160 frames. Counts of r3 are missing" in page
+    assert "by what they say they heard 100 of 160 frames. They refused 0. Counts of r3 are missing" in page
     assert rows(page, "links") == {
         "r2 to r1": ["r2 to r1", "80", "60", "75.00"],
         "r1 to r2": ["r1 to r2", "80", "40", "50.00"],
