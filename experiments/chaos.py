@@ -25,7 +25,7 @@ from patrol.errors import BadInput
 from patrol.random import Purpose
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
 from worldsim.record import COMPLETED, DESERTED
-from worldsim.verdict import Verdict
+from worldsim.verdict.judge import Verdict
 
 KEY = b"chaos has no secrets"
 """The fleets' key, where they have one."""

@@ -22,7 +22,7 @@ from patrol.prepare import Prepared, prepare
 from worldsim.loop import run_ticks
 from worldsim.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
 from worldsim.summary import Totals, summarise
-from worldsim.verdict import Judge, Verdict, judge
+from worldsim.verdict.judge import Judge, Verdict, judge
 from worldsim.world import Reply, Report, World
 
 if TYPE_CHECKING:

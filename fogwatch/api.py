@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
     from worldsim.record import RunRecord
-    from worldsim.verdict import Verdict
+    from worldsim.verdict.judge import Verdict
 
 MOST_THREADS = 8
 EAGER = 16
@@ -214,7 +214,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
 
     from patrol.journal import read_journal
     from worldsim.summary import summarise
-    from worldsim.verdict import judge
+    from worldsim.verdict.judge import judge
 
     if not folder.journal.exists():
         if launch.interrupted:

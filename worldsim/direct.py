@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from patrol.eyes import Traffic
 from patrol.keys import FleetKeys, robot_of
 from patrol.message import CONTACT, Rejected, decode
-from worldsim.checks import Check
+from worldsim.verdict.checks import Check
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord

@@ -335,7 +335,7 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     """Summarise and judge a run whose agents somebody else has started; the exit code."""
     from patrol.journal import read_journal
     from worldsim.summary import summarise
-    from worldsim.verdict import judge
+    from worldsim.verdict.judge import judge
 
     journal = read_journal(out / "journal")
     verdict = judge(journal, {}, prepared)

@@ -20,7 +20,7 @@ from worldsim.traffic import Traffic
 
 if TYPE_CHECKING:
     from worldsim.record import RunRecord
-    from worldsim.verdict import Verdict
+    from worldsim.verdict.judge import Verdict
 
 STAY_M = 1.0
 """A robot that keeps within this distance of a place stays there."""

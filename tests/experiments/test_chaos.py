@@ -26,10 +26,10 @@ from experiments.chaos import (
 from patrol.errors import BadInput
 from patrol.faults import KINDS, Forgery, Partition, Spoof
 from patrol.scenario import Scenario, as_mapping, load_scenario
-from worldsim.checks import Check
 from worldsim.record import COMPLETED, INTERRUPTED
 from worldsim.timeline import Timeline
-from worldsim.verdict import Verdict
+from worldsim.verdict.checks import Check
+from worldsim.verdict.judge import Verdict
 
 GOOD = Ran("trace", Verdict("valid", (Check("complete", True, ""),)), COMPLETED)
 BAD = Verdict("invalid", (Check("fog", False, "thick"), Check("trace", True, ""), Check("moves", False, "wild")))

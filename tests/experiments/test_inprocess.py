@@ -17,7 +17,7 @@ from patrol.journal import Event, TickRecord, read_journal
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
 from worldsim.record import INTERRUPTED
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 from worldsim.world import World
 
 CARS = {"count": 3, "model": "car"}

@@ -24,7 +24,7 @@ from patrol.scenario import dump_scenario, load_scenario
 from worldsim.loop import run_ticks
 from worldsim.record import Recorder, header_of
 from worldsim.summary import summarise
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 from worldsim.world import World
 
 QUIET: dict[str, Any] = {

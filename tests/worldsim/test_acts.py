@@ -12,7 +12,7 @@ from patrol.phases import FIRST_INCARNATION
 from patrol.records import Event
 from worldsim.loop import run_ticks
 from worldsim.record import COMPLETED, DESERTED, MemoryJournal
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab

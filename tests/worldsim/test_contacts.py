@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
 
 from patrol.pose import Velocity
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 from worldsim.world import Reply
 
 DISC: dict[str, Any] = {"model": "holonomic", "radius": 0.4, "speed": 4.0}

@@ -19,7 +19,7 @@ from patrol.scenario import load_scenario
 from worldsim.controls import Asked, Operator
 from worldsim.loop import run_ticks
 from worldsim.record import MemoryJournal, Recorder, header_of
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 from worldsim.world import World
 
 SMALL: dict[str, Any] = {

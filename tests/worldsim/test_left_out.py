@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from patrol.journal import trace_hash
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

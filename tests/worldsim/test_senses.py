@@ -13,7 +13,7 @@ from patrol.pose import Pose
 from patrol.scenario import load_scenario
 from worldsim.senses import Senses
 from worldsim.timeline import Timeline
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from patrol.terrain import Terrain

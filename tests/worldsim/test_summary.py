@@ -14,7 +14,7 @@ from patrol.journal import Status, trace_hash
 from patrol.scenario import load_scenario, scenario_hash
 from worldsim.record import MemoryJournal, lower_bound
 from worldsim.summary import summarise
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab

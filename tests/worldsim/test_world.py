@@ -14,7 +14,7 @@ from patrol.message import MAX_FRAME, Position, decode
 from patrol.pose import Drive, Pose, Velocity
 from worldsim.loop import run_ticks
 from worldsim.record import DESERTED
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 from worldsim.world import Reply, Report
 
 if TYPE_CHECKING:

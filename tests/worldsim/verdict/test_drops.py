@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.records import FORGED
-from tests.worldsim.judged import Result, change, failures, runs
+from tests.worldsim.verdict.judged import Result, change, failures, runs
 from worldsim.radio_rules import RadioRules, cause
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ import pytest
 from patrol.journal import Status, trace_hash
 from patrol.message import Position, decode, encode
 from patrol.pose import Pose
-from tests.worldsim.judged import Result, failures, runs
+from tests.worldsim.verdict.judged import Result, failures, runs
 from worldsim.forging import Forged, Forger
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab

@@ -9,9 +9,9 @@ from patrol.journal import Status, TickRecord
 from patrol.phases import FIRST_INCARNATION
 from patrol.records import FORGED
 from worldsim.acts import LOOKED_AT
-from worldsim.checks import Check, names_of
 from worldsim.hands import STOPPED, UNSEEN, process_name
-from worldsim.roll import Roll
+from worldsim.verdict.checks import Check, names_of
+from worldsim.verdict.roll import Roll
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from patrol.faults import Delay, Duplicate, Loss, Reorder, Wait
 from patrol.records import FORGED, frame_sequence
-from worldsim.airborne import BEFORE_THE_AIR, active, airborne, arrived, fault_of, forgers_of, kind_of, on_link
-from worldsim.chance import FAMILY, enough, unexplained
-from worldsim.checks import Check
 from worldsim.ether import there
 from worldsim.radio_rules import chain_of
-from worldsim.timing_checks import SOON
+from worldsim.verdict.airborne import BEFORE_THE_AIR, active, airborne, arrived, fault_of, forgers_of, kind_of, on_link
+from worldsim.verdict.chance import FAMILY, enough, unexplained
+from worldsim.verdict.checks import Check
+from worldsim.verdict.timing import SOON
 
 if TYPE_CHECKING:
     from patrol.records import TickRecord
@@ -45,7 +45,7 @@ class _Losses:
 
 
 class LossesAsAsked:
-    """Frames are lost as often as the faults say, and in bursts as long, as far as chance goes (`worldsim.chance`).
+    """Frames are lost as often as the faults say, and in bursts as long, as far as chance goes (`chance.py`).
 
     A fault without bursts is one series of draws, one for each frame that got as far as it. A fault with bursts is
     three: which links are bad when it begins; and from one tick to the next on the same link, from good to bad, and
@@ -121,7 +121,7 @@ class LossesAsAsked:
 
 
 class DelaysAsAsked:
-    """Frames are copied, held back and delayed as often as the faults say, as far as chance goes (`worldsim.chance`).
+    """Frames are copied, held back and delayed as often as the faults say, as far as chance goes (`chance.py`).
 
     Only what can be told is counted: reorders whose `hold` alone makes a frame late; and of delays drawn at random, on
     frames that nothing else holds up or copies, how many are still on their way after about the median. Such a frame

@@ -11,7 +11,7 @@ from patrol.journal import Event, RobotTick, Status
 from worldsim.acts import LOOKED_AT
 from worldsim.hands import STOPPED, UNSEEN
 from worldsim.record import MemoryJournal
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab

@@ -12,9 +12,9 @@ from patrol.faults import Drift, Forgery, Spoof
 from patrol.journal import Status, TickRecord
 from patrol.message import MAX_ROBOT, Position, Rejected, decode
 from patrol.records import FORGED
-from worldsim.airborne import NO_ROBOT, active
-from worldsim.checks import Check
 from worldsim.ether import there
+from worldsim.verdict.airborne import NO_ROBOT, active
+from worldsim.verdict.checks import Check
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

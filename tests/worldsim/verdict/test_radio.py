@@ -14,13 +14,13 @@ from patrol.message import Position, encode
 from patrol.pose import Pose
 from patrol.random import draw
 from patrol.records import FORGED
-from worldsim.drop_checks import NothingCrossed
-from worldsim.radio_checks import WithinBandwidth
 from worldsim.radio_rules import Burst
 from worldsim.record import MemoryJournal
-from worldsim.share_checks import LossesAsAsked
 from worldsim.timeline import Timeline
-from worldsim.verdict import Verdict, judge
+from worldsim.verdict.drops import NothingCrossed
+from worldsim.verdict.judge import Verdict, judge
+from worldsim.verdict.radio import WithinBandwidth
+from worldsim.verdict.shares import LossesAsAsked
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -289,7 +289,7 @@ def test_a_judge_whose_inboxes_believe_strangers_finds_out(run: Any, key: str, m
     spoof = {"kind": "spoof", "as": "r2", "payload": {"offset": [0.5, 0.0]}, "id": "lie"}
     world, journal = run(spoof, key=key)
     keyless: Any = lambda scenario, own, bounds, _key: inbox_of(scenario, own, bounds, None)  # noqa: E731
-    monkeypatch.setattr("worldsim.hearing_checks.inbox_of", keyless)
+    monkeypatch.setattr("worldsim.verdict.hearing.inbox_of", keyless)
     found = failures(judge(journal, {}, world.prepared))
     assert found["forged frames"] == "r1 believed a forged frame of lie without the fleet's key at tick 0"
 
@@ -307,7 +307,7 @@ def test_frames_of_ticks_to_come_are_refused_and_nothing_else_is(run: Any, ahead
 def test_a_judge_whose_inboxes_believe_in_ticks_to_come_finds_out(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     world, journal = run({"kind": "spoof", "as": "r2", "payload": {"ahead": 3}, "id": "ahead"})
     clockless: Any = lambda *given: inbox_of(*given, knows_ticks=False)  # noqa: E731
-    monkeypatch.setattr("worldsim.hearing_checks.inbox_of", clockless)
+    monkeypatch.setattr("worldsim.verdict.hearing.inbox_of", clockless)
     found = failures(judge(journal, {}, world.prepared))
     assert found["forged frames"] == "r1 believed a forged frame of ahead of a tick that was still to come at tick 0"
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from patrol.faults import Range
 from patrol.records import FORGED
-from worldsim.airborne import NO_ROBOT, active, fates, fault_of, forgers_of, kind_of
-from worldsim.checks import Check, names_of
 from worldsim.ether import OVERSIZED, OWN
+from worldsim.verdict.airborne import NO_ROBOT, active, fates, fault_of, forgers_of, kind_of
+from worldsim.verdict.checks import Check, names_of
 
 if TYPE_CHECKING:
     from patrol.records import TickRecord

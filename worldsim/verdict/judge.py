@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 from patrol.controls import prepared_as_operated
 from patrol.faults import PROCESS_KINDS, SENSE_KINDS, Pause
-from worldsim.body_checks import BodiesApart, MovesAreTrue
-from worldsim.checks import (
+from worldsim.direct import DirectLinks
+from worldsim.timeline import Timeline
+from worldsim.verdict.bodies import BodiesApart, MovesAreTrue
+from worldsim.verdict.checks import (
     Check,
     Complete,
     FogIsTrue,
@@ -18,19 +20,17 @@ from worldsim.checks import (
     Tally,
     TraceAgrees,
 )
-from worldsim.direct import DirectLinks
-from worldsim.drop_checks import DropsExplained, NothingCrossed
-from worldsim.fault_checks import DownAreSilent, ExitCodes, PausedStandStill, StatusesFollow
-from worldsim.forgery_checks import SpoofsAsAsked
-from worldsim.frame_checks import FramesAreTrue, LinksAddUp
-from worldsim.hearing_checks import ForgedAsConfigured, Hearing
-from worldsim.radio_checks import Replay, WithinBandwidth
-from worldsim.reach_checks import WithinReach
-from worldsim.recovery import Recovers
-from worldsim.sense_checks import SensesAsAsked
-from worldsim.share_checks import DelaysAsAsked, LossesAsAsked
-from worldsim.timeline import Timeline
-from worldsim.timing_checks import FaultsOnTime, OnTime
+from worldsim.verdict.drops import DropsExplained, NothingCrossed
+from worldsim.verdict.faults import DownAreSilent, ExitCodes, PausedStandStill, StatusesFollow
+from worldsim.verdict.forgeries import SpoofsAsAsked
+from worldsim.verdict.frames import FramesAreTrue, LinksAddUp
+from worldsim.verdict.hearing import ForgedAsConfigured, Hearing
+from worldsim.verdict.radio import Replay, WithinBandwidth
+from worldsim.verdict.reach import WithinReach
+from worldsim.verdict.recovery import Recovers
+from worldsim.verdict.senses import SensesAsAsked
+from worldsim.verdict.shares import DelaysAsAsked, LossesAsAsked
+from worldsim.verdict.timing import FaultsOnTime, OnTime
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord

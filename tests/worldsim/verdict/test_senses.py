@@ -10,13 +10,13 @@ import pytest
 from patrol.pose import Pose
 from patrol.random import gauss
 from worldsim.senses import Senses
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tests.worldsim.conftest import Lab
-    from worldsim.verdict import Verdict
+    from worldsim.verdict.judge import Verdict
 
 BIAS = {"kind": "drift", "who": ["r1", "r3"], "at": 2.0, "for": 10.0, "bias": [0.5, -0.25], "growth": [0.05, 0.0]}
 NOISE = {"kind": "drift", "who": "all", "noise": 0.2}

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from patrol.footprint import sensor_footprint
 from patrol.pose import Pose
 from patrol.records import RobotTick, Status, TickRecord
-from worldsim.checks import Check
 from worldsim.timeline import FAULT_EVENT, Timeline
 from worldsim.truth import Truth
+from worldsim.verdict.checks import Check
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

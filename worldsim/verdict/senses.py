@@ -16,9 +16,9 @@ from patrol.journal import RobotTick, TickRecord
 from patrol.message import CONTACT, MAX_TIME_MS, Position, Rejected, decode
 from patrol.pose import TAU
 from patrol.records import FORGED
-from worldsim.airborne import active
-from worldsim.chance import FAMILY, enough, unexplained
-from worldsim.checks import Check, names_of
+from worldsim.verdict.airborne import active
+from worldsim.verdict.chance import FAMILY, enough, unexplained
+from worldsim.verdict.checks import Check, names_of
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

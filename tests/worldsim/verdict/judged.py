@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from patrol.journal import trace_hash
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab

@@ -16,13 +16,13 @@ from shapely import LineString, box
 from patrol.journal import TickRecord
 from patrol.records import sent_at
 from patrol.terrain import Terrain
-from tests.worldsim.judged import Result, change, failures, runs
+from tests.worldsim.verdict.judged import Result, change, failures, runs
 from worldsim.radio_rules import RadioRules, arrival
-from worldsim.reach_checks import GRAZING_M, Sightlines
-from worldsim.share_checks import DelaysAsAsked, alarm_of
 from worldsim.timeline import Timeline
-from worldsim.timing_checks import FaultsOnTime
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
+from worldsim.verdict.reach import GRAZING_M, Sightlines
+from worldsim.verdict.shares import DelaysAsAsked, alarm_of
+from worldsim.verdict.timing import FaultsOnTime
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab

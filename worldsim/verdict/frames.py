@@ -14,16 +14,16 @@ from patrol.keyfile import fleet_key
 from patrol.message import MAX_TRAIL, Position, Rejected, decode
 from patrol.pose import Pose
 from patrol.records import FORGED, frame_sequence
-from worldsim.checks import Check, names_of
 from worldsim.ether import there
 from worldsim.intruders import Intruders
 from worldsim.senses import Senses
 from worldsim.timeline import Timeline
+from worldsim.verdict.checks import Check, names_of
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.radio_checks import Replay
     from worldsim.record import RunRecord
+    from worldsim.verdict.radio import Replay
 
 
 _LOST = Status.LOST.name.lower()

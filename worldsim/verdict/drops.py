@@ -11,9 +11,9 @@ from patrol.faults import Bandwidth, Loss, Partition, Range, Silence
 from patrol.journal import Status, TickRecord
 from patrol.message import MAX_FRAME
 from patrol.records import FORGED, sent_at
-from worldsim.airborne import NO_ROBOT, active, fates, fault_of, forgers_of, kind_of, on_link, origins_of
-from worldsim.checks import Check, names_of
 from worldsim.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED
+from worldsim.verdict.airborne import NO_ROBOT, active, fates, fault_of, forgers_of, kind_of, on_link, origins_of
+from worldsim.verdict.checks import Check, names_of
 
 if TYPE_CHECKING:
     from worldsim.ether import Link

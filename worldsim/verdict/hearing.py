@@ -13,14 +13,14 @@ from patrol.journal import Status, TickRecord
 from patrol.keyfile import fleet_key
 from patrol.message import CONTACT, Position
 from patrol.records import FORGED, frame_sequence
-from worldsim.checks import Check, names_of
 from worldsim.radio_rules import NOBODY
+from worldsim.verdict.checks import Check, names_of
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.radio_checks import Replay
     from worldsim.record import RunRecord
     from worldsim.timeline import Timeline
+    from worldsim.verdict.radio import Replay
 
 _GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Status.LOST, Status.ABSENT))
 

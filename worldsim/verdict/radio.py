@@ -12,12 +12,12 @@ from patrol.faults import Bandwidth
 from patrol.journal import Status, TickRecord
 from patrol.pose import Pose
 from patrol.records import FORGED
-from worldsim.airborne import BEFORE_THE_AIR, active, fates, fault_of, forgers_of, kind_of, origins_of
-from worldsim.checks import Check, names_of
 from worldsim.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of, there
 from worldsim.radio_rules import LEAST_BUCKET
 from worldsim.senses import Senses
 from worldsim.timeline import Entry, Timeline
+from worldsim.verdict.airborne import BEFORE_THE_AIR, active, fates, fault_of, forgers_of, kind_of, origins_of
+from worldsim.verdict.checks import Check, names_of
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

@@ -11,9 +11,9 @@ import numpy as np
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Drive, Pose, Velocity
 from patrol.sweep import advance, free_fraction, path_is_free
-from worldsim.checks import Check, names_of
 from worldsim.motion import length
-from worldsim.roll import Roll
+from worldsim.verdict.checks import Check, names_of
+from worldsim.verdict.roll import Roll
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from patrol.faults import Delay, Duplicate, Lasting, Reorder, Wait
 from patrol.records import FORGED, sent_at
-from worldsim.airborne import active, airborne, arrived, forgers_of, on_link
-from worldsim.checks import Check, names_of
+from worldsim.verdict.airborne import active, airborne, arrived, forgers_of, on_link
+from worldsim.verdict.checks import Check, names_of
 
 if TYPE_CHECKING:
     from patrol.records import TickRecord

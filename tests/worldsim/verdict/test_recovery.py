@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import Event, Status
-from worldsim.checks import Check
 from worldsim.record import MemoryJournal
-from worldsim.verdict import Judge, judge
+from worldsim.verdict.checks import Check
+from worldsim.verdict.judge import Judge, judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab

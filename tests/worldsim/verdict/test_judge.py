@@ -14,7 +14,7 @@ from patrol.journal import JournalWriter, RobotTick, TickRecord, read_journal, t
 from patrol.message import Position, encode
 from patrol.pose import Pose
 from worldsim.record import INTERRUPTED, MemoryJournal
-from worldsim.verdict import Judge, Verdict, judge
+from worldsim.verdict.judge import Judge, Verdict, judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
