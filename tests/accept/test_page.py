@@ -35,7 +35,9 @@ def memory_mb(pid: int) -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def test_fifty_robots_are_shown_smoothly_and_in_little_memory(tmp_path: Path) -> None:
+def test_fifty_robots_are_shown_smoothly_and_in_little_memory(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     run = fogwatch.run(FLEET, out=tmp_path / "fifty")
     command = [sys.executable, "-P", "-m", "monitor", "--replay", str(run.folder)]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -55,7 +57,8 @@ def test_fifty_robots_are_shown_smoothly_and_in_little_memory(tmp_path: Path) ->
                 time.sleep(0.5)
             rate = (int(look.evaluate("document.body.dataset.frames")) - frames) / (time.monotonic() - since)
             held = memory_mb(server.pid)
-        print(f"{rate:.1f} frames/s, the page's process {held:.0f} MB")
+        with capsys.disabled():
+            print(f"\n{rate:.1f} frames/s, the page's process {held:.0f} MB")
         assert rate >= LEAST_FRAMES
         assert held < MOST_MB
     finally:
