@@ -175,10 +175,10 @@ class Followers:
         self._all = {layer: self._make(layer) for layer in self._all}
 
     def catch_up(self, over: Callable[[], bool]) -> None:
-        """Take in ticks until there are no more, or until it is over; who was not served is the first next time."""
-        for layer, follower in list(self._all.items()):
+        """Take in ticks until there are no more, or until it is over; who is served now is the last next time."""
+        for layer in list(self._all):
+            follower = self._all[layer] = self._all.pop(layer)
             while follower.behind:
                 follower.step()
                 if over():
                     return
-            self._all[layer] = self._all.pop(layer)

@@ -148,11 +148,12 @@ class Hub:
         messages: list[Message] = []
         for layer in viewer.layers:
             book = self._books.get(layer)
-            if book is None or book.tick != state.k:  # it is still worked out, which the page sees by the tick it has
+            if book is None:
                 continue
             version, tick = viewer.sent.get(layer, (0, -1))
             if (version, tick) != (book.version, book.tick):
                 viewer.sent[layer] = book.version, book.tick
+                # While a fog is worked out this is of an earlier tick, which the page sees.
                 messages.append(book.packet(version, self.source.since(layer)))
         now = self._now()
         if now >= viewer.seldom:

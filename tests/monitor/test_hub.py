@@ -33,8 +33,8 @@ class Page:
     def close(self) -> None:
         self.viewer.loop.close()
 
-    def turn(self) -> list[Any]:
-        """What it gets now: packets as (layer, tick, since), and what else there is by its type."""
+    def messages(self) -> list[Any]:
+        """What it gets now: packets as (layer, tick, since), and what else there is as it is."""
         self.hub._turn()
         loop = self.viewer.loop
         loop.call_soon(loop.stop)
@@ -45,13 +45,13 @@ class Page:
                 if isinstance(message, bytes):
                     found.append(tuple(array("i", message[:12])))
                 else:
-                    found.append(json.loads(message)["type"])
+                    found.append(json.loads(message))
             self.viewer.written += 1
         self.viewer.drawn = True
         return found
 
     def packets(self) -> list[tuple[int, ...]]:
-        return [one for one in self.turn() if isinstance(one, tuple)]
+        return [one for one in self.messages() if isinstance(one, tuple)]
 
 
 def test_a_fog_is_sent_with_its_tick_and_only_once_it_is_known(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,10 +68,18 @@ def test_a_fog_is_sent_with_its_tick_and_only_once_it_is_known(quiet: Seen, monk
         assert page.packets() == []
         known = False
         player.ask({"do": "seek", "k": 40})
-        assert page.turn()[-1] == "state"
+        assert page.messages()[-1]["type"] == "state"
         assert page.packets() == []
         known = True
         assert page.packets() == [(1, 40, 0)]
+
+
+def test_a_page_gets_no_more_of_a_long_chart_than_it_can_show(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.page.hub.MOST_POINTS", 10)
+    with closing(Page(Hub(Player(quiet.open())))) as page:
+        told = next(one for one in page.messages() if isinstance(one, dict) and one["type"] == "series")
+    assert 4 <= len(told["k"]) <= 11
+    assert (told["k"][0], told["k"][-1]) == (0, 79)
 
 
 def test_a_chart_of_any_length_keeps_its_ends_and_its_stalest_ticks() -> None:

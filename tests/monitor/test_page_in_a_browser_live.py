@@ -127,3 +127,24 @@ def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) ->
     assert count <= 10_000
     assert last > 329_990
     assert stalest == most == 99
+
+
+def test_a_fog_and_its_state_change_together(chromium: Any, quiet: Seen) -> None:
+    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        ticks = look.evaluate(
+            """async () => {
+                const { Store } = await import('/store.js');
+                const store = new Store(() => {}), seen = [];
+                const look = () => seen.push(store.fog(3)?.tick ?? null);
+                store.take({ type: 'static', width: 4, height: 4, side: 64, live: false });
+                for (const [tick, k] of [[4, 4], [5, 5], [5, 9], [9, 9], [9, 2]]) {
+                    store.unpack(Int32Array.of(3, tick, 0, 0, 0).buffer);
+                    look();
+                    store.take({ type: 'state', k, robots: [] });
+                    look();
+                }
+                return seen;
+            }"""
+        )
+    assert ticks == [None, 4, 4, 5, 5, None, None, 9, 9, None]
