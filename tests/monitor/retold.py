@@ -13,7 +13,7 @@ from patrol.prepare import prepare
 from patrol.scenario import dump_scenario, load_scenario
 from worldsim.record import header_of
 from worldsim.summary import summarise
-from worldsim.verdict import judge
+from worldsim.verdict.judge import judge
 from worldsim.world import World
 
 if TYPE_CHECKING:
