@@ -19,10 +19,12 @@ BUDGET_S = 0.05
 """Wall time that is given to it at once."""
 
 SNAPSHOTS = 40
+MOST = 4
+"""Robots of which snapshots are kept, each of the whole map."""
 
 
 class Hindsight:
-    """One robot's fog at any tick. Asking for another robot begins anew."""
+    """The fogs of a run's robots at any tick; of more than `MOST` robots in turn each begins anew."""
 
     def __init__(self, run: Run, key: bytes | None, now: Callable[[], float] = time.monotonic) -> None:
         """key: of the fleet's tags; without it frames are believed untested."""
@@ -30,16 +32,35 @@ class Hindsight:
         self._key = key
         self._now = now
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
-        self._apart = max(1, run.ticks // SNAPSHOTS)
-        self._k: int = -1
-        self._choose(run.numbers[0])
+        self._robots: dict[int, _Robot] = {}
 
     def last_seen(self, number: int, k: int) -> NDArray[np.int32] | None:
         """int32 (h, w) after tick k; None as long as it takes more time. Its own: copy what is to last."""
-        if number not in self._run.index:
-            return None
-        if number != self._number:
-            self._choose(number)
+        robot = self._robots.pop(number, None) or _Robot(self._run, self._key, self._footprint, number, self._now)
+        self._robots[number] = robot
+        if len(self._robots) > MOST:
+            del self._robots[next(iter(self._robots))]
+        return robot.last_seen(k)
+
+
+class _Robot:
+    """One robot's fog at any tick."""
+
+    def __init__(
+        self, run: Run, key: bytes | None, footprint: Footprint, number: int, now: Callable[[], float]
+    ) -> None:
+        self._now = now
+        self._footprint = footprint
+        self._apart = max(1, run.ticks // SNAPSHOTS)
+        self._patrolled = run.prepared.fields[number].patrolled
+        self._blank = keep_outside(Fog(self._patrolled), run.prepared.patrolled).last_seen
+        self._recall = _Recall(run, footprint, key, number)
+        self._kept: dict[int, NDArray[np.int32]] = {}
+        self._fog = Fog.resumed(self._patrolled, self._blank)
+        self._k = -1
+
+    def last_seen(self, k: int) -> NDArray[np.int32] | None:
+        """See `Hindsight`."""
         until = self._now() + BUDGET_S
         while self._recall.ticks <= k:
             if not self._recall.hear(self._recall.ticks) or self._now() > until:
@@ -53,15 +74,6 @@ class Hindsight:
             if self._now() > until and self._k < k:
                 return None
         return self._fog.last_seen
-
-    def _choose(self, number: int) -> None:
-        self._number = number
-        self._patrolled = self._run.prepared.fields[number].patrolled
-        self._blank = keep_outside(Fog(self._patrolled), self._run.prepared.patrolled).last_seen
-        self._recall = _Recall(self._run, self._footprint, self._key, number)
-        self._kept: dict[int, NDArray[np.int32]] = {}
-        self._fog = Fog.resumed(self._patrolled, self._blank)
-        self._k = -1
 
     def _before(self, k: int) -> int:
         """The last snapshot up to tick k; -1 for none."""

@@ -74,6 +74,20 @@ def test_a_fog_is_sent_with_its_tick_and_only_once_it_is_known(quiet: Seen, monk
         assert page.packets() == [(1, 40, 0)]
 
 
+def test_of_a_fog_that_stays_the_tick_is_sent(faulty: Seen) -> None:
+    player = Player(faulty.open())
+    hub = Hub(player)
+    told = []
+    with closing(Page(hub)) as page:
+        hub.show(page.viewer, [1])
+        for k in (48, 52):  # the robot is dead
+            player.ask({"do": "seek", "k": k})
+            while (1, k, 0) not in (packets := page.packets()):
+                pass
+            told += packets
+    assert told == [(1, 48, 0), (1, 52, 0)]
+
+
 def test_a_page_gets_no_more_of_a_long_chart_than_it_can_show(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.page.hub.MOST_POINTS", 10)
     with closing(Page(Hub(Player(quiet.open())))) as page:

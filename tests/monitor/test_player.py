@@ -9,6 +9,8 @@ from monitor.player import Player
 from patrol.records import Status
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from monitor.source import State
     from tests.monitor.conftest import Seen
 
@@ -55,7 +57,6 @@ def test_what_a_robot_believed_is_what_its_mind_held(faulty: Seen) -> None:
             continue
         at(player, k)
         believed = None
-        believed = None
         for _ in range(400):
             believed = player.last_seen(number)
             if believed is not None:
@@ -64,6 +65,19 @@ def test_what_a_robot_believed_is_what_its_mind_held(faulty: Seen) -> None:
         np.testing.assert_array_equal(believed, faulty.beliefs[k, number])
     assert player.last_seen(99) is None
     assert player.last_seen("heard") is None
+
+
+def test_two_who_look_at_two_robots_both_come_to_see_them(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.hindsight.BUDGET_S", 0.0)
+    player = Player(faulty.open(), Wall())
+    at(player, 60)
+    seen: dict[int, NDArray[np.int32] | None] = dict.fromkeys((2, 3))
+    for _ in range(500):
+        seen = {number: player.last_seen(number) for number in seen}
+        if all(one is not None for one in seen.values()):
+            break
+    for number in seen:
+        np.testing.assert_array_equal(seen[number], faulty.beliefs[60, number])
 
 
 def test_links_add_up_to_those_of_the_whole_run(faulty: Seen) -> None:
