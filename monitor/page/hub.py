@@ -134,14 +134,24 @@ class Hub:
             return
         with self._lock:
             ready = [viewer for viewer in self._viewers if viewer.ready]
+            self._forget()
         for layer in dict.fromkeys(layer for viewer in ready for layer in viewer.layers):
             now = self.source.last_seen(layer)
             if now is not None:
-                book = self._books.setdefault(layer, TileBook(layer_number(layer), now.shape))
-                book.take(now, self._state.k)
+                if layer not in self._books:
+                    self._books[layer] = TileBook(layer_number(layer), now.shape)
+                self._books[layer].take(now, self._state.k)
         for viewer in ready:
             if messages := self._news(viewer, self._state):
                 viewer.post(messages)
+
+    def _forget(self) -> None:
+        """Keep no map that no page shows; one that is shown again is sent as a whole."""
+        shown = {layer for viewer in self._viewers for layer in viewer.layers}
+        for layer in self._books.keys() - shown:
+            del self._books[layer]
+            for viewer in self._viewers:
+                viewer.sent.pop(layer, None)
 
     def _news(self, viewer: Viewer, state: State) -> list[Message]:
         """What a viewer does not have yet; empty when it has everything."""

@@ -34,7 +34,7 @@ class Page:
         self.viewer.loop.close()
 
     def messages(self) -> list[Any]:
-        """What it gets now: packets as (layer, tick, since), and what else there is as it is."""
+        """What it gets now: packets as (layer, tick, since, tiles), and what else there is as it is."""
         self.hub._turn()
         loop = self.viewer.loop
         loop.call_soon(loop.stop)
@@ -43,7 +43,7 @@ class Page:
         while not self.viewer.outbox.empty():
             for message in self.viewer.outbox.get_nowait() or ():
                 if isinstance(message, bytes):
-                    found.append(tuple(array("i", message[:12])))
+                    found.append(tuple(array("i", message[:16])))
                 else:
                     found.append(json.loads(message))
             self.viewer.written += 1
@@ -51,7 +51,12 @@ class Page:
         return found
 
     def packets(self) -> list[tuple[int, ...]]:
-        return [one for one in self.messages() if isinstance(one, tuple)]
+        """(layer, tick, since) of those that it gets now."""
+        return [one[:3] for one in self.messages() if isinstance(one, tuple)]
+
+    def tiles(self) -> dict[int, int]:
+        """How many of each layer it gets now."""
+        return {one[0]: one[3] for one in self.messages() if isinstance(one, tuple)}
 
 
 def test_a_fog_is_sent_with_its_tick_and_only_once_it_is_known(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,6 +77,22 @@ def test_a_fog_is_sent_with_its_tick_and_only_once_it_is_known(quiet: Seen, monk
         assert page.packets() == []
         known = True
         assert page.packets() == [(1, 40, 0)]
+
+
+def test_a_fog_that_no_page_shows_is_not_kept_and_comes_again_as_a_whole(quiet: Seen) -> None:
+    hub = Hub(Player(quiet.open()))
+    with closing(Page(hub)) as page, closing(Page(hub)) as other:
+        whole = page.tiles()
+        assert other.tiles() == whole
+        hub.show(page.viewer, [-7])
+        assert page.tiles() == {}
+        hub.show(page.viewer, [0])
+        assert page.tiles() == {}  # the other one shows it all the time
+        for one in (page, other):
+            hub.show(one.viewer, [-7])
+        assert page.tiles() == {}
+        hub.show(page.viewer, [0])
+        assert page.tiles() == whole
 
 
 def test_of_a_fog_that_stays_the_tick_is_sent(faulty: Seen) -> None:

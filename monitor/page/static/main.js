@@ -164,7 +164,7 @@ function layers() {
     options.push(new Option(`${name === "heard" ? "as heard" : named(number)} against the truth`, `${DIFFERENCE}${number}`));
   }
   if (facts.direct && facts.truth) {
-    options.push(new Option("what robots believe: with direct radio nobody knows what they heard", ""));
+    options.push(new Option("beliefs: not known (direct radio)", ""));
     options.at(-1).disabled = true;
   }
   select.replaceChildren(...options);

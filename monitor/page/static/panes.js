@@ -182,7 +182,7 @@ export class Links {
 /** Why there are no links. */
 function unlinked({ direct, live, truth }) {
   if (direct && truth) return "the network carries the frames (direct radio): how many were heard is in the run's summary";
-  return live ? "nobody tells of links" : "working it out";
+  return live ? "what became of frames is not known here" : "working it out";
 }
 
 /** A name in so many letters; its end tells robots of one kind apart. */
