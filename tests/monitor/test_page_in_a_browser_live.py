@@ -42,7 +42,29 @@ def test_who_comes_late_sees_what_is_not_known_as_that(chromium: Any, quiet: See
             look.page.select_option("#layer", fog)
             look.page.hover("#canvas", position=MIDDLE)
             look.until("document.getElementById('legendtext').textContent.endsWith('striped: not known')")
-            look.until("document.getElementById('tip').textContent.includes('not seen since 30 s; before that')")
+            look.until("document.getElementById('tip').textContent.includes('s at least; known from 30 s on')")
+
+
+def test_what_was_before_has_a_colour_where_it_hardly_matters(chromium: Any, quiet: Seen) -> None:
+    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        drawn = look.evaluate(
+            """async () => {
+                const { FogImage } = await import('/fogimage.js');
+                const image = new FogImage(3, 1), drawn = [], seen = Int32Array.of(-1, -2, 595);
+                image.base(Int32Array.of(3, 3, 3));
+                const striped = () => drawn.push([...image.pixels].map((pixel, i) => pixel === image.unknown[i]));
+                for (const [since, k] of [[0, 600], [3, 600], [590, 600], [590, 950]]) {
+                    image.ages({ seen, since }, k, 300);
+                    striped();
+                    image.difference({ seen, since }, { seen: Int32Array.of(k, k, k) }, 60);
+                    striped();
+                }
+                return drawn;
+            }"""
+        )
+    for place, vague in enumerate((False, False, False, False, True, True, False, False)):
+        assert drawn[place] == [vague, True, False]
 
 
 class Slow(Told):

@@ -1,11 +1,13 @@
 // The fog as an image, one pixel a point, row 0 on top. Ages come from last-seen ticks, so the page ages the map itself.
 
 import { AGES, DIFFERENCES, STEPS, themed } from "./colours.js";
-import { surely } from "./store.js";
+import { OUTSIDE, surely } from "./store.js";
 
 const PASSABLE = 1, COUNTED = 2;
 /** Points from one stripe to the next where nothing is known. */
 const STRIPE = 4;
+/** The share of the scale up to which two ages look alike. */
+const ALIKE = 0.05;
 
 export class FogImage {
   constructor(width, height) {
@@ -51,14 +53,19 @@ export class FogImage {
     this.context.putImageData(this.image, 0, 0);
   }
 
-  /** Ages in ticks at tick k of a fog of the store; `oldest` ticks and more are the darkest. */
+  /**
+   * Ages in ticks at tick k of a fog of the store; `oldest` ticks and more are the darkest. What was last seen before the
+   * fog was followed has a colour where the youngest and the oldest that it can be look alike.
+   */
   ages(fog, k, oldest) {
     const ramp = this.#ramp(AGES, oldest, "ages");
     const { from, to, pixels, unknown } = this;
     const { seen } = fog, least = surely(fog), last = ramp.length - 1;
+    const earlier = isVague(k - fog.since + 1, k, oldest) ? null : ramp[Math.min(k, last)];
     for (let i = 0; i < from.length; i++) {
       const since = seen[from[i]], age = k - (since > 0 ? since : 0);
-      pixels[to[i]] = since < least ? unknown[i] : ramp[age < last ? age : last];
+      if (since >= least) pixels[to[i]] = ramp[age < last ? age : last];
+      else pixels[to[i]] = since === OUTSIDE ? unknown[i] : earlier ?? unknown[i];
     }
     this.context.putImageData(this.image, 0, 0);
   }
@@ -70,9 +77,11 @@ export class FogImage {
     const middle = (STEPS - 1) / 2, share = middle / most;
     for (let i = 0; i < from.length; i++) {
       const at = from[i];
-      const older = Math.max(truth.seen[at], 0) - Math.max(believed.seen[at], 0);
+      const known = believed.seen[at] >= least, seen = Math.max(truth.seen[at], 0);
+      const older = seen - (known ? Math.max(believed.seen[at], 0) : 0);
+      const vague = !known && (believed.seen[at] === OUTSIDE || isVague(seen - believed.since + 1, seen, most));
       const place = Math.min(Math.max(Math.round(middle + older * share), 0), STEPS - 1);
-      pixels[to[i]] = believed.seen[at] < least ? unknown[i] : DIFFERENCES[place];
+      pixels[to[i]] = vague ? unknown[i] : DIFFERENCES[place];
     }
     this.context.putImageData(this.image, 0, 0);
   }
@@ -85,6 +94,12 @@ export class FogImage {
     }
     return this.ramp;
   }
+}
+
+/** Whether ticks from `low` to `high` do not look alike on a scale that ends at `most`, on both sides of 0. */
+export function isVague(low, high, most) {
+  const within = (value) => Math.min(Math.max(value, -most), most);
+  return within(high) - within(low) > ALIKE * most;
 }
 
 /** A round number of seconds that is at least `value`. */

@@ -3,7 +3,7 @@
 import { AGES, DIFFERENCES, STEPS } from "./colours.js";
 import { Chart } from "./chart.js";
 import { Controls } from "./controls.js";
-import { roundUp } from "./fogimage.js";
+import { isVague, roundUp } from "./fogimage.js";
 import { MapView } from "./map.js";
 import { $, Events, Links, Robots, tabs, write } from "./panes.js";
 import { Store, clock, seconds } from "./store.js";
@@ -235,8 +235,9 @@ function legend(force = false) {
 
 /** What the colours stand for, or that the fog is still worked out. */
 function caption() {
-  const fogs = map.fogs, late = fogs.some((fog) => fog?.since > 0);
-  const what = map.shown.kind === "difference" ? "s believed younger or older" : "seconds since last seen";
+  const fogs = map.fogs, { kind, oldest } = map.shown, k = kind === "ages" ? store.state?.k : 0;
+  const late = fogs.some((fog) => fog?.since > 0 && isVague(k - fog.since + 1, k, oldest));
+  const what = kind === "difference" ? "s believed younger or older" : "seconds since last seen";
   const known = late ? `${what}; striped: not known` : what;
   write($("legendtext"), store.state && fogs.includes(null) ? "working it out" : known);
 }

@@ -129,7 +129,10 @@ export class MapView {
       if (!fog) return "working it out";
       const last = fog.seen[at], age = seconds((store.state.k - Math.max(last, 0)) * step);
       if (last === OUTSIDE) return "does not count for this robot";
-      if (last < surely(fog)) return `not seen since ${seconds(fog.since * step)}; before that is not known`;
+      if (last < surely(fog)) {
+        const least = seconds((store.state.k - fog.since + 1) * step);
+        return `not seen for ${least} at least; known from ${seconds(fog.since * step)} on`;
+      }
       if (last === NEVER) return truth ? `never seen, for ${age}` : `not seen in the ${age} that were listened to`;
       return `seen ${age} ago`;
     });
