@@ -22,6 +22,7 @@ from experiments.inprocess import Outcome, run_in_process
 from patrol.builtins import builtin_terrain
 from patrol.dice import Dice
 from patrol.errors import BadInput
+from patrol.faults import nothing
 from patrol.random import Purpose
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
 from worldsim.record import COMPLETED, DESERTED
@@ -271,8 +272,7 @@ def with_faults(scenario: Scenario, faults: Sequence[Any]) -> Scenario:
     mapping = as_mapping(scenario)
     entries = mapping.get("faults", [])[: last + 1]
     who, step = scenario.roster[0].name, scenario.step
-    nothing = {"kind": "clock", "at": 0.0, "for": step, "who": [who]}
-    filled = [entry if entry["id"] in ids else nothing | {"id": entry["id"]} for entry in entries]
+    filled = [entry if entry["id"] in ids else nothing(entry["id"], 0.0, step, who) for entry in entries]
     return load_scenario(mapping | {"faults": filled})
 
 

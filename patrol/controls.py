@@ -26,7 +26,7 @@ from pydantic import Discriminator, Field, TypeAdapter, ValidationError
 
 from patrol.errors import BadInput
 from patrol.fault_roster import tick_of, ticks_of
-from patrol.faults import PROCESS_KINDS, Lasting
+from patrol.faults import PROCESS_KINDS, Clock, Lasting, nothing
 from patrol.records import Event
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario_errors import did_you_mean, show
@@ -169,7 +169,7 @@ def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
 
 
 def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
-    """The lasting faults of radio and senses that are active in tick k, as entries of a scenario's faults.
+    """The lasting faults of radio and senses that are active in tick k and change something, as a scenario's entries.
 
     first: the place of the first that is looked at; operators' faults come behind the scenario's own.
     """
@@ -178,6 +178,7 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
         for fault in scenario.faults[first:]
         if isinstance(fault, Lasting)
         and fault.kind not in PROCESS_KINDS
+        and not (isinstance(fault, Clock) and fault.offset == fault.rate == 0.0)
         and tick_of(fault.at, scenario.step) <= k
         and not _has_ended(fault, scenario.step, k)
     )
@@ -240,7 +241,7 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
 
 
 def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
-    """The scenario in which a lasting fault ends before tick k, or after its only tick."""
+    """The scenario in which a lasting fault ends before tick k; of one that begins then only its place remains."""
     place, fault = _find(scenario, name)
     if not isinstance(fault, Lasting):
         raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")
@@ -250,7 +251,10 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
     if _is_over(scenario, k, name):
         raise BadInput(f"control: id = {name}: it is over already")
     mapping = _mapping(scenario)
-    mapping["faults"][place]["for"] = max(1, k - begin) * scenario.step
+    if begin == k:
+        mapping["faults"][place] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
+    else:
+        mapping["faults"][place]["for"] = (k - begin) * scenario.step
     return _loaded(mapping, place)
 
 

@@ -285,6 +285,14 @@ class Clock(OnRobots, Lasting):
     rate: Growth = Field(0.0, description="s/s, by which it gains")
 
 
+def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
+    """An entry that changes nothing, for a place in the list that others' draws go by: a clock that is not wrong.
+
+    at, step: s; it lasts for a step. who: any robot's name.
+    """
+    return {"kind": "clock", "id": name, "at": at, "for": step, "who": [who]}
+
+
 AnyFault = (
     Kill
     | Restart

@@ -114,7 +114,10 @@ EVERYTHING: dict[int, list[dict[str, Any]]] = {
     14: [{"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 2.0}, "for": 3}}],
     15: [{"do": "fault", "fault": {"kind": "delay", "delay": {"exponential": 1.0}}}, {"do": "pace", "factor": None}],
     17: [{"do": "fault", "fault": {"kind": "pause", "who": "r1", "id": "nap"}}],
-    18: [{"do": "fault", "fault": {"kind": "loss", "rate": 0.5, "mean_burst": 3}}],
+    18: [
+        {"do": "fault", "fault": {"kind": "loss", "id": "slid", "rate": 1.0}},
+        {"do": "fault", "fault": {"kind": "loss", "rate": 0.5, "mean_burst": 3}, "instead": "slid"},
+    ],
     21: [{"do": "heal", "id": "nap"}, {"do": "heal", "id": "op6"}],
     22: [{"do": "fault", "fault": {"kind": "silence", "who": "minority", "direction": "in", "for": 4}}],
     23: [{"do": "fault", "fault": {"kind": "drift", "who": "half", "noise": 0.4}}],
@@ -224,6 +227,19 @@ def test_what_an_operator_has_asked_for_is_in_force_until_it_ends() -> None:
     scenario, _ = amended(scenario, 12, read_control({"do": "heal", "id": "hush"}))
     assert ids(11) == ["hush"]
     assert ids(12) == []
+
+
+def test_a_fault_that_is_replaced_before_it_has_acted_never_acts() -> None:
+    """A loss that is moved while the run is paused: the last one counts."""
+    scenario = load_scenario(SMALL)
+    for name, rate, instead in (("a", 0.5, None), ("b", 0.3, "a"), ("c", 0.1, "b")):
+        control = {"do": "fault", "fault": {"kind": "loss", "id": name, "rate": rate}, "instead": instead}
+        scenario, _ = amended(scenario, 8, read_control(control))
+    own = len(SMALL["faults"])
+    assert [fault["rate"] for fault in in_force(scenario, 8, own)] == [0.1]
+    assert [fault.id for fault in scenario.faults[own:]] == ["a", "b", "c"], "places go into draws"
+    scenario, _ = amended(scenario, 8, read_control({"do": "heal", "id": "c"}))
+    assert not in_force(scenario, 8, own)
 
 
 def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
