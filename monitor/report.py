@@ -215,10 +215,10 @@ def _links(run: Run) -> str:
     flying_says = f", {flying} were still on their way at the end" if flying else ""
     says = f"{arrived} of {total} frames arrived (a frame counts once per receiver){forged}{flying_says}"
     late = f"; the latest {run.links.late * run.step:g} s after its tick" if run.links.late else ", each in its tick"
-    causes = [(cause, str(int(counts.sum()))) for cause, counts in run.links.dropped.items()]
+    causes = [(why, *(str(int(of.sum())) for of in (c[1:], c[0]))) for why, c in run.links.dropped.items()]
     parts = [html.text(f"{says}{late}. Robots refused {run.rejected}.")]
     if causes:
-        parts.append(html.table(("dropped because of", "frames"), causes, numbers=(1,)))
+        parts.append(html.table(("dropped because of", "frames", "forged ones"), causes, numbers=(1, 2)))
     names = ("a forger", *run.names)
     rows = []
     for row, column in zip(*np.nonzero(sent), strict=True):

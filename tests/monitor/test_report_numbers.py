@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from html import unescape
@@ -99,6 +100,10 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
         f"Robots refused {messages['rejected']}.",
     ):
         assert words in page
+    by_kind: Counter[str] = Counter()
+    for cause, frames, _ in rows(page, "links", 0).values():
+        by_kind[cause.partition(":")[0]] += int(frames)
+    assert +by_kind == messages["dropped_by_cause"]
     listed = rows(page, "links", 1)
     linked = {
         f"{'a forger' if source == 'forger' else source} to {to}": facts
