@@ -46,7 +46,7 @@ def record(
     """Write a recording: an MCAP file of ROS 2 messages that Foxglove, Lichtblick, Rerun or PlotJuggler open.
 
     Of a run's folder, all that there is of the run; of a fleet that is running, what happens from now on, until the run
-    ends or Ctrl-C is pressed.
+    ends, its world is gone, or Ctrl-C is pressed.
     """
     fleets = (router is not None) + (fleet is not None)
     if fleets != (2 if run is None else 0):

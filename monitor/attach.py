@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from monitor.wire import FeedWire, first_answer
 from patrol.access import FILE, read_access
 from patrol.errors import BadInput
-from patrol.keys import WORLD, FleetKeys, check_locator, check_radio, fleet_keys
+from patrol.keys import WORLD, FleetKeys, check_locator, check_radio, fleet_keys, is_local
 from patrol.link import Link, LinkDown, open_link, open_links
 
 if TYPE_CHECKING:
@@ -22,9 +22,14 @@ ANSWER_S = 2.0
 
 
 def goes_on(folder: Path) -> bool:
-    """Whether the world of the run in a folder is there now; a launcher that was killed leaves its control file."""
+    """Whether the world of the run in a folder is there now; a launcher that was killed leaves its control file.
+
+    Asked is a router of this machine alone, where a launcher's is: a folder may come from anybody.
+    """
     try:
         access = read_access(folder, str(folder))
+        if not is_local(access.router):
+            return False
         link = open_link(access.router, ANSWER_S)
     except (BadInput, LinkDown):
         return False

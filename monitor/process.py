@@ -72,7 +72,8 @@ def show(
     open_source: None when it was asked to end meanwhile. port: 0 for a free one. key: empty to have one drawn.
     announced: whoever started this knows the key, so the address is printed without it. opened: told the address.
     """
-    from monitor.page.gate import LEAST_TOKEN, Gate, is_loopback
+    from monitor.page.gate import LEAST_TOKEN, Gate
+    from patrol.keys import is_loopback
 
     alone = is_loopback(host)
     if not alone and not key:

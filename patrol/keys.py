@@ -86,6 +86,19 @@ def check_locator(locator: str, option: str) -> str:
     return locator
 
 
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine alone."""
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def is_local(locator: str) -> bool:
+    """Whether a router's address is on this machine alone."""
+    return is_loopback(locator.partition("/")[2].rpartition(":")[0])
+
+
 def is_group(locator: str) -> bool:
     """Whether a locator is an IPv4 multicast group, ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``."""
     found = _GROUP.fullmatch(locator)

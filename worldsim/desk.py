@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from patrol.controls import Answer, answer_bytes, read_request
 from patrol.errors import BadInput
 from patrol.scenario import dump_scenario
+from patrol.scenario_copy import MAP
 from worldsim.controls import Asked
 
 if TYPE_CHECKING:
@@ -64,11 +65,12 @@ class FrontDesk:
 
 
 def keep_timeline(folder: Path, scenario: Scenario) -> None:
-    """Write the scenario as operators have made it, whole or not at all; a map in the folder is named from there."""
-    if scenario.terrain.map is not None and Path(scenario.terrain.map).is_relative_to(folder.absolute()):
-        map_ = str(Path(scenario.terrain.map).relative_to(folder.absolute()))
-        terrain = scenario.terrain.model_copy(update={"map": map_})
-        scenario = scenario.model_copy(update={"terrain": terrain})
+    """Write the scenario as operators have made it, whole or not at all; by its copy here, where a map has one."""
+    if scenario.terrain.map is not None:
+        copy = Path(MAP) / Path(scenario.terrain.map).name
+        if (folder / copy).is_file():
+            terrain = scenario.terrain.model_copy(update={"map": str(copy)})
+            scenario = scenario.model_copy(update={"terrain": terrain})
     part = folder / f"{TIMELINE}.part"
     part.write_text(dump_scenario(scenario), encoding="utf-8")
     part.replace(folder / TIMELINE)

@@ -70,7 +70,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     from patrol.keys import check_locator, check_radio, fleet_keys
     from patrol.scenario import load_scenario
     from patrol.warmup import warm
-    from worldsim.folder import check, keep
+    from worldsim.folder import check
 
     options.token = None if options.control is None else read_access(options.control, "--control").token
     router = check_locator(options.router, "--router")
@@ -95,8 +95,6 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     try:
         ear = _ear(link, air, keys, scenario) if scenario.radio.via == "direct" else None
         seats = _gather(link, keys, scenario, options.wait, ending)
-        if options.lifeline is None:
-            keep(scenario, options.scenario, options.out)
         wall_s = _record(options, prepared, link, keys, seats, ear, ending)
     except Interrupted:
         return EXIT_INTERRUPTED
@@ -166,6 +164,7 @@ def _record(
 ) -> float:
     """Run the ticks and write down what happens; the wall time that they took (s)."""
     from patrol.journal import JournalWriter
+    from worldsim.folder import keep
     from worldsim.hands import SeatedHands
     from worldsim.lockstep import LockstepFleet
     from worldsim.loop import run_ticks
@@ -191,6 +190,8 @@ def _record(
         JournalWriter(options.out / "journal", header) as journal,
         closing(TicksTable(options.out / "ticks.csv", scenario.step)) as table,
     ):
+        if options.lifeline is None:
+            keep(scenario, options.scenario, options.out)
         feed = _feed(world, journal, header, link, keys, lambda: _manner(world, operator))
         if operator is not None:
             operator.rest = feed.rest

@@ -8,9 +8,10 @@ browser says where a request comes from: pages of other hosts are refused, also 
 from __future__ import annotations
 
 import hmac
-import ipaddress
 from collections.abc import Mapping
 from dataclasses import dataclass
+
+from patrol.keys import is_loopback
 
 LEAST_TOKEN = 16
 """Letters of the shortest token that is accepted."""
@@ -47,26 +48,12 @@ class Gate:
 
     def host_is_ours(self, headers: Mapping[str, str]) -> bool:
         """Whether the request was made to this machine by a name of its own."""
-        return not self.open or _name(headers.get("host", "")) in _LOOPBACK_NAMES or self._is_loopback(headers)
+        return not self.open or is_loopback(_name(headers.get("host", "")))
 
     def same_origin(self, headers: Mapping[str, str]) -> bool:
         """Whether a page of ours makes the request."""
         host = headers.get("host", "")
         return bool(host) and headers.get("origin") in (f"http://{host}", f"https://{host}")
-
-    def _is_loopback(self, headers: Mapping[str, str]) -> bool:
-        return is_loopback(_name(headers.get("host", "")))
-
-
-_LOOPBACK_NAMES = frozenset({"localhost"})
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host is this machine alone."""
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return host in _LOOPBACK_NAMES
 
 
 def _name(host: str) -> str:

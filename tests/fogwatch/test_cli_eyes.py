@@ -15,10 +15,10 @@ from fogwatch.cli import main
 from fogwatch.derived import derive
 from patrol.access import FILE, Access, write_access
 from patrol.journal import read_journal
-from patrol.keys import WORLD, fleet_keys
-from patrol.link import open_link, open_router
+from patrol.link import open_router
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
+from tests.worlds import world_seen
 
 SMALL = {
     "name": "small",
@@ -205,12 +205,10 @@ def test_a_run_that_was_paused_long_ago_is_not_cut_off_while_its_world_is_there(
         where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     write_access(folder / FILE, Access("fleet-1", where, "0123456789abcdef"))
     router = open_router(where)
-    world = open_link(where, 10.0)
     try:
-        world.live(fleet_keys("fleet-1").alive(WORLD))
-        assert command("report", folder) == 0
+        with world_seen(where, "fleet-1"):
+            assert command("report", folder) == 0
     finally:
-        world.close(10.0)
         router.close(10.0)
     assert "is still going" in capsys.readouterr().err
     assert "The run is still going" in (folder / "report.html").read_text(encoding="utf-8")

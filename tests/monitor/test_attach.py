@@ -8,8 +8,8 @@ import pytest
 
 from monitor.attach import goes_on
 from patrol.access import FILE, Access, write_access
-from patrol.keys import WORLD, fleet_keys
-from patrol.link import open_link, open_router
+from patrol.link import open_router
+from tests.worlds import world_seen
 
 
 def free_endpoint() -> str:
@@ -41,12 +41,8 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
 def test_a_run_goes_on_while_its_world_is_there(endpoint: str, folder: Callable[[str], Path]) -> None:
     run = folder(endpoint)
     assert not goes_on(run)
-    world = open_link(endpoint, 10.0)
-    try:
-        world.live(fleet_keys("fleet-1").alive(WORLD))
+    with world_seen(endpoint, "fleet-1"):
         assert goes_on(run)
-    finally:
-        assert world.close(10.0)
 
 
 def test_a_launcher_that_was_killed_leaves_nobody_to_ask(
@@ -55,6 +51,10 @@ def test_a_launcher_that_was_killed_leaves_nobody_to_ask(
     monkeypatch.setattr("monitor.attach.ANSWER_S", 0.2)
     assert not goes_on(tmp_path)
     run = folder(free_endpoint())
+    assert not goes_on(run)
+    monkeypatch.setattr("monitor.attach.open_link", lambda *_: pytest.fail("asked somebody else's router"))
+    (run / FILE).unlink()
+    write_access(run / FILE, Access("fleet-1", "tcp/192.0.2.1:7447", "0123456789abcdef"))
     assert not goes_on(run)
     (run / FILE).write_text("{}", encoding="utf-8")
     assert not goes_on(run)

@@ -10,11 +10,11 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from monitor.page.gate import is_loopback
 from monitor.page.hub import Viewer
 from monitor.page.server import FULL
 from monitor.player import Player
 from monitor.process import main
+from patrol.keys import is_loopback
 from tests.monitor.pages import ServedPage
 
 if TYPE_CHECKING:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from experiments.inprocess import InProcessFleet, mind_maker, run_in_process
 from patrol.controls import OPERATOR, Answer, amended, in_force, prepared_as_operated, read_control
@@ -15,8 +17,10 @@ from patrol.errors import BadInput
 from patrol.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
 from patrol.records import Status, TickRecord
-from patrol.scenario import load_scenario
+from patrol.scenario import load_scenario, scenario_hash
+from patrol.scenario_copy import FILE, keep_scenario
 from worldsim.controls import Asked, Operator
+from worldsim.desk import TIMELINE, keep_timeline
 from worldsim.loop import run_ticks
 from worldsim.record import MemoryJournal, Recorder, header_of
 from worldsim.verdict.judge import judge
@@ -261,3 +265,21 @@ def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
     assert again.journal.end == journal.end
     without = run_in_process(prepare(load_scenario({**SMALL, "robots": {"count": 3}, "faults": faults})), threads=1)
     assert without.journal.end == unasked.end
+
+
+def test_a_timeline_moves_with_the_folder_that_has_its_map(tmp_path: Path) -> None:
+    Image.new("L", (30, 20), 254).save(tmp_path / "plan.png")
+    (tmp_path / "plan.yaml").write_text(
+        "image: plan.png\nresolution: 1.0\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2\n",
+        encoding="utf-8",
+    )
+    scenario = load_scenario({"terrain": {"map": str(tmp_path / "plan.yaml")}, "robots": {"count": 1}})
+    out = tmp_path / "out"
+    out.mkdir()
+    keep_scenario(scenario, out)
+    keep_timeline(out, scenario)
+    for gone in ("plan.png", "plan.yaml"):
+        (tmp_path / gone).unlink()
+    out.rename(tmp_path / "moved")
+    again = load_scenario(tmp_path / "moved" / TIMELINE)
+    assert scenario_hash(again) == scenario_hash(load_scenario(tmp_path / "moved" / FILE))

@@ -1,0 +1,25 @@
+"""Worlds that are there, as far as anybody can see."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from patrol.keys import WORLD, fleet_keys
+from patrol.link import open_link
+
+PATIENCE_S = 10.0
+
+
+@contextmanager
+def world_seen(endpoint: str, fleet: str) -> Iterator[None]:
+    """The token of a fleet's world at a router, which others see by now."""
+    alive = fleet_keys(fleet).alive(WORLD)
+    world, other = open_link(endpoint, PATIENCE_S), open_link(endpoint, PATIENCE_S)
+    try:
+        world.live(alive)
+        assert any(other.sees(alive) for _ in range(1000))
+        yield
+    finally:
+        assert other.close(PATIENCE_S)
+        assert world.close(PATIENCE_S)
