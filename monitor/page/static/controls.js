@@ -85,6 +85,7 @@ export class Controls {
     $("pauseone").disabled = status !== ALIVE;
     $("resumeone").disabled = status !== PAUSED;
     $("restart").disabled = AWAY.includes(status);
+    if (this.lossWanted !== null) this.#settleLoss();
     const inForce = this.#inForce();
     $("silence").setAttribute("aria-pressed", String(inForce.some((fault) => silences(fault, this.#who()))));
     if (!this.lossTimer && !this.settingLoss) this.#showLoss(Math.max(0, ...inForce.filter(losesEverywhere).map((fault) => fault.rate)));
@@ -126,7 +127,7 @@ export class Controls {
     if (key === " " && can("pause")) this.#turn();
     else if (key === "i" && can("intruder")) this.aim(true);
     else if (key === "." && can("step")) this.#do({ do: "step" });
-    else if ((key === "," || key === "/") && can("seek")) this.#pace(String((key === "," ? -1 : 1) * Math.abs(this.store.state.pace)));
+    else if ((key === "," || key === "/") && can("seek") && this.store.state) this.#pace(String((key === "," ? -1 : 1) * Math.abs(this.store.state.pace)));
     else if (key === "]" && can("pace")) this.#pace(paces[Math.min(at + 1, paces.length - 1)]);
     else if (key === "[" && can("pace")) this.#pace(paces[Math.max(at - 1, 0)]);
     else return false;
@@ -166,6 +167,7 @@ export class Controls {
   }
 
   async #silence() {
+    if (!this.store.state) return;
     const who = this.#who(), before = this.#inForce().filter((fault) => silences(fault, who));
     if (before.length) for (const { id } of before) await this.#heal(id);
     else await this.#lasting({ kind: "silence", id: `silence-${who}-${Date.now().toString(36)}`, who, direction: "both" });
@@ -181,16 +183,19 @@ export class Controls {
     }, SETTLED_MS);
   }
 
-  /** Ask for the newest loss that is wanted once what was asked for before is answered. */
+  /** Ask for the newest loss that is wanted once what was asked for before is answered, and what is in force is known. */
   async #settleLoss() {
     if (this.settingLoss) return;
     this.settingLoss = true;
-    while (this.lossWanted !== null) {
-      const rate = this.lossWanted;
-      this.lossWanted = null;
-      await this.#setLoss(rate);
+    try {
+      while (this.lossWanted !== null && this.store.state) {
+        const rate = this.lossWanted;
+        this.lossWanted = null;
+        await this.#setLoss(rate);
+      }
+    } finally {
+      this.settingLoss = false;
     }
-    this.settingLoss = false;
     this.renew();
   }
 
@@ -223,6 +228,7 @@ export class Controls {
 
   #join() {
     const { facts, state } = this.store, now = performance.now();
+    if (!state) return;
     const away = facts.robots.map((robot) => robot.name).filter((_, place) => AWAY.includes(state.robots[place][0]));
     const who = away.find((name) => !(this.called.get(name) > now));
     if (who) {
