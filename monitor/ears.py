@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -121,6 +121,13 @@ class EarSource:
     def since(self, layer: Layer) -> int:  # noqa: ARG002 - its time begins when it does
         """See `Source`."""
         return 0
+
+    def tick(self, layer: Layer) -> int:  # noqa: ARG002 - there is one fog
+        """See `Source`."""
+        return self._k
+
+    def keep(self, layers: Collection[Layer]) -> None:
+        """See `Source`; it is kept up all the time."""
 
     def trail(self, first: int, last: int) -> None:
         """The page remembers."""

@@ -12,7 +12,7 @@ import time
 from array import array
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -45,6 +45,8 @@ SLOW_S = 3.0
 """Wall time without news after which a viewer is told."""
 AGAIN_S = 5.0
 """Wall time between two questions for the fog."""
+LATE_S, LATE_TICKS = 5.0, 20
+"""By how much a belief may be behind and is shown still: whichever is more, in simulated time or in ticks."""
 REMEMBERED = 48 << 20
 """Bytes of the ticks that are remembered for beliefs."""
 PATHS = 256
@@ -75,6 +77,7 @@ class LiveSource:
         self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
         self._footprint = sensor_footprint(self._scenario, self._terrain)
         self._step = self._scenario.step
+        self._late = max(LATE_TICKS, round(LATE_S / self._step))
         self._numbers = [robot.number for robot in header.robots]
         self._place = {number: place for place, number in enumerate(self._numbers)}
         self._ended: str | None = None
@@ -118,6 +121,7 @@ class LiveSource:
             layers=self._layers,
             controls=CONTROLS if self._wire.may_ask else (),
             direct=self._direct,
+            late=self._late,
         )
 
     def wait(self, timeout_s: float) -> State | None:
@@ -142,17 +146,27 @@ class LiveSource:
                 return None
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
-        """The tick in which each point was last seen; None while it is still worked out."""
+        """See `Source`; a belief for which a turn is too short lags, and while it lags too much is not shown."""
         if layer == "truth":
             return self._truth.last_seen
         if layer not in self._layers:
             return None
         follower = self._followers.ask(layer, self._now())
-        return None if follower.behind else follower.fog.last_seen
+        late = follower.late
+        return None if late is None or late > self._late else follower.fog.last_seen
+
+    def tick(self, layer: Layer) -> int:
+        """See `Source`."""
+        tick = self._followers.tick(layer)
+        return self._k if tick is None else tick
 
     def since(self, layer: Layer) -> int:
         """See `Source`; of a belief, whatever is remembered."""
         return self._followers.since(layer)
+
+    def keep(self, layers: Collection[Layer]) -> None:
+        """See `Source`."""
+        self._followers.keep([layer for layer in layers if layer != "truth"], self._now())
 
     def trail(self, first: int, last: int) -> NDArray[np.float64] | None:
         """See `Source`; None where one of these ticks is not remembered."""
@@ -308,9 +322,14 @@ class LiveSource:
 
     # --- showing -----------------------------------------------------------------------------------------------------
 
+    @property
+    def _k(self) -> int:
+        """The tick that is shown."""
+        return 0 if self._last is None else self._last.k
+
     def _state(self) -> State:
         last = self._last
-        k, coming = (0, 0) if last is None else (last.k, last.k + 1)
+        k, coming = self._k, 0 if last is None else last.k + 1
         return State(
             k=k,
             time_s=k * self._step,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from itertools import islice
 from typing import TYPE_CHECKING, Final
 
@@ -32,7 +32,7 @@ PAST = 256
 """Ticks whose frames are kept for those that arrive late."""
 
 KEPT_S = 10.0
-"""For how long a belief is followed that nobody asks for."""
+"""For how long a belief is followed that nobody shows or asks for."""
 
 Log = deque[tuple[int, bytes]]
 
@@ -73,6 +73,18 @@ class Follower:
     def behind(self) -> bool:
         """Whether there are ticks that it has not taken in."""
         return bool(self._log) and self._next <= self._log[-1][0]
+
+    @property
+    def tick(self) -> int:
+        """The last one taken in; where it has just begun, the one before that."""
+        return max(self._next - 1, 0)
+
+    @property
+    def late(self) -> int | None:
+        """By how many ticks it is behind; None where that is all that there is."""
+        if not self.behind:
+            return 0
+        return self._log[-1][0] - self.tick if self._past else None
 
     @property
     def fog(self) -> Fog:
@@ -148,6 +160,7 @@ class Followers:
         self._make = make
         self._all: dict[Layer, Follower] = {}
         self._asked: dict[Layer, float] = {}
+        self._shown: frozenset[Layer] = frozenset()
 
     @property
     def behind(self) -> bool:
@@ -161,14 +174,25 @@ class Followers:
         self._asked[layer] = now_s
         return self._all[layer]
 
+    def keep(self, layers: Collection[Layer], now_s: float) -> None:
+        """See `monitor.source.Source`; all of them are followed."""
+        self._shown = frozenset(layers)
+        for layer in layers:
+            self.ask(layer, now_s)
+
     def since(self, layer: Layer) -> int:
         """See `monitor.source.Source`; 0 of one that is not followed."""
         return self._all[layer].since if layer in self._all else 0
 
+    def tick(self, layer: Layer) -> int | None:
+        """See `monitor.source.Source`; None of one that is not followed."""
+        return self._all[layer].tick if layer in self._all else None
+
     def drop(self, now_s: float) -> None:
-        """Nobody has asked for some of them for long: each would cost all that is sent in every tick."""
+        """Nobody has shown some of them for long: each would cost all that is sent in every tick."""
         for layer in [layer for layer, asked in self._asked.items() if now_s > asked + KEPT_S]:
-            del self._all[layer], self._asked[layer]
+            if layer not in self._shown:
+                del self._all[layer], self._asked[layer]
 
     def begin_anew(self) -> None:
         """What was remembered is gone."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from array import array
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +20,18 @@ from patrol.pose import Pose
 BUDGET_S = 0.05
 """Wall time that is given to it at once."""
 
+MEMORY = 96 << 20
+"""Bytes of all robots' fogs, snapshots and looks together; one robot is kept whatever it takes."""
+
+KEPT_S = 10.0
+"""For how long what was found out of a robot is kept that nobody looks at."""
+
 SNAPSHOTS = 40
-MOST = 4
-"""Robots of which snapshots are kept, each of the whole map."""
+"""Of one robot, evenly over the run; fewer where there is no room."""
 
 
 class Hindsight:
-    """The fogs of a run's robots at any tick; of more than `MOST` robots in turn each begins anew."""
+    """The fogs of a run's robots at any tick; where there is no room for all, who was looked at last is kept."""
 
     def __init__(self, run: Run, key: bytes | None, now: Callable[[], float] = time.monotonic) -> None:
         """key: of the fleet's tags; without it frames are believed untested."""
@@ -33,14 +40,39 @@ class Hindsight:
         self._now = now
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
         self._robots: dict[int, _Robot] = {}
+        self._asked: dict[int, float] = {}
+
+    @property
+    def held(self) -> int:
+        """Bytes that are kept."""
+        return sum(robot.held for robot in self._robots.values())
 
     def last_seen(self, number: int, k: int) -> NDArray[np.int32] | None:
         """int32 (h, w) after tick k; None as long as it takes more time. Its own: copy what is to last."""
         robot = self._robots.pop(number, None) or _Robot(self._run, self._key, self._footprint, number, self._now)
         self._robots[number] = robot
-        if len(self._robots) > MOST:
-            del self._robots[next(iter(self._robots))]
-        return robot.last_seen(k)
+        self._asked[number] = self._now()
+        found = robot.last_seen(k)
+        self._make_room()
+        return found
+
+    def keep(self, numbers: Collection[int]) -> None:
+        """Somebody shows these robots' fogs; of others nothing is kept once nobody has asked for long."""
+        now = self._now()
+        self._asked |= dict.fromkeys(self._robots.keys() & numbers, now)
+        for number in [number for number in self._robots if now > self._asked[number] + KEPT_S]:
+            self._drop(number)
+
+    def _make_room(self) -> None:
+        """Every other snapshot of the robot that has most goes, and where that is not enough, a robot."""
+        while self.held > MEMORY:
+            if not max(self._robots.values(), key=lambda robot: robot.snapshots).thin():
+                if len(self._robots) == 1:
+                    return
+                self._drop(next(iter(self._robots)))
+
+    def _drop(self, number: int) -> None:
+        del self._robots[number], self._asked[number]
 
 
 class _Robot:
@@ -52,12 +84,31 @@ class _Robot:
         self._now = now
         self._footprint = footprint
         self._apart = max(1, run.ticks // SNAPSHOTS)
-        self._patrolled = run.prepared.fields[number].patrolled
-        self._blank = keep_outside(Fog(self._patrolled), run.prepared.patrolled).last_seen
+        self._area = run.prepared.fields[number].patrolled
+        self._patrolled = run.prepared.patrolled
         self._recall = _Recall(run, footprint, key, number)
-        self._kept: dict[int, NDArray[np.int32]] = {}
-        self._fog = Fog.resumed(self._patrolled, self._blank)
+        self._kept: dict[int, _Runs] = {}
+        self._fog = self._blank()
         self._k = -1
+
+    @property
+    def snapshots(self) -> int:
+        """Bytes that they take."""
+        return sum(kept.nbytes for kept in self._kept.values())
+
+    @property
+    def held(self) -> int:
+        """Bytes that it takes."""
+        return self._fog.last_seen.nbytes + self.snapshots + self._recall.nbytes
+
+    def thin(self) -> bool:
+        """Keep half as many snapshots; False where there were none."""
+        if not self._kept:
+            return False
+        self._apart *= 2
+        only = len(self._kept) == 1
+        self._kept = {} if only else {k: kept for k, kept in self._kept.items() if k % self._apart == 0}
+        return True
 
     def last_seen(self, k: int) -> NDArray[np.int32] | None:
         """See `Hindsight`."""
@@ -67,7 +118,8 @@ class _Robot:
                 return None
         base = self._before(k)
         if not base <= self._k <= k:
-            self._fog = Fog.resumed(self._patrolled, self._kept.get(base, self._blank))
+            kept = self._kept.get(base)
+            self._fog = self._blank() if kept is None else Fog.resumed(self._area, kept.map())
             self._k = base
         while self._k < k:
             self._walk()
@@ -83,47 +135,91 @@ class _Robot:
         """One tick on."""
         self._k += 1
         if self._k in self._recall.anew:
-            self._fog = Fog.resumed(self._patrolled, self._blank)
-        for at, pose in self._recall.looks[self._k]:
+            self._fog = self._blank()
+        for at, pose in self._recall.looks(self._k):
             self._fog.observe(self._footprint.visible(pose), at)
-        if self._k % self._apart == 0:
-            self._kept[self._k] = self._fog.last_seen.copy()
+        if self._k % self._apart == 0 and self._k not in self._kept:
+            self._kept[self._k] = _Runs.of(self._fog.last_seen)
+
+    def _blank(self) -> Fog:
+        return keep_outside(Fog(self._area), self._patrolled)
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """A map in a small part of its bytes: where another value begins, row by row, and which; both int32 (n,)."""
+
+    shape: tuple[int, ...]
+    begins: NDArray[np.int32]
+    values: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, seen: NDArray[np.int32]) -> _Runs:
+        """seen: int32 (h, w)."""
+        flat = seen.ravel()
+        begins = np.concatenate(([0], np.flatnonzero(flat[1:] != flat[:-1]) + 1)).astype(np.int32)
+        return cls(seen.shape, begins, flat[begins])
+
+    @property
+    def nbytes(self) -> int:
+        """What it takes."""
+        return self.begins.nbytes + self.values.nbytes
+
+    def map(self) -> NDArray[np.int32]:
+        """int32 (h, w)."""
+        points = int(np.prod(self.shape))
+        return np.repeat(self.values, np.diff(self.begins, append=points)).reshape(self.shape)
 
 
 class _Noting(Listener):
     """Notes where somebody looked from, and leaves the looking for later."""
 
-    looks: list[tuple[int, Pose]]
+    note: Callable[[int, Pose], None]
 
     def look(self, tick: int, pose: Pose) -> None:
-        self.looks.append((tick, pose))
+        self.note(tick, pose)
+
+
+_NOWHERE = np.ones((1, 1), dtype=np.bool_)
 
 
 class _Recall(BeliefWatcher):
     """The looks of which one robot learnt in each tick. anew: ticks at which it knew nothing."""
 
     def __init__(self, run: Run, footprint: Footprint, key: bytes | None, number: int) -> None:
-        self.looks: list[list[tuple[int, Pose]]] = []
+        self._at = array("i")
+        self._poses = array("d")
+        self._ends = array("q")
         self.anew: set[int] = set()
         super().__init__(run, footprint, key, robots=[run.index[number]])
 
     @property
     def ticks(self) -> int:
         """How many are known."""
-        return len(self.looks)
+        return len(self._ends)
+
+    @property
+    def nbytes(self) -> int:
+        """What they take."""
+        return sum(len(one) * one.itemsize for one in (self._at, self._poses, self._ends))
+
+    def looks(self, k: int) -> Iterator[tuple[int, Pose]]:
+        """Those of tick k, which is known, in order: when, and from where."""
+        for place in range(self._ends[k - 1] if k else 0, self._ends[k]):
+            yield self._at[place], Pose(*self._poses[3 * place : 3 * place + 3])
 
     def hear(self, k: int) -> bool:
-        self.looks.append([])
-        for listener in self._listeners.values():
-            listener.looks = self.looks[-1]  # type: ignore[attr-defined]
-        if super().hear(k):
-            return True
-        self.looks.pop()
-        return False
+        if not super().hear(k):
+            return False
+        self._ends.append(len(self._at))
+        return True
+
+    def _note(self, tick: int, pose: Pose) -> None:
+        self._at.append(tick)
+        self._poses.extend((pose.x, pose.y, pose.heading))
 
     def _listener(self, number: int) -> Listener:
-        plain = super()._listener(number)
-        noting = _Noting(self._footprint, plain.fog.patrolled.view(np.bool_), plain.inbox, self._run.step)
-        noting.looks = self.looks[-1] if self.looks else []
-        self.anew.add(len(self.looks) - 1)
+        noting = _Noting(self._footprint, _NOWHERE, super()._listener(number).inbox, self._run.step)
+        noting.note = self._note
+        self.anew.add(self.ticks)
         return noting

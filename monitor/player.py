@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +118,14 @@ class Player:
     def since(self, layer: Layer) -> int:  # noqa: ARG002 - a run is known from its beginning
         """See `Source`."""
         return 0
+
+    def tick(self, layer: Layer) -> int:  # noqa: ARG002 - a replay shows no fog of another moment
+        """See `Source`."""
+        return self._at
+
+    def keep(self, layers: Collection[Layer]) -> None:
+        """See `Source`."""
+        self._hindsight.keep([layer for layer in layers if isinstance(layer, int)])
 
     def trail(self, first: int, last: int) -> NDArray[np.float64]:
         """See `Source`."""

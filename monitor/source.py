@@ -7,7 +7,7 @@ wait; `ask` may be called from any other. Arrays that a source hands out are its
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -47,6 +47,7 @@ class Static:
     `last_seen` can tell of, the first one best. controls: what `ask` takes, by the names of a control's "do"; none
     where nothing can be asked. note: what the viewer should know besides, such as what is missing. direct: robots hear
     each other by themselves (`radio.via`), so nobody else knows what each of them has heard: no links, no beliefs.
+    late: by how many ticks a fog may be older than the state and is shown all the same, as of its own tick.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Static:
     controls: tuple[str, ...] = ()
     note: str = ""
     direct: bool = False
+    late: int = 0
 
     @property
     def has_truth(self) -> bool:
@@ -164,8 +166,16 @@ class Source(Protocol):
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
         """int32 (h, w): the tick in which each point was last seen; None while that is worked out, or not known.
 
-        As of the state that `wait` returned last. `patrol.fog.NEVER` where a point was not seen, and `OUTSIDE`.
+        As of `tick`. `patrol.fog.NEVER` where a point was not seen, and `OUTSIDE`.
         """
+        ...
+
+    def tick(self, layer: Layer) -> int:
+        """Of which a fog is: that of the state that `wait` returned last, or up to `Static.late` before it."""
+        ...
+
+    def keep(self, layers: Collection[Layer]) -> None:
+        """These fogs, no others, are on open pages, also on some that draw nothing now: what they take is kept."""
         ...
 
     def since(self, layer: Layer) -> int:

@@ -134,20 +134,22 @@ class Hub:
             return
         with self._lock:
             ready = [viewer for viewer in self._viewers if viewer.ready]
-            self._forget()
+            shown = {layer for viewer in self._viewers for layer in viewer.layers}
+            self._forget(shown)
+        # A page that its browser lets draw nothing, as it is in the background, is open all the same.
+        self.source.keep(shown)
         for layer in dict.fromkeys(layer for viewer in ready for layer in viewer.layers):
             now = self.source.last_seen(layer)
             if now is not None:
                 if layer not in self._books:
                     self._books[layer] = TileBook(layer_number(layer), now.shape)
-                self._books[layer].take(now, self._state.k)
+                self._books[layer].take(now, self.source.tick(layer))
         for viewer in ready:
             if messages := self._news(viewer, self._state):
                 viewer.post(messages)
 
-    def _forget(self) -> None:
+    def _forget(self, shown: set[Layer]) -> None:
         """Keep no map that no page shows; one that is shown again is sent as a whole."""
-        shown = {layer for viewer in self._viewers for layer in viewer.layers}
         for layer in self._books.keys() - shown:
             del self._books[layer]
             for viewer in self._viewers:
@@ -163,7 +165,7 @@ class Hub:
             version, tick = viewer.sent.get(layer, (0, -1))
             if (version, tick) != (book.version, book.tick):
                 viewer.sent[layer] = book.version, book.tick
-                # While a fog is worked out this is of an earlier tick, which the page sees.
+                # While a fog is worked out, or lags, this is of an earlier tick, which the page sees.
                 messages.append(book.packet(version, self.source.since(layer)))
         now = self._now()
         if now >= viewer.seldom:

@@ -38,6 +38,7 @@ def static_words(static: Static, may_ask: bool) -> str:
             "mayAsk": may_ask or not static.controls,
             "note": static.note,
             "direct": static.direct,
+            "late": static.late,
             "robots": [
                 {
                     "number": robot.number,

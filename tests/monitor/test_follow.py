@@ -123,6 +123,26 @@ def test_a_belief_that_nobody_looks_at_any_more_costs_nothing(quiet: Seen, monke
     np.testing.assert_array_equal(source.last_seen(1), quiet.beliefs[19, 1])
 
 
+def test_a_belief_that_lags_is_shown_as_of_its_tick_while_it_lags_little(
+    quiet: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.feed.SLICE_S", 0.0)  # one tick a turn, however many there are
+    wire = Told(quiet)
+    source = wire.source()
+    source.last_seen(2)
+    lags = []
+    for ticks in (1, 1, 3, 9, 9, 9, *[0] * 10):
+        wire.send(ticks)
+        source.wait(0.0)
+        seen, tick = source.last_seen(2), source.tick(2)
+        lags.append(source.tick("truth") - tick)
+        assert (seen is None) == (lags[-1] > source.static().late)
+        if seen is not None:
+            np.testing.assert_array_equal(seen, quiet.beliefs[tick, 2])
+    assert lags[:6] == [0, 0, 2, 10, 18, 26]
+    assert lags[6:] == list(range(25, 15, -1))
+
+
 def test_however_many_are_behind_each_is_served_in_turn(quiet: Seen) -> None:
     wire = Told(quiet)
     source = wire.source()

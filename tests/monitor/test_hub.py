@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monitor.follow import KEPT_S
 from monitor.hindsight import Hindsight
 from monitor.page.hub import MOST_POINTS, Hub, Viewer
 from monitor.page.thinning import thinned
 from monitor.player import Player
 from monitor.source import Series
+from tests.monitor.test_feed import Told
 
 if TYPE_CHECKING:
     import pytest
@@ -33,8 +35,12 @@ class Page:
     def close(self) -> None:
         self.viewer.loop.close()
 
+    def hide(self) -> None:
+        """It is in the background: its browser draws nothing."""
+        self.viewer.drawn = False
+
     def messages(self) -> list[Any]:
-        """What it gets now: packets as (layer, tick, since, tiles), and what else there is as it is."""
+        """What it gets now, and has drawn: packets as (layer, tick, since, tiles), and what else there is as it is."""
         self.hub._turn()
         loop = self.viewer.loop
         loop.call_soon(loop.stop)
@@ -93,6 +99,54 @@ def test_a_fog_that_no_page_shows_is_not_kept_and_comes_again_as_a_whole(quiet: 
         assert page.tiles() == {}
         hub.show(page.viewer, [0])
         assert page.tiles() == whole
+
+
+def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
+    quiet: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wire = Told(quiet)
+    monkeypatch.setattr("monitor.feed.REMEMBERED", sum(len(record) for record in wire.records[-8:]))
+    hub = Hub(wire.source())
+    with closing(Page(hub)) as page:
+        hub.show(page.viewer, [3])
+        wire.send(4)
+        for _ in range(2):
+            page.messages()
+        page.hide()
+        for _ in range(10):
+            wire.send(5)
+            wire.now += KEPT_S / 2
+            hub._turn()
+        page.viewer.drawn = True
+        (layer, tick, since) = page.packets()[-1]
+        assert (layer, since) == (3, 0)
+        assert tick == wire.number - 2  # all but the header
+        np.testing.assert_array_equal(hub.source.last_seen(3), quiet.beliefs[tick, 3])
+    hub.leave(page.viewer)
+    for _ in range(3):
+        wire.send(1)
+        wire.now += KEPT_S / 2
+        hub._turn()
+    assert hub.source.last_seen(3) is None  # nobody shows it any more, so it begins anew
+
+
+def test_what_a_page_in_the_background_shows_of_a_replay_is_kept(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    player, now = Player(quiet.open()), 0.0
+    monkeypatch.setattr(player._hindsight, "_now", lambda: now)
+    hub = Hub(player)
+    with closing(Page(hub)) as page:
+        hub.show(page.viewer, [3])
+        page.messages()
+        held = player._hindsight.held
+        page.hide()
+        for _ in range(5):
+            now += KEPT_S / 2
+            hub._turn()
+        assert player._hindsight.held == held > 0
+    hub.leave(page.viewer)
+    now += KEPT_S + 1.0
+    hub._turn()
+    assert player._hindsight.held == 0
 
 
 def test_of_a_fog_that_stays_the_tick_is_sent(faulty: Seen) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from monitor.follow import Followers
 from monitor.source import Answer
+from patrol.feed import Batch
 from tests.browser import PATIENCE_S, Look, browser_or_skip, looking
 from tests.monitor.pages import ServedPage
 from tests.monitor.test_feed import Told
@@ -55,9 +57,10 @@ def test_what_was_before_has_a_colour_where_it_hardly_matters(chromium: Any, qui
                 image.base(Int32Array.of(3, 3, 3));
                 const striped = () => drawn.push([...image.pixels].map((pixel, i) => pixel === image.unknown[i]));
                 for (const [since, k] of [[0, 600], [3, 600], [590, 600], [590, 950]]) {
-                    image.ages({ seen, since }, k, 300);
+                    const fog = { seen, since, tick: k };
+                    image.ages(fog, 300);
                     striped();
-                    image.difference({ seen, since }, { seen: Int32Array.of(k, k, k) }, 60);
+                    image.difference(fog, { seen: Int32Array.of(k, k, k) }, 60);
                     striped();
                 }
                 return drawn;
@@ -72,16 +75,23 @@ class Slow(Told):
 
     def __init__(self, seen: Seen) -> None:
         super().__init__(seen)
+        self.came = threading.Semaphore(0)
         self.may_answer = threading.Semaphore(0)
 
     def ask(self, control: Mapping[str, Any]) -> Answer:
         answer = super().ask(control)
+        self.came.release()
         assert self.may_answer.acquire(timeout=PATIENCE_S)
         return answer
 
+    def hear(self) -> Mapping[str, Any]:
+        """The next control that comes, in time."""
+        assert self.came.acquire(timeout=PATIENCE_S)
+        return self.asked[-1]
+
 
 def slide(look: Look, share: int) -> None:
-    """Move the loss, and wait until the page takes it as meant."""
+    """Move the loss, and wait until the page takes it as meant: its timer is older than this one, and no longer."""
     look.evaluate(
         f"""() => {{ const loss = document.getElementById('loss'); loss.value = {share};
             loss.dispatchEvent(new Event('input', {{bubbles: true}}));
@@ -94,23 +104,63 @@ def test_there_is_one_loss_at_a_time_and_no_gap_however_slowly_a_world_answers(c
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         look.page.click("#tab-faults")
-        for share in (30, 40, 50):
-            slide(look, share)
-        assert [control["fault"]["rate"] for control in wire.asked] == [0.3]
+        slide(look, 30)
+        first = wire.hear()
+        slide(look, 40)
+        slide(look, 50)
         wire.may_answer.release()
-        look.until("document.getElementById('answer').textContent === 'done'")
+        second = wire.hear()  # 40 % was wanted no more when the first was answered
         slide(look, 60)
+        wire.may_answer.release()
+        third = wire.hear()
+        slide(look, 0)
+        wire.may_answer.release()
+        healed = wire.hear()
+        slide(look, 10)
         wire.may_answer.release(2)
-        look.until("document.getElementById('answer').textContent === 'done'")
-        slide(look, 0)
-        wire.may_answer.release(8)
-        slide(look, 0)
-    first, second, third, last = wire.asked
-    assert [one["fault"]["rate"] for one in (first, second, third)] == [0.3, 0.5, 0.6]
+        last = wire.hear()
+    assert [one["fault"]["rate"] for one in (first, second, third, last)] == [0.3, 0.5, 0.6, 0.1]
     assert "instead" not in first
     assert second["instead"] == first["fault"]["id"]
     assert third["instead"] == second["fault"]["id"]
-    assert last == {"do": "heal", "id": third["fault"]["id"]}
+    assert healed == {"do": "heal", "id": third["fault"]["id"]}
+    assert "instead" not in last
+    assert len(wire.asked) == 5
+
+
+def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromium: Any, quiet: Seen) -> None:
+    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.plain) as look:
+        look.until("document.body.dataset.frames > 0")
+        asked = look.evaluate(
+            """async () => {
+                const { Controls } = await import('/controls.js');
+                const loss = document.getElementById('loss'), asked = [];
+                const facts = { live: true, controls: [], robots: [] };
+                const told = { robots: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
+                let state = null, heard = () => {}, looked = () => {};
+                const store = { facts, get state() { looked(); return state; } };
+                const controls = new Controls(store, (control) => {
+                    asked.push([control.fault.rate, control.instead]);
+                    heard();
+                    return Promise.resolve({ done: true, text: '' });
+                }, {});
+                const slide = (share) => { loss.value = share; loss.dispatchEvent(new Event('input')); };
+                const isLooked = new Promise((done) => { looked = done; });
+                slide(30);
+                await isLooked;
+                await new Promise((done) => setTimeout(done));
+                state = told;
+                for (const share of [null, 40]) {
+                    const isHeard = new Promise((done) => { heard = done; });
+                    if (share) slide(share);
+                    else controls.renew();
+                    await isHeard;
+                    await new Promise((done) => setTimeout(done));
+                }
+                return asked.map(([rate, instead]) => [rate, instead.split('-')[0]]);
+            }"""
+        )
+    assert asked == [[0.3, "before"], [0.4, "loss"]]
 
 
 def test_of_a_direct_radio_the_page_says_what_nobody_knows(chromium: Any, direct: Seen) -> None:
@@ -132,41 +182,100 @@ def test_of_a_direct_radio_the_page_says_what_nobody_knows(chromium: Any, direct
 def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) -> None:
     with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
-        count, last, stalest, most = look.evaluate(
+        count, newest, stalest, most = look.evaluate(
             """async () => {
                 const { Store } = await import('/store.js');
                 const store = new Store(() => {});
                 const told = (from, to) => {
                     const k = Array.from({ length: to - from }, (_, i) => from + i);
-                    store.take({ type: 'series', k, mfow: k.map((one) => one === 1234 ? 99 : one % 50), mean: k });
+                    const falling = (one) => (one === 1234 ? 99 : 50 - (one % 50));
+                    store.take({ type: 'series', k, mfow: k.map(falling), mean: k });
+                    newest &&= store.series.k.at(-1) === to - 1;
                 };
+                let newest = true;
                 told(0, 300000);
-                for (let k = 300000; k < 330000; k++) told(k, k + 1);
+                for (let k = 300000; k < 330000; k += 25) told(k, k + 25);
                 const { k, mfow } = store.series;
-                return [k.length, k.at(-1), store.stalest, Math.max(...mfow.slice(0, 2000))];
+                return [k.length, newest, store.stalest, Math.max(...mfow.slice(0, 2000))];
             }"""
         )
     assert count <= 10_000
-    assert last > 329_990
+    assert newest
     assert stalest == most == 99
 
 
-def test_a_fog_and_its_state_change_together(chromium: Any, quiet: Seen) -> None:
+def test_a_fog_and_its_state_change_together_but_for_a_little_lag(chromium: Any, quiet: Seen) -> None:
     with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
-        ticks = look.evaluate(
+        strict, lax = look.evaluate(
             """async () => {
                 const { Store } = await import('/store.js');
-                const store = new Store(() => {}), seen = [];
-                const look = () => seen.push(store.fog(3)?.tick ?? null);
-                store.take({ type: 'static', width: 4, height: 4, side: 64, live: false });
-                for (const [tick, k] of [[4, 4], [5, 5], [5, 9], [9, 9], [9, 2]]) {
-                    store.unpack(Int32Array.of(3, tick, 0, 0, 0).buffer);
-                    look();
-                    store.take({ type: 'state', k, robots: [] });
-                    look();
-                }
-                return seen;
+                return [0, 2].map((late) => {
+                    const store = new Store(() => {}), seen = [];
+                    const look = () => seen.push(store.fog(3)?.tick ?? null);
+                    store.take({ type: 'static', width: 4, height: 4, side: 64, live: false, late });
+                    for (const [tick, k] of [[4, 4], [5, 5], [5, 7], [5, 8], [9, 9], [9, 2]]) {
+                        store.unpack(Int32Array.of(3, tick, 0, 0, 0).buffer);
+                        look();
+                        store.take({ type: 'state', k, robots: [] });
+                        look();
+                    }
+                    return seen;
+                });
             }"""
         )
-    assert ticks == [None, 4, 4, 5, 5, None, None, 9, 9, None]
+    assert strict == [None, 4, 4, 5, 5, None, None, None, None, 9, 9, None]
+    assert lax == [None, 4, 4, 5, 5, 5, 5, None, None, 9, 9, None]
+
+
+def test_a_belief_that_lags_is_held_against_the_truth_of_its_own_tick(chromium: Any, quiet: Seen) -> None:
+    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        drawn = look.evaluate(
+            """async () => {
+                const { FogImage } = await import('/fogimage.js');
+                const image = new FogImage(4, 1);
+                image.base(Int32Array.of(3, 3, 3, 3));
+                const believed = { seen: Int32Array.of(10, 10, 50, 60), since: 0, tick: 60 };
+                image.difference(believed, { seen: Int32Array.of(61, 10, 60, 60) }, 20);
+                const [later, same, older, newest] = image.pixels;
+                return [later === image.unknown[0], same === newest, older !== same && older !== image.unknown[2]];
+            }"""
+        )
+    assert drawn == [True, True, True]
+
+
+class Timed(Told):
+    """A wire on which time goes by also where nobody waits."""
+
+    def batch(self, timeout_s: float) -> Batch | None:
+        self.now += 0.01
+        return super().batch(timeout_s)
+
+
+def test_a_belief_that_lags_is_shown_and_says_so(chromium: Any, quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    behind, catch_up = threading.Event(), Followers.catch_up
+
+    def lagging(followers: Followers, over: Callable[[], bool]) -> None:
+        """Up to four ticks behind, if so."""
+
+        def enough() -> bool:
+            return behind.is_set() and any(one.late == 4 for one in followers._all.values())
+
+        if not enough():
+            catch_up(followers, lambda: over() or enough())
+
+    monkeypatch.setattr(Followers, "catch_up", lagging)
+    wire = Timed(quiet)
+    caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.select_option("#layer", "2")
+        look.page.hover("#canvas", position=MIDDLE)
+        wire.send(20)
+        look.until(f"/seen .* ago$/.test({tip}) && !{caption}.includes('as of')")
+        behind.set()
+        wire.send(60)
+        look.until(f"{caption} === 'seconds since last seen, as of 2.0 s ago' && /as of 2.0 s ago.$/.test({tip})")
+        look.page.select_option("#layer", "d2")
+        look.until(f"{caption} === 's believed younger or older, as of 2.0 s ago; striped: not known'")

@@ -54,13 +54,13 @@ export class FogImage {
   }
 
   /**
-   * Ages in ticks at tick k of a fog of the store; `oldest` ticks and more are the darkest. What was last seen before the
-   * fog was followed has a colour where the youngest and the oldest that it can be look alike.
+   * Ages in ticks of a fog of the store, at its tick; `oldest` ticks and more are the darkest. What was last seen before
+   * the fog was followed has a colour where the youngest and the oldest that it can be look alike.
    */
-  ages(fog, k, oldest) {
+  ages(fog, oldest) {
     const ramp = this.#ramp(AGES, oldest, "ages");
     const { from, to, pixels, unknown } = this;
-    const { seen } = fog, least = surely(fog), last = ramp.length - 1;
+    const { seen, tick: k } = fog, least = surely(fog), last = ramp.length - 1;
     const earlier = isVague(k - fog.since + 1, k, oldest) ? null : ramp[Math.min(k, last)];
     for (let i = 0; i < from.length; i++) {
       const since = seen[from[i]], age = k - (since > 0 ? since : 0);
@@ -70,7 +70,10 @@ export class FogImage {
     this.context.putImageData(this.image, 0, 0);
   }
 
-  /** How much older (orange) or younger (blue) than the truth somebody takes each point to be. */
+  /**
+   * How much older (orange) or younger (blue) than the truth somebody takes each point to be, at the belief's tick. What
+   * has truly been seen since then is not known: the truth has nothing of when it was seen before.
+   */
   difference(believed, truth, most) {
     const { from, to, pixels, unknown } = this;
     const least = surely(believed);
@@ -79,7 +82,8 @@ export class FogImage {
       const at = from[i];
       const known = believed.seen[at] >= least, seen = Math.max(truth.seen[at], 0);
       const older = seen - (known ? Math.max(believed.seen[at], 0) : 0);
-      const vague = !known && (believed.seen[at] === OUTSIDE || isVague(seen - believed.since + 1, seen, most));
+      const vague = seen > believed.tick
+        || (!known && (believed.seen[at] === OUTSIDE || isVague(seen - believed.since + 1, seen, most)));
       const place = Math.min(Math.max(Math.round(middle + older * share), 0), STEPS - 1);
       pixels[to[i]] = vague ? unknown[i] : DIFFERENCES[place];
     }

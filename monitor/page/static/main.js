@@ -235,11 +235,15 @@ function legend(force = false) {
 
 /** What the colours stand for, or that the fog is still worked out. */
 function caption() {
-  const fogs = map.fogs, { kind, oldest } = map.shown, k = kind === "ages" ? store.state?.k : 0;
-  const late = fogs.some((fog) => fog?.since > 0 && isVague(k - fog.since + 1, k, oldest));
+  const fogs = map.fogs, { kind, oldest } = map.shown, { lag } = map;
+  const striped = fogs.some((fog) => {
+    const k = kind === "ages" ? fog?.tick : 0;
+    return fog?.since > 0 && isVague(k - fog.since + 1, k, oldest);
+  });
   const what = kind === "difference" ? "s believed younger or older" : "seconds since last seen";
-  const known = late ? `${what}; striped: not known` : what;
-  write($("legendtext"), store.state && fogs.includes(null) ? "working it out" : known);
+  const when = lag > 0 ? `, as of ${seconds(lag * store.facts.step)} ago` : "";
+  const known = striped || (lag > 0 && kind === "difference") ? "; striped: not known" : "";
+  write($("legendtext"), store.state && fogs.includes(null) ? "working it out" : `${what}${when}${known}`);
 }
 
 function pick(place) {

@@ -95,6 +95,11 @@ export class MapView {
     return this.shown.layers.map((number) => this.store.fog(number));
   }
 
+  /** By how many ticks what is shown is older than the state. */
+  get lag() {
+    return Math.max(0, ...this.fogs.map((fog) => (fog ? this.store.state.k - fog.tick : 0)));
+  }
+
   #paintFog() {
     const { store, fog, shown } = this;
     if (!this.terrainDone) {
@@ -106,7 +111,7 @@ export class MapView {
     const fogs = this.fogs;
     if (fogs.includes(null)) fog.blank();
     else if (shown.kind === "difference") fog.difference(...fogs, shown.oldest);
-    else fog.ages(fogs[0], store.state.k, shown.oldest);
+    else fog.ages(fogs[0], shown.oldest);
     this.dirtyFog = false;
   }
 
@@ -124,19 +129,25 @@ export class MapView {
     const what = store.terrain[at];
     if (!(what & PASSABLE)) return "obstacle";
     if (!(what & 2)) return "does not count: no robot can see it";
-    const { step, truth } = store.facts;
     const told = this.fogs.map((fog) => {
       if (!fog) return "working it out";
-      const last = fog.seen[at], age = seconds((store.state.k - Math.max(last, 0)) * step);
-      if (last === OUTSIDE) return "does not count for this robot";
-      if (last < surely(fog)) {
-        const least = seconds((store.state.k - fog.since + 1) * step);
-        return `not seen for ${least} at least; known from ${seconds(fog.since * step)} on`;
-      }
-      if (last === NEVER) return truth ? `never seen, for ${age}` : `not seen in the ${age} that were listened to`;
-      return `seen ${age} ago`;
+      const lag = store.state.k - fog.tick;
+      return this.#tells(fog, at) + (lag > 0 ? ` (as of ${seconds(lag * store.facts.step)} ago)` : "");
     });
     return shown.kind === "difference" ? `believed: ${told[0]}\ntruly: ${told[1]}` : told[0];
+  }
+
+  /** What a fog tells of a point, as of the fog's tick. */
+  #tells(fog, at) {
+    const { step, truth } = this.store.facts;
+    const last = fog.seen[at], age = seconds((fog.tick - Math.max(last, 0)) * step);
+    if (last === OUTSIDE) return "does not count for this robot";
+    if (last < surely(fog)) {
+      const least = seconds((fog.tick - fog.since + 1) * step);
+      return `not seen for ${least} at least; known from ${seconds(fog.since * step)} on`;
+    }
+    if (last === NEVER) return truth ? `never seen, for ${age}` : `not seen in the ${age} that were listened to`;
+    return `seen ${age} ago`;
   }
 
   /** The robot at a place of the screen, or -1. */

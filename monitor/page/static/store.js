@@ -69,10 +69,10 @@ export class Store {
     this.changed("terrain");
   }
 
-  /** A fog of the newest state, {seen, since}; null while that is worked out. */
+  /** A fog, {seen, since, tick}, of the newest state or a few ticks before it; null while that is worked out. */
   fog(number) {
-    const layer = this.layers.get(number);
-    return layer && layer.tick === this.state?.k ? layer : null;
+    const layer = this.layers.get(number), lag = this.state?.k - layer?.tick;
+    return lag >= 0 && lag <= this.facts.late ? layer : null;
   }
 
   #fill(buffer) {
@@ -111,7 +111,7 @@ export class Store {
     return this.layers.get(TERRAIN)?.seen;
   }
 
-  /** More of the chart; of a run that goes on for days, of each two ticks the fresher one is left out. */
+  /** More of the chart; of a run that goes on for days, of each two ticks the fresher one is left out, but the newest. */
   #lengthen({ k, mfow, mean }) {
     const { series } = this;
     for (let i = 0; i < k.length; i++) {
@@ -122,7 +122,9 @@ export class Store {
     }
     if (series.k.length <= MOST_TICKS) return;
     const kept = [];
-    for (let i = 0; i < series.k.length; i += 2) kept.push(series.mfow[i + 1] > series.mfow[i] ? i + 1 : i);
+    const last = series.k.length - 1;
+    for (let i = 0; i <= last; i += 2) kept.push(series.mfow[i + 1] > series.mfow[i] ? i + 1 : i);
+    if (kept.at(-1) < last) kept.push(last);
     for (const name of Object.keys(series)) series[name] = kept.map((i) => series[name][i]);
   }
 
