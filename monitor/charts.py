@@ -36,7 +36,9 @@ MOST_BINS = 60
 STATES: tuple[tuple[str, str], ...] = (
     ("patrolling", "#8fbcd9"),
     ("dead end", "#e69f00"),
-    ("other", "#009e73"),
+    ("surrounding", "#009e73"),
+    ("holding", "#f0e442"),
+    ("other", "#0072b2"),
     ("no answer", "#b9a3c9"),
     ("paused", "#9aa3ad"),
     ("dead or lost", "#c4161c"),
@@ -47,7 +49,7 @@ STATES: tuple[tuple[str, str], ...] = (
 STATUS_WORDS = {int(status): status.name.lower() for status in Status}
 """A robot's standing in words."""
 
-_PATROLLING, _DEAD_END, _OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(7)
+_PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(len(STATES))
 
 
 def mfow_chart(run: Run, bands: Sequence[Band]) -> Figure:
@@ -130,7 +132,8 @@ def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
 def state_codes(run: Run) -> NDArray[np.uint8]:
     """uint8 (ticks, n): an index of `STATES` for each robot and tick."""
     status, labels = run.status, run.labels
-    kinds = {"": _SILENT, "patrolling": _PATROLLING, DEAD_END: _DEAD_END}
+    kinds = {"": _SILENT, DEAD_END: _DEAD_END}
+    kinds |= {"patrolling": _PATROLLING, "surrounding": _SURROUNDING, "holding": _HOLDING}
     doing = np.array([kinds.get(label, _OTHER) for label in labels], dtype=np.uint8)[run.states]
     doing[status == Status.PAUSED] = _PAUSED
     doing[(status == Status.DEAD) | (status == Status.LOST)] = _GONE

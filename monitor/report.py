@@ -85,7 +85,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
         said = f"Mean over points of |believed - true| fog, at {len(errors.ticks)} moments."
         made.append(draw("belief", "Belief error", f"{said}{red}", lambda: charts.belief_chart(run, errors, bands)))
     if not np.isnan(run.decision_ms).all():
-        says = "Bar: middle half; line: 1 to 99 %; black: median; cross: longest."
+        says = "Bar: middle half; line: 1 to 99 %; stroke across: median; cross: longest."
         made.append(draw("decisions", "Decision times", says, lambda: charts.decisions_chart(run)))
     says = "Share of its decisions in which a robot was getting out of a dead end, and its cancelled moves."
     made.append(draw("troubles", "Dead ends and collisions", says, lambda: charts.troubles_chart(run)))
