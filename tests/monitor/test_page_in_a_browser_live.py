@@ -137,26 +137,24 @@ def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromi
                 const loss = document.getElementById('loss'), asked = [];
                 const facts = { live: true, controls: [], robots: [] };
                 const told = { robots: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
-                let state = null, heard = () => {}, looked = () => {};
-                const store = { facts, get state() { looked(); return state; } };
+                let state = null, looks = 0;
+                const store = { facts, get state() { looks++; return state; } };
                 const controls = new Controls(store, (control) => {
                     asked.push([control.fault.rate, control.instead]);
-                    heard();
                     return Promise.resolve({ done: true, text: '' });
                 }, {});
                 const slide = (share) => { loss.value = share; loss.dispatchEvent(new Event('input')); };
-                const isLooked = new Promise((done) => { looked = done; });
+                const turn = () => new Promise((done) => setTimeout(done, 10));
+                const until = async (met) => { for (let i = 0; i < 1000 && !met(); i++) await turn(); };
                 slide(30);
-                await isLooked;
-                await new Promise((done) => setTimeout(done));
+                await until(() => looks > 0);
+                await turn();
                 state = told;
-                for (const share of [null, 40]) {
-                    const isHeard = new Promise((done) => { heard = done; });
-                    if (share) slide(share);
-                    else controls.renew();
-                    await isHeard;
-                    await new Promise((done) => setTimeout(done));
-                }
+                controls.renew();
+                await until(() => asked.length === 1);
+                await turn();
+                slide(40);
+                await until(() => asked.length === 2);
                 return asked.map(([rate, instead]) => [rate, instead.split('-')[0]]);
             }"""
         )
