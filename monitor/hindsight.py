@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from array import array
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from monitor.beliefs import BeliefWatcher
 from monitor.observer import Listener, keep_outside
 from monitor.runs import Run
+from monitor.snapshot import Snapshot
 from patrol.fog import Fog
 from patrol.footprint import Footprint, sensor_footprint
 from patrol.pose import Pose
@@ -20,7 +20,7 @@ from patrol.pose import Pose
 BUDGET_S = 0.05
 """Wall time that is given to it at once."""
 
-MEMORY = 96 << 20
+MEMORY = 48 << 20
 """Bytes of all robots' fogs, snapshots and looks together; one robot is kept whatever it takes."""
 
 KEPT_S = 10.0
@@ -87,7 +87,7 @@ class _Robot:
         self._area = run.prepared.fields[number].patrolled
         self._patrolled = run.prepared.patrolled
         self._recall = _Recall(run, footprint, key, number)
-        self._kept: dict[int, _Runs] = {}
+        self._kept: dict[int, Snapshot] = {}
         self._fog = self._blank()
         self._k = -1
 
@@ -139,36 +139,10 @@ class _Robot:
         for at, pose in self._recall.looks(self._k):
             self._fog.observe(self._footprint.visible(pose), at)
         if self._k % self._apart == 0 and self._k not in self._kept:
-            self._kept[self._k] = _Runs.of(self._fog.last_seen)
+            self._kept[self._k] = Snapshot.of(self._fog.last_seen)
 
     def _blank(self) -> Fog:
         return keep_outside(Fog(self._area), self._patrolled)
-
-
-@dataclass(frozen=True, eq=False)
-class _Runs:
-    """A map in a small part of its bytes: where another value begins, row by row, and which; both int32 (n,)."""
-
-    shape: tuple[int, ...]
-    begins: NDArray[np.int32]
-    values: NDArray[np.int32]
-
-    @classmethod
-    def of(cls, seen: NDArray[np.int32]) -> _Runs:
-        """seen: int32 (h, w)."""
-        flat = seen.ravel()
-        begins = np.concatenate(([0], np.flatnonzero(flat[1:] != flat[:-1]) + 1)).astype(np.int32)
-        return cls(seen.shape, begins, flat[begins])
-
-    @property
-    def nbytes(self) -> int:
-        """What it takes."""
-        return self.begins.nbytes + self.values.nbytes
-
-    def map(self) -> NDArray[np.int32]:
-        """int32 (h, w)."""
-        points = int(np.prod(self.shape))
-        return np.repeat(self.values, np.diff(self.begins, append=points)).reshape(self.shape)
 
 
 class _Noting(Listener):

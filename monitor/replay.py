@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from monitor.observer import as_sent
 from monitor.runs import Run
+from monitor.snapshot import Snapshot
 from patrol.errors import BadInput
 from patrol.fog import Fog
 from patrol.footprint import Footprint, View, sensor_footprint
 from patrol.records import Event, Status
 
 MEMORY = 256 << 20
-"""Bytes that a replay's snapshots may take."""
+"""Bytes that a replay's snapshots may take if no two points beside each other were seen at the same time."""
 
 _MOST_SNAPSHOTS = 400
 _LEAST_APART = 8
@@ -123,8 +124,8 @@ class Replay:
         size = self._fog.last_seen.nbytes
         self._most = int(np.clip(memory // size - _NEAR, 4, _MOST_SNAPSHOTS))
         self._apart = max(_LEAST_APART, -(-run.ticks // self._most))
-        self._far: dict[int, NDArray[np.int32]] = {}
-        self._near: dict[int, NDArray[np.int32]] = {}
+        self._far: dict[int, Snapshot] = {}
+        self._near: dict[int, Snapshot] = {}
 
     @property
     def ticks(self) -> int:
@@ -200,7 +201,7 @@ class Replay:
     def _restore(self, base: int) -> None:
         kept = self._far.get(base, self._near.get(base))
         patrolled = self.run.prepared.patrolled
-        self._fog = Fog(patrolled) if kept is None else Fog.resumed(patrolled, kept)
+        self._fog = Fog(patrolled) if kept is None else Fog.resumed(patrolled, kept.map())
         self._k = base
 
     def _walk(self, last: int, near: int) -> None:
@@ -212,9 +213,9 @@ class Replay:
             if k % self._apart == 0:
                 self._keep(k)
             elif near and (k - first) % near == 0 and len(self._near) < _NEAR:
-                self._near[k] = self._fog.last_seen.copy()
+                self._near[k] = Snapshot.of(self._fog.last_seen)
         self._k = last
 
     def _keep(self, k: int) -> None:
         if len(self._far) < self._most and k not in self._far:
-            self._far[k] = self._fog.last_seen.copy()
+            self._far[k] = Snapshot.of(self._fog.last_seen)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from monitor.hindsight import KEPT_S, Hindsight, _Runs
+from monitor.hindsight import KEPT_S, Hindsight
+from monitor.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from tests.monitor.conftest import Seen
@@ -84,7 +85,7 @@ def test_a_snapshot_is_the_map_again() -> None:
     random = np.random.default_rng(5)
     for shape in ((1, 1), (7, 5), (64, 130)):
         seen = random.integers(-2, 3, shape, dtype=np.int32)
-        runs = _Runs.of(seen)
+        runs = Snapshot.of(seen)
         np.testing.assert_array_equal(runs.map(), seen)
         assert runs.map().dtype == np.int32
-    assert _Runs.of(np.full((100, 100), 7, dtype=np.int32)).nbytes == 8
+    assert Snapshot.of(np.full((100, 100), 7, dtype=np.int32)).nbytes == 8
