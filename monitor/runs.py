@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -108,17 +109,17 @@ class Run:
         """Seconds of a tick."""
         return self.prepared.scenario.step
 
-    @property
+    @cached_property
     def robots(self) -> tuple[RobotFacts, ...]:
         """The robots in the order of their places."""
         return tuple(robot for robot in self.journal.header.robots if robot.number in self.index)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The robots' names."""
         return tuple(robot.name for robot in self.robots)
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[int, ...]:
         """The robots' numbers."""
         return tuple(robot.number for robot in self.robots)

@@ -83,6 +83,8 @@ class Hub:
         self._books: dict[Layer, TileBook] = {}
         self._state: State | None = None
         self._words = ""
+        self._ahead = False  # the state and its fogs are ready, and no page was
+        self._woken = threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="hub", daemon=True)
 
@@ -126,26 +128,58 @@ class Hub:
                 for viewer in self._viewers:
                     viewer.post(None)
 
+    def wake(self) -> None:
+        """A page may be ready for what waits for it."""
+        self._woken.set()
+
     def _turn(self) -> None:
+        if self._ahead and not self._send_ahead():
+            return
         state = self.source.wait(WAIT_S)
         if state is not None:
             self._state, self._words = state, words.state_words(state)
         if self._state is None:
             return
+        viewers, ready = self._pages()
+        # Of a replay the next moment is worked out while pages draw the one before; of a fleet only what is sent.
+        self._ahead = state is not None and bool(viewers) and not ready and not self.static.live
+        self._take_up(viewers if self._ahead else ready)
+        self._send(ready)
+
+    def _send_ahead(self) -> bool:
+        """Send what was worked out ahead to those who are ready for it by now; whether there is anybody."""
+        ready = self._pages()[1]
+        if not ready and self._woken.wait(WAIT_S):
+            ready = self._pages()[1]
+        self._woken.clear()
+        self._ahead = not ready
+        self._send(ready)
+        return bool(ready)
+
+    def _pages(self) -> tuple[list[Viewer], list[Viewer]]:
+        """The open pages, and those of them that are ready. What nobody shows is not kept any more.
+
+        A page that its browser lets draw nothing, as it is in the background, is open all the same.
+        """
         with self._lock:
-            ready = [viewer for viewer in self._viewers if viewer.ready]
-            shown = {layer for viewer in self._viewers for layer in viewer.layers}
+            viewers = list(self._viewers)
+            shown = {layer for viewer in viewers for layer in viewer.layers}
             self._forget(shown)
-        # A page that its browser lets draw nothing, as it is in the background, is open all the same.
         self.source.keep(shown)
-        for layer in dict.fromkeys(layer for viewer in ready for layer in viewer.layers):
+        return viewers, [viewer for viewer in viewers if viewer.ready]
+
+    def _take_up(self, viewers: list[Viewer]) -> None:
+        """Bring the fogs that these pages show to the state."""
+        for layer in dict.fromkeys(layer for viewer in viewers for layer in viewer.layers):
             now = self.source.last_seen(layer)
             if now is not None:
                 if layer not in self._books:
                     self._books[layer] = TileBook(layer_number(layer), now.shape)
                 self._books[layer].take(now, self.source.tick(layer))
+
+    def _send(self, ready: list[Viewer]) -> None:
         for viewer in ready:
-            if messages := self._news(viewer, self._state):
+            if self._state is not None and (messages := self._news(viewer, self._state)):
                 viewer.post(messages)
 
     def _forget(self, shown: set[Layer]) -> None:

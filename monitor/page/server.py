@@ -124,9 +124,11 @@ class Server:
             match says:
                 case {"type": "drawn"}:
                     viewer.drawn = True
+                    self._hub.wake()
                 case {"type": "show", "layers": list() as numbers}:
                     self._hub.show(viewer, [number for number in numbers if type(number) is int])
                     viewer.drawn = True
+                    self._hub.wake()
                 case {"type": "ask", "id": int() as number, "control": dict() as control}:
                     answer = await self._answer(control, may_ask)
                     await socket.send_text(words.answer_words(number, answer))

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.kernels.tiles import KEEP, compare, pack, take_over
+from monitor.kernels.tiles import KEEP, pack, take_over
 from monitor.source import Layer
 
-SIDE = 64
+SIDE = 128
 """Points along a tile's side."""
 
 TRUTH, HEARD, TERRAIN = 0, -1, -2
@@ -45,30 +45,40 @@ class TileBook:
     def take(self, now: NDArray[np.int32], tick: int) -> None:
         """The map as it is at a tick; a new version if it differs. Read before this returns, never kept."""
         self.tick = tick
-        if compare(now, self._shown, self._versions, SIDE, self.version + 1) == 0:
-            return
-        self.version += 1
-        changed = np.flatnonzero(self._versions == self.version).astype(np.int32)
-        # Whoever has the version before is sent the difference; it is made now, while both are known.
-        self._packets = {self.version - 1: self._pack(now, changed, whole=False)}
-        take_over(now, self._shown, self._versions, SIDE, self.version)
+        tiles, counts = (np.empty(self._versions.size, dtype=np.int32) for _ in range(2))
+        values, lengths = _room(now.size)
+        news = (tiles, counts, values, lengths)
+        changed, runs = take_over(now, self._shown, self._versions, SIDE, self.version + 1, *news)
+        if changed:
+            self.version += 1
+            # Whoever has the version before is sent the difference, which is known now alone.
+            self._packets = {
+                self.version - 1: _packed(tiles[:changed], counts[:changed], values[:runs], lengths[:runs])
+            }
 
     def packet(self, version: int, since: int = 0) -> bytes:
         """What brings a page from a version (0: from nothing) to this one, and to its tick."""
         if version not in self._packets:
             tiles = np.flatnonzero(self._versions > version).astype(np.int32)
-            self._packets[version] = self._pack(self._shown, tiles, whole=True)
+            counts = np.empty(tiles.size, dtype=np.int32)
+            values, lengths = _room(tiles.size * SIDE * SIDE)
+            runs = pack(self._shown, tiles, SIDE, counts, values, lengths)
+            self._packets[version] = _packed(tiles, counts, values[:runs], lengths[:runs])
         return np.array([self._number, self.tick, since], dtype="<i4").tobytes() + self._packets[version]
 
-    def _pack(self, now: NDArray[np.int32], tiles: NDArray[np.int32], *, whole: bool) -> bytes:
-        """A packet from its number of tiles on."""
-        counts = np.empty(tiles.size, dtype=np.int32)
-        room = tiles.size * SIDE * SIDE
-        values, lengths = np.empty(room, dtype=np.int32), np.empty(room, dtype=np.uint16)
-        runs = pack(now, self._shown, whole, tiles, SIDE, counts, values, lengths)
-        head = np.array([tiles.size, runs], dtype=np.int32)
-        parts = (head, tiles, counts, values[:runs], lengths[:runs])
-        return b"".join(part.astype(part.dtype.newbyteorder("<"), copy=False).tobytes() for part in parts)
+
+def _room(points: int) -> tuple[NDArray[np.int32], NDArray[np.uint16]]:
+    """For values and lengths of as many runs as there can be; what is not written costs nothing."""
+    return np.empty(points, dtype=np.int32), np.empty(points, dtype=np.uint16)
+
+
+def _packed(
+    tiles: NDArray[np.int32], counts: NDArray[np.int32], values: NDArray[np.int32], lengths: NDArray[np.uint16]
+) -> bytes:
+    """A packet from its number of tiles on."""
+    head = np.array([tiles.size, values.size], dtype=np.int32)
+    parts = (head, tiles, counts, values, lengths)
+    return b"".join(part.astype(part.dtype.newbyteorder("<"), copy=False).tobytes() for part in parts)
 
 
 def terrain_packet(passable: NDArray[np.bool_], patrolled: NDArray[np.bool_]) -> bytes:

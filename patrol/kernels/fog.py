@@ -40,27 +40,46 @@ def observe(last_seen, tracked, histogram, view, quality, row0, col0, tick, box)
     box[2] = width
     box[3] = -1
     gained = 0
+    taken = 0
+    # Neighbours were mostly seen in the same tick: they leave its bin together.
+    leaving, left = -1, 0
+    begin, end = max(0, -col0), min(view.shape[1], width - col0)
+    if begin >= end:
+        return 0
     for i in range(max(0, -row0), min(view.shape[0], height - row0)):
         r = row0 + i
-        for j in range(max(0, -col0), min(view.shape[1], width - col0)):
-            c = col0 + j
-            if view[i, j] == 0 or tracked[r, c] == 0:
+        # Slices, for an index into one of them cannot be below zero, which would have to be asked of each point.
+        in_view, counts = view[i, begin:end], tracked[r, col0 + begin : col0 + end]
+        seen = last_seen[r, col0 + begin : col0 + end]
+        first, last = width, -1
+        for j in range(in_view.size):
+            if in_view[j] == 0 or counts[j] == 0:
                 continue
-            old = last_seen[r, c]
+            old = seen[j]
             if old >= tick:
                 continue
             since = max(old, 0)
             new = tick
             if quality is not None:
-                new -= int((tick - since) * (1.0 - quality[i, j]))
+                new -= int((tick - since) * (1.0 - quality[i, begin + j]))
                 if new <= old:
                     continue
-            last_seen[r, c] = new
-            histogram[old + 1] -= 1
-            histogram[new + 1] += 1
+                histogram[new + 1] += 1
+            seen[j] = new
+            if old != leaving:
+                histogram[leaving + 1] -= left
+                leaving, left = old, 0
+            left += 1
+            taken += 1
             gained += new - since
+            first = min(first, j)
+            last = j
+        if last >= 0:
             box[0] = min(box[0], r)
-            box[1] = max(box[1], r)
-            box[2] = min(box[2], c)
-            box[3] = max(box[3], c)
+            box[1] = r
+            box[2] = min(box[2], col0 + begin + first)
+            box[3] = max(box[3], col0 + begin + last)
+    histogram[leaving + 1] -= left
+    if quality is None:
+        histogram[tick + 1] += taken
     return gained

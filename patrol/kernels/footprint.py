@@ -14,6 +14,8 @@ GRID = types.Array(types.uint8, 2, "C", readonly=True)
 VIEW = types.Array(types.uint8, 2, "C")
 int64 = types.int64
 float64 = types.float64
+index = types.uint64
+"""Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
 
 
 @njit(types.void(GRID, int64, int64, float64, VIEW, int64, int64), cache=True, nogil=True)
@@ -29,61 +31,66 @@ def cast(passable, row, col, radius, view, row0, col0):
     the robot's own.
     """
     height, width = passable.shape
+    across_view = view.shape[1]
+    ground, seen = passable.ravel(), view.ravel()
     reach = int(radius + 1e-9)
-    view[:, :] = 0
+    seen[:] = 0
     view[row - row0, col - col0] = 1
     limit = radius * radius + 1e-9
     # Wedges of the current and of the next line: start and end slope as numerator and denominator.
     now = [(0, 0, 0, 0)] * (4 * reach + 8)
     after = [(0, 0, 0, 0)] * (4 * reach + 8)
     for quadrant in range(4):
+        # A line lies `depth` away; along it `across` runs over the grid's points, from `least` to `most`.
+        ahead = 1 if quadrant % 2 == 0 else -1
+        if quadrant < 2:
+            deepest = height - 1 - row if ahead == 1 else row
+            least, most = -col, width - 1 - col
+            outward, along, view_outward, view_along = ahead * width, 1, ahead * across_view, 1
+        else:
+            deepest = width - 1 - col if ahead == 1 else col
+            least, most = -row, height - 1 - row
+            outward, along, view_outward, view_along = ahead, width, ahead, across_view
+        here = row * width + col
+        shown = (row - row0) * across_view + col - col0
         now[0] = (-1, 1, 1, 1)
         wedges = 1
-        depth = 1
-        while wedges > 0 and depth <= reach:
-            widest = int(math.sqrt(max(0.0, limit - depth * depth)))
+        for depth in range(1, min(reach, deepest) + 1):
+            here += outward
+            shown += view_outward
+            widest = int(math.sqrt(limit - depth * depth))
             coming = 0
             for wedge in range(wedges):
                 start_up, start_down, end_up, end_down = now[wedge]
-                first = (2 * depth * start_up + start_down) // (2 * start_down)
-                last = -((end_down - 2 * depth * end_up) // (2 * end_down))
-                first = max(first, -widest - 1)
-                last = min(last, widest + 1)
-                before = -1
-                for across in range(first, last + 1):
-                    if quadrant == 0:
-                        dr, dc = depth, across
-                    elif quadrant == 1:
-                        dr, dc = -depth, across
-                    elif quadrant == 2:
-                        dr, dc = across, depth
-                    else:
-                        dr, dc = across, -depth
-                    r = row + dr
-                    c = col + dc
-                    is_open = 0
-                    if 0 <= r < height and 0 <= c < width and passable[r, c] != 0:
-                        is_open = 1
-                    if is_open == 1:
+                first = max((2 * depth * start_up + start_down) // (2 * start_down), -widest - 1)
+                last = min(-((end_down - 2 * depth * end_up) // (2 * end_down)), widest + 1)
+                low = max(-((-depth * start_up) // start_down), -widest)
+                high = min((depth * end_up) // end_down, widest)
+                before = 0 if first < least else -1  # beyond the grid nothing is open
+                for across in range(max(first, least), min(last, most) + 1):
+                    is_open = ground[index(here + across * along)]
+                    if is_open != 0:
                         if before == 0:
                             start_up = 2 * across - 1
                             start_down = 2 * depth
-                        if (
-                            across * start_down >= depth * start_up
-                            and across * end_down <= depth * end_up
-                            and depth * depth + across * across <= limit
-                        ):
-                            view[r - row0, c - col0] = 1
-                    elif before == 1:
-                        after[coming] = (start_up, start_down, 2 * across - 1, 2 * depth)
-                        coming += 1
-                    before = is_open
+                            low = max(across, -widest)
+                        if low <= across <= high:
+                            seen[index(shown + across * view_along)] = 1
+                        before = 1
+                    else:
+                        if before == 1:
+                            after[coming] = (start_up, start_down, 2 * across - 1, 2 * depth)
+                            coming += 1
+                        before = 0
                 if before == 1:
+                    if last > most:
+                        end_up, end_down = 2 * most + 1, 2 * depth
                     after[coming] = (start_up, start_down, end_up, end_down)
                     coming += 1
+            if coming == 0:
+                break
             now, after = after, now
             wedges = coming
-            depth += 1
 
 
 @njit(types.void(GRID, int64, int64, float64, VIEW, int64, int64), cache=True, nogil=True)

@@ -54,7 +54,7 @@ def test_fifty_robots_are_shown_smoothly_and_in_little_memory(
                     look.page.click("#play")
                 if not since and now > end - LAST_S:
                     frames, since = int(look.evaluate("document.body.dataset.frames")), now
-                time.sleep(0.5)
+                time.sleep(0.1)
             rate = (int(look.evaluate("document.body.dataset.frames")) - frames) / (time.monotonic() - since)
             held = memory_mb(server.pid)
         with capsys.disabled():

@@ -149,6 +149,23 @@ def test_what_a_page_in_the_background_shows_of_a_replay_is_kept(quiet: Seen, mo
     assert player._hindsight.held == 0
 
 
+def test_the_next_moment_of_a_replay_is_worked_out_while_a_page_draws(quiet: Seen) -> None:
+    player = Player(quiet.open())
+    hub = Hub(player)
+    with closing(Page(hub)) as page:
+        page.messages()
+        page.hide()
+        for k in (10, 20):  # one moment ahead, no more
+            player.ask({"do": "seek", "k": k})
+            hub._turn()
+        assert player.tick("truth") == 10
+        assert page.viewer.outbox.empty()
+        page.viewer.drawn = True
+        hub.wake()
+        assert page.packets() == [(0, 10, 0)]
+        assert page.packets() == [(0, 20, 0)]
+
+
 def test_of_a_fog_that_stays_the_tick_is_sent(faulty: Seen) -> None:
     player = Player(faulty.open())
     hub = Hub(player)

@@ -243,6 +243,29 @@ def test_a_belief_that_lags_is_held_against_the_truth_of_its_own_tick(chromium: 
     assert drawn == [True, True, True]
 
 
+def test_a_map_with_more_points_than_the_screen_has_pixels_is_drawn_from_some(chromium: Any, quiet: Seen) -> None:
+    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        size, walls, seen = look.evaluate(
+            """async () => {
+                const { FogImage } = await import('/fogimage.js');
+                const image = new FogImage(5, 3, 2);
+                const terrain = new Int32Array(15).fill(3);
+                terrain[1 * 5 + 1] = 0;
+                image.base(terrain);
+                const wall = image.pixels[1 * 3 + 0];
+                const fog = { seen: new Int32Array(15).fill(60), since: 0, tick: 60 };
+                fog.seen[1 * 5 + 3] = 5;
+                image.ages(fog, 20);
+                const [a, b, c, d, e, f] = image.pixels;
+                return [[image.canvas.width, image.canvas.height], [d === wall, e === wall], [e === f, a === b, b === c]];
+            }"""
+        )
+    assert size == [3, 2]  # row 0 is at the bottom
+    assert walls == [True, False]
+    assert seen == [False, True, True]
+
+
 class Timed(Told):
     """A wire on which time goes by also where nobody waits."""
 

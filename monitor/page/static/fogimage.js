@@ -1,4 +1,4 @@
-// The fog as an image, one pixel a point, row 0 on top. Ages come from last-seen ticks, so the page ages the map itself.
+// The fog as an image, row 0 at the bottom. Ages come from last-seen ticks, so the page ages the map itself.
 
 import { AGES, DIFFERENCES, STEPS, themed } from "./colours.js";
 import { OUTSIDE, surely } from "./store.js";
@@ -10,27 +10,32 @@ const STRIPE = 4;
 const ALIKE = 0.05;
 
 export class FogImage {
-  constructor(width, height) {
+  /** A pixel stands for stride x stride points and has the colour of the middle one: all that a small screen can show. */
+  constructor(width, height, stride = 1) {
     this.width = width;
     this.height = height;
+    this.stride = stride;
+    const wide = Math.ceil(width / stride), high = Math.ceil(height / stride);
     this.canvas = document.createElement("canvas");
-    this.canvas.width = width;
-    this.canvas.height = height;
+    this.canvas.width = wide;
+    this.canvas.height = high;
     this.context = this.canvas.getContext("2d", { alpha: false });
-    this.image = this.context.createImageData(width, height);
+    this.image = this.context.createImageData(wide, high);
     this.pixels = new Uint32Array(this.image.data.buffer);
     this.ramp = new Uint32Array(1);
     this.rampFor = "";
   }
 
-  /** What does not change: walls, and what no robot can see. counted: indices of points, from and to by row. */
+  /** What does not change: walls, and what no robot can see. from, to: of points that count their indices and pixels. */
   base(terrain) {
     const colours = themed();
-    const { width, height } = this;
-    const from = [], to = [], unknown = [];
-    for (let row = 0; row < height; row++) {
-      for (let col = 0; col < width; col++) {
-        const at = row * width + col, out = (height - 1 - row) * width + col;
+    const { width, height, stride } = this;
+    const { width: wide, height: high } = this.canvas;
+    const from = [], to = [], unknown = [], middle = stride >> 1;
+    for (let row = 0; row < high; row++) {
+      for (let col = 0; col < wide; col++) {
+        const r = Math.min(row * stride + middle, height - 1), c = Math.min(col * stride + middle, width - 1);
+        const at = r * width + c, out = (high - 1 - row) * wide + col;
         const what = terrain[at];
         if (what & COUNTED) {
           from.push(at);

@@ -12,6 +12,7 @@ const DIFFERENCE = "d";
 /** The code with which a server closes that has no room for another viewer. */
 const FULL = 4001;
 const AGAIN_MS = [500, 1000, 2000, 4000];
+const READ_MS = 250;
 
 const store = new Store(changed);
 const map = new MapView($("canvas"), store, {
@@ -33,6 +34,7 @@ let waiting = new Map();
 let asked = 0;
 let drawing = false;
 let owed = false;
+let besideTimer = 0, besideDue = 0;
 let drawn = 0;
 
 connect();
@@ -272,14 +274,24 @@ function redraw() {
     map.draw();
     if (!owed) return;
     owed = false;
-    robots.renew(map.selected);
-    if (!store.facts.live) {
-      events.renew();
-      chart.renew();
-    }
+    beside();
     document.body.dataset.frames = ++drawn;
     send({ type: "drawn" });
   });
+}
+
+/** What stands beside the map is renewed as often as it can be read: a table of many robots costs more than the map. */
+function beside() {
+  if (besideTimer) return;
+  besideTimer = setTimeout(() => {
+    besideTimer = 0;
+    besideDue = performance.now() + READ_MS;
+    robots.renew(map.selected);
+    if (!store.facts?.live) {
+      events.renew();
+      chart.renew();
+    }
+  }, Math.max(besideDue - performance.now(), 0));
 }
 
 function fit() {

@@ -5,6 +5,9 @@ import { FogImage } from "./fogimage.js";
 import { drawCross, drawRobots, drawScaleBar, PASSABLE } from "./marks.js";
 import { NEVER, OUTSIDE, seconds, surely } from "./store.js";
 
+/** Points along a pixel of the fog's image at most. */
+const COARSEST = 8;
+
 export class MapView {
   /** told: {hover(text, x, y), click(x, y), pick(place)} */
   constructor(canvas, store, told) {
@@ -80,10 +83,11 @@ export class MapView {
     context.fillRect(0, 0, wide, high);
     if (!store.facts || !store.terrain) return;
     this.#paintFog();
-    const { width, height, point, origin } = store.facts;
-    const [left, top] = this.toScreen(origin[0], origin[1] + height * point);
+    const { point, origin } = store.facts;
+    const pixel = this.fog.stride * point, { width, height } = this.fog.canvas;
+    const [left, top] = this.toScreen(origin[0], origin[1] + height * pixel);
     context.imageSmoothingEnabled = this.scale * point < 2;
-    context.drawImage(this.fog.canvas, left, top, width * point * this.scale, height * point * this.scale);
+    context.drawImage(this.fog.canvas, left, top, width * pixel * this.scale, height * pixel * this.scale);
     drawScaleBar(this);
     if (store.state) drawRobots(this);
     if (this.pointing && this.hovered) drawCross(this);
@@ -101,7 +105,13 @@ export class MapView {
   }
 
   #paintFog() {
-    const { store, fog, shown } = this;
+    const { store, shown } = this, { width, height, point } = store.facts;
+    const stride = Math.min(Math.max(Math.floor(1 / (this.scale * point)), 1), COARSEST);
+    if (stride !== this.fog.stride) {
+      this.fog = new FogImage(width, height, stride);
+      this.terrainDone = false;
+    }
+    const { fog } = this;
     if (!this.terrainDone) {
       fog.base(store.terrain);
       this.terrainDone = true;

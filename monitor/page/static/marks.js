@@ -5,6 +5,8 @@ import { standing } from "./store.js";
 
 const LEAST = 5;
 const RAYS = 120;
+/** Robots beyond which all but the chosen one have no footprint, no goal and a short and plain trail, of so many ticks. */
+const MANY = 24, SHORT = 60;
 export const PASSABLE = 1;
 
 /** All robots of a map view's store, one kind of mark after the other, and the intruders. */
@@ -20,8 +22,7 @@ export function drawRobots(map) {
 }
 
 function footprint(map, [status, , pose], facts, place) {
-  const few = map.store.facts.robots.length <= 24;
-  if (!pose || status !== 1 || !(few || place === map.selected)) return;
+  if (!pose || status !== 1 || !inFull(map, place)) return;
   const c = map.context;
   const { point, width, height, origin } = map.store.facts;
   const terrain = map.store.terrain;
@@ -52,8 +53,12 @@ function footprint(map, [status, , pose], facts, place) {
   c.stroke();
 }
 
+function inFull(map, place) {
+  return map.store.facts.robots.length <= MANY || place === map.selected;
+}
+
 function trail(map, place) {
-  const { rows } = map.store.trail;
+  const full = inFull(map, place), rows = full ? map.store.trail.rows : map.store.trail.rows.slice(-SHORT);
   const c = map.context;
   let before = null;
   c.beginPath();
@@ -64,16 +69,18 @@ function trail(map, place) {
     else if (before[0] !== x || before[1] !== y) c.lineTo(...map.toScreen(x, y));
     if (x !== null) before = [x, y];
   }
-  c.strokeStyle = "rgb(255 255 255 / 55%)";
-  c.lineWidth = (place === map.selected ? 4 : 3) * map.ratio;
-  c.stroke();
+  if (full) {
+    c.strokeStyle = "rgb(255 255 255 / 55%)";
+    c.lineWidth = (place === map.selected ? 4 : 3) * map.ratio;
+    c.stroke();
+  }
   c.strokeStyle = SERIES[place % SERIES.length];
   c.lineWidth = (place === map.selected ? 2.4 : 1.4) * map.ratio;
   c.stroke();
 }
 
 function goal(map, [status, , pose, goal], place) {
-  if (!goal || !pose || status !== 1) return;
+  if (!goal || !pose || status !== 1 || !inFull(map, place)) return;
   const c = map.context, r = map.ratio;
   const [x0, y0] = map.toScreen(pose[0], pose[1]), [x, y] = map.toScreen(goal[0], goal[1]);
   for (const [colour, wide] of [["rgb(255 255 255 / 70%)", 3.4], [SERIES[place % SERIES.length], 1.6]]) {
