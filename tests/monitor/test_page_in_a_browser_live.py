@@ -258,7 +258,8 @@ def test_a_map_with_more_points_than_the_screen_has_pixels_is_drawn_from_some(ch
                 fog.seen[1 * 5 + 3] = 5;
                 image.ages(fog, 20);
                 const [a, b, c, d, e, f] = image.pixels;
-                return [[image.canvas.width, image.canvas.height], [d === wall, e === wall], [e === f, a === b, b === c]];
+                const { width, height } = image.canvas;
+                return [[width, height], [d === wall, e === wall], [e === f, a === b, b === c]];
             }"""
         )
     assert size == [3, 2]  # row 0 is at the bottom
