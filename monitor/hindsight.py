@@ -21,7 +21,10 @@ BUDGET_S = 0.05
 """Wall time that is given to it at once."""
 
 MEMORY = 48 << 20
-"""Bytes of all robots' fogs, snapshots and looks together; one robot is kept whatever it takes."""
+"""Bytes of all robots' fogs, snapshots and looks together, but for what pages show."""
+
+MOST = 4
+"""Robots that are kept as long as pages show them, whatever they take; more at once wait until one is shown no more."""
 
 KEPT_S = 10.0
 """For how long what was found out of a robot is kept that nobody looks at."""
@@ -41,6 +44,7 @@ class Hindsight:
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
         self._robots: dict[int, _Robot] = {}
         self._asked: dict[int, float] = {}
+        self._shown: frozenset[int] = frozenset()
 
     @property
     def held(self) -> int:
@@ -49,6 +53,8 @@ class Hindsight:
 
     def last_seen(self, number: int, k: int) -> NDArray[np.int32] | None:
         """int32 (h, w) after tick k; None as long as it takes more time. Its own: copy what is to last."""
+        if number not in self._robots and len(self._robots) >= MOST and not self._drop_idle():
+            return None
         robot = self._robots.pop(number, None) or _Robot(self._run, self._key, self._footprint, number, self._now)
         self._robots[number] = robot
         self._asked[number] = self._now()
@@ -59,17 +65,27 @@ class Hindsight:
     def keep(self, numbers: Collection[int]) -> None:
         """Somebody shows these robots' fogs; of others nothing is kept once nobody has asked for long."""
         now = self._now()
+        self._shown = frozenset(numbers)
         self._asked |= dict.fromkeys(self._robots.keys() & numbers, now)
         for number in [number for number in self._robots if now > self._asked[number] + KEPT_S]:
             self._drop(number)
 
     def _make_room(self) -> None:
-        """Every other snapshot of the robot that has most goes, and where that is not enough, a robot."""
+        """Every other snapshot of the robot that has most goes, and where that is not enough, one that no page shows.
+
+        Of two that are shown neither may go: each would be begun anew in the other's place, and none ever be done.
+        """
         while self.held > MEMORY:
-            if not max(self._robots.values(), key=lambda robot: robot.snapshots).thin():
-                if len(self._robots) == 1:
-                    return
-                self._drop(next(iter(self._robots)))
+            thinned = max(self._robots.values(), key=lambda robot: robot.snapshots).thin()
+            if not thinned and (len(self._robots) == 1 or not self._drop_idle()):
+                return
+
+    def _drop_idle(self) -> bool:
+        """Drop who was asked for longest ago of those that no page shows; False where there is none."""
+        idle = next((number for number in self._robots if number not in self._shown), None)
+        if idle is not None:
+            self._drop(idle)
+        return idle is not None
 
     def _drop(self, number: int) -> None:
         del self._robots[number], self._asked[number]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -24,6 +24,8 @@ FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0
 SELDOM_S = 0.5
 """Wall time between two looks at links, charts and events."""
 WAIT_S = 0.1
+DRAWING_S = 1.0
+"""A page that has drawn nothing for so long is in the background: nothing is worked out ahead for it."""
 MOST_POINTS = 5000
 """Of the chart, at once."""
 TRAIL = 240
@@ -36,14 +38,16 @@ Message = str | bytes
 class Viewer:
     """One open page. layers: the fogs it shows. sent: the version and the tick that it has of each.
 
-    drawn: it says that it has drawn all it got. posted, written: frames handed over, and those that the socket took; a
-    page that says more than is true gets no frame before the last one is on its way.
+    drawn: it says that it has drawn all it got; drew_s: when it last had, s of any clock. posted, written: frames
+    handed over, and those that the socket took; a page that says more than is true gets no frame before the last one is
+    on its way.
     """
 
     loop: asyncio.AbstractEventLoop
     outbox: asyncio.Queue[list[Message] | None] = field(default_factory=asyncio.Queue)
     layers: tuple[Layer, ...] = ()
     drawn: bool = True
+    drew_s: float = 0.0
     posted: int = 0
     written: int = 0
     sent: dict[Layer, tuple[int, int]] = field(default_factory=dict)
@@ -142,19 +146,22 @@ class Hub:
             return
         viewers, ready = self._pages()
         # Of a replay the next moment is worked out while pages draw the one before; of a fleet only what is sent.
-        self._ahead = state is not None and bool(viewers) and not ready and not self.static.live
-        self._take_up(viewers if self._ahead else ready)
+        drawing = [viewer for viewer in viewers if self._now() < viewer.drew_s + DRAWING_S]
+        self._ahead = state is not None and bool(drawing) and not ready and not self.static.live
+        self._take_up(drawing if self._ahead else ready)
         self._send(ready)
 
     def _send_ahead(self) -> bool:
         """Send what was worked out ahead to those who are ready for it by now; whether there is anybody."""
-        ready = self._pages()[1]
+        viewers, ready = self._pages()
         if not ready and self._woken.wait(WAIT_S):
-            ready = self._pages()[1]
+            viewers, ready = self._pages()
         self._woken.clear()
-        self._ahead = not ready
+        self._ahead = bool(viewers) and not ready
+        # Whoever shows another fog by now has that of the same moment.
+        self._take_up(ready, self._books.keys())
         self._send(ready)
-        return bool(ready)
+        return not self._ahead
 
     def _pages(self) -> tuple[list[Viewer], list[Viewer]]:
         """The open pages, and those of them that are ready. What nobody shows is not kept any more.
@@ -166,11 +173,14 @@ class Hub:
             shown = {layer for viewer in viewers for layer in viewer.layers}
             self._forget(shown)
         self.source.keep(shown)
-        return viewers, [viewer for viewer in viewers if viewer.ready]
+        ready = [viewer for viewer in viewers if viewer.ready]
+        for viewer in ready:
+            viewer.drew_s = self._now()
+        return viewers, ready
 
-    def _take_up(self, viewers: list[Viewer]) -> None:
-        """Bring the fogs that these pages show to the state."""
-        for layer in dict.fromkeys(layer for viewer in viewers for layer in viewer.layers):
+    def _take_up(self, viewers: list[Viewer], but: Collection[Layer] = ()) -> None:
+        """Bring the fogs that these pages show to the state, but for some."""
+        for layer in dict.fromkeys(layer for viewer in viewers for layer in viewer.layers if layer not in but):
             now = self.source.last_seen(layer)
             if now is not None:
                 if layer not in self._books:

@@ -31,6 +31,10 @@ def cast(passable, row, col, radius, view, row0, col0):
     the robot's own.
     """
     height, width = passable.shape
+    if not (-1 <= row <= height and -1 <= col <= width):  # so far outside nothing is in sight
+        view[:, :] = 0
+        view[row - row0, col - col0] = 1
+        return
     across_view = view.shape[1]
     ground, seen = passable.ravel(), view.ravel()
     reach = int(radius + 1e-9)

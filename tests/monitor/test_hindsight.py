@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import tracemalloc
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from monitor.hindsight import KEPT_S, Hindsight
+from monitor.hindsight import BUDGET_S, KEPT_S, Hindsight
 from monitor.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -47,6 +48,29 @@ def test_what_it_keeps_stays_within_its_memory_however_many_are_looked_at(
         for number in run.numbers:
             looked(hindsight, faulty, number)
             assert 0 < hindsight.held <= memory
+
+
+def test_robots_that_pages_show_are_found_out_all_of_them_however_little_room_there_is(
+    faulty: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each in the other's place would be begun anew for ever."""
+    monkeypatch.setattr("monitor.hindsight.MEMORY", 1)
+    clock = Clock()
+    asked = count()
+    hindsight = Hindsight(faulty.open(), None, lambda: next(asked) * BUDGET_S / 8)  # little is done at once
+    hindsight.keep([1, 2, 3])
+    found: dict[int, int] = {}
+    for turn in range(400):
+        for number in (1, 2, 3):
+            if number not in found and hindsight.last_seen(number, 47) is not None:
+                found[number] = turn
+    assert set(found) == {1, 2, 3}
+    monkeypatch.setattr("monitor.hindsight.MOST", 2)
+    hindsight = Hindsight(faulty.open(), None, clock)
+    hindsight.keep([1, 2, 3])
+    assert [hindsight.last_seen(number, 3) is None for number in (1, 2, 3)] == [False, False, True]
+    hindsight.keep([2, 3])
+    assert hindsight.last_seen(3, 3) is not None
 
 
 def test_what_it_says_that_it_keeps_is_what_it_keeps(faulty: Seen) -> None:

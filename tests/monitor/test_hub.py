@@ -164,6 +164,16 @@ def test_the_next_moment_of_a_replay_is_worked_out_while_a_page_draws(quiet: See
         hub.wake()
         assert page.packets() == [(0, 10, 0)]
         assert page.packets() == [(0, 20, 0)]
+        page.hide()
+        player.ask({"do": "seek", "k": 30})
+        hub._turn()
+        hub.show(page.viewer, [1])  # another fog of the moment that waits
+        page.viewer.drawn = True
+        assert page.packets() == [(1, 30, 0)]
+    hub.leave(page.viewer)
+    player.ask({"do": "seek", "k": 40})
+    hub._turn()
+    assert player.tick("truth") == 40
 
 
 def test_of_a_fog_that_stays_the_tick_is_sent(faulty: Seen) -> None:

@@ -135,5 +135,7 @@ def test_quality_falls_with_distance() -> None:
 
 def test_a_robot_beyond_the_edge_sees_what_is_inside_or_nothing() -> None:
     terrain = Terrain("open", np.ones((10, 10), dtype=np.bool_), 1.0)
-    assert not on_terrain(Footprint(terrain, 3.0).visible(Pose(50.0, 50.0, 0.0)), terrain.shape).any()
+    places = [(x, y) for x in range(-6, 17) for y in range(-6, 17) if not (-2 <= x <= 11 and -2 <= y <= 11)]
+    for x, y in [*places, (50, 50)]:
+        assert not on_terrain(Footprint(terrain, 3.0).visible(Pose(x + 0.5, y + 0.5, 0.0)), terrain.shape).any()
     assert on_terrain(Footprint(terrain, 3.0).visible(Pose(-0.5, 5.5, 0.0)), terrain.shape)[5, 0]

@@ -10,7 +10,7 @@ const STRIPE = 4;
 const ALIKE = 0.05;
 
 export class FogImage {
-  /** A pixel stands for stride x stride points and has the colour of the middle one: all that a small screen can show. */
+  /** A pixel stands for stride x stride points and has the colour of the middle one, or is a wall if one of them is. */
   constructor(width, height, stride = 1) {
     this.width = width;
     this.height = height;
@@ -32,11 +32,18 @@ export class FogImage {
     const { width, height, stride } = this;
     const { width: wide, height: high } = this.canvas;
     const from = [], to = [], unknown = [], middle = stride >> 1;
+    // A thin wall must not fall between the points that are looked at.
+    const isWalled = (top, left) => {
+      for (let r = top; r < Math.min(top + stride, height); r++) {
+        for (let c = left; c < Math.min(left + stride, width); c++) if (!(terrain[r * width + c] & PASSABLE)) return true;
+      }
+      return false;
+    };
     for (let row = 0; row < high; row++) {
       for (let col = 0; col < wide; col++) {
         const r = Math.min(row * stride + middle, height - 1), c = Math.min(col * stride + middle, width - 1);
         const at = r * width + c, out = (high - 1 - row) * wide + col;
-        const what = terrain[at];
+        const what = isWalled(row * stride, col * stride) ? 0 : terrain[at];
         if (what & COUNTED) {
           from.push(at);
           to.push(out);
