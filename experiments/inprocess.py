@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -187,7 +186,6 @@ def run_in_process(
 
     Raises BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
     """
-    gc.collect()  # minds lie in reference cycles, few objects with large arrays: many runs would hold hundreds of MB
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     if prepared.scenario.radio.via != "ether":
         raise BadInput("radio.via = direct: in one process there is no network to hear each other by; run as processes")

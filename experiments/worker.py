@@ -6,6 +6,7 @@ each with a JSON line, until the input ends: at once, even in the middle of a ru
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import queue
@@ -23,6 +24,8 @@ Task = dict[str, Any]
 
 Answer = dict[str, Any]
 """The fields of `experiments.results.Result`."""
+
+Metrics = dict[str, float | None]
 
 PACKAGES = ("patrol", "agent", "worldsim")
 """Whose kernels a run needs."""
@@ -44,25 +47,30 @@ def greet() -> str:
 def run_task(task: Task) -> Answer:
     """Make one run; a run that cannot be made or believed comes back as a failed one and raises nothing."""
     begun = time.perf_counter()
-    metrics: dict[str, float | None] = {}
-    trace: str | None = None
-    error: str | None = None
+    metrics: Metrics = {}
+    trace = error = None
     try:
-        from experiments.belief_error import BeliefError  # here: loads the kernels, which `greet` may have to compile
-        from experiments.inprocess import run_in_process
-        from patrol.scenario import load_scenario
-
-        # Nothing comes between this process's world and its own verdict: no need to compute each run's fog twice.
-        belief = BeliefError()
-        outcome = run_in_process(load_scenario(task["scenario"]), keep=False, verify_fog=False, look=belief.look)
-        metrics, trace = {**metrics_of(outcome.summary), **belief.metrics()}, outcome.summary["trace_hash"]
-        if not outcome.verdict.valid:
-            error = "not valid: " + "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
+        metrics, trace, error = _run(task["scenario"])
     except BadInput as problem:
         error = str(problem)
     except Exception as problem:  # noqa: BLE001 - one failed run must not end the others
         error = f"{type(problem).__name__}: {problem}"
+    gc.collect()  # minds lie in reference cycles, few objects with large arrays: many runs would hold hundreds of MB
     return answer(task, error, metrics, trace, time.perf_counter() - begun)
+
+
+def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str, str | None]:
+    """A run's metrics, its trace hash, and why it is not to be believed, if it is not."""
+    from experiments.belief_error import BeliefError  # here: loads the kernels, which `greet` may have to compile
+    from experiments.inprocess import run_in_process
+    from patrol.scenario import load_scenario
+
+    # Nothing comes between this process's world and its own verdict: no need to compute each run's fog twice.
+    belief = BeliefError()
+    outcome = run_in_process(load_scenario(scenario), keep=False, verify_fog=False, look=belief.look)
+    doubts = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
+    error = None if outcome.verdict.valid else f"not valid: {doubts}"
+    return {**metrics_of(outcome.summary), **belief.metrics()}, outcome.summary["trace_hash"], error
 
 
 def answer(

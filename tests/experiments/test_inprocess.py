@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-import weakref
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +15,6 @@ from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
 from worldsim.record import INTERRUPTED
 from worldsim.verdict.judge import judge
-from worldsim.world import World
 
 CARS = {"count": 3, "model": "car"}
 DISCS = {"count": 3, "model": "holonomic"}
@@ -45,24 +41,6 @@ def test_the_same_seed_gives_the_same_trace_and_another_does_not(robots: dict[st
 def test_threads_change_nothing() -> None:
     one, three = (trace(run_in_process(scenario(), threads=threads)) for threads in (1, 3))
     assert one == three
-
-
-def test_a_run_keeps_nothing_of_the_one_before() -> None:
-    """Or a long sweep would grow without end."""
-    gc.disable()
-    try:
-        minds: list[weakref.ref[Mind]] = []
-        left: list[int] = []
-        for _ in range(3):
-
-            def look(_world: World, minds_now: Mapping[int, Mind]) -> None:
-                left.append(sum(mind() is not None for mind in minds))
-                minds.extend(weakref.ref(mind) for mind in minds_now.values())
-
-            run_in_process(scenario(ticks=1), keep=False, look=look)
-        assert left == [0, 0, 0]
-    finally:
-        gc.enable()
 
 
 def test_the_journal_on_disk_holds_the_same_run(tmp_path: Path) -> None:

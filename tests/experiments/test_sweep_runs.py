@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
-from collections.abc import Iterator, Mapping, Sequence
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import pytest
 
+from agent.mind import Mind
 from experiments.belief_error import BeliefError
 from experiments.casetable import case_rows, write_tables
 from experiments.cluster import ClusterCrew
-from experiments.inprocess import run_in_process
+from experiments.inprocess import Outcome, run_in_process
 from experiments.plan import Base, Case, Plan, Run, make_plan
 from experiments.pool import LocalCrew
 from experiments.results import Result, open_results
@@ -23,6 +26,8 @@ from experiments.stats import estimate
 from experiments.sweep import run_sweep
 from experiments.worker import Answer, Task, metrics_of, run_task
 from patrol.errors import BadInput
+from patrol.scenario import Scenario
+from worldsim.world import World
 
 BASE: Mapping[str, Any] = {
     "terrain": {"builtin": "open"},
@@ -163,6 +168,27 @@ def test_whatever_a_run_raises_is_its_error(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("experiments.inprocess.run_in_process", broken)
     found = run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})
     assert (found["outcome"], found["error"], found["metrics"]) == ("failed", "RuntimeError: no idea", {})
+
+
+def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or a long sweep would grow without end."""
+    minds: list[weakref.ref[Mind]] = []
+
+    def noting(scenario: Scenario, look: Callable[[World, Mapping[int, Mind]], None], **how: Any) -> Outcome:
+        def both(world: World, now: Mapping[int, Mind]) -> None:
+            minds.extend(weakref.ref(mind) for mind in now.values())
+            look(world, now)
+
+        return run_in_process(scenario, look=both, **how)
+
+    monkeypatch.setattr("experiments.inprocess.run_in_process", noting)
+    gc.disable()
+    try:
+        assert run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})["outcome"] == "ok"
+        assert minds
+        assert all(mind() is None for mind in minds)
+    finally:
+        gc.enable()
 
 
 def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path) -> None:
