@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import os
 import re
-import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,10 +14,9 @@ from fogwatch.cli import main
 from fogwatch.derived import derive
 from patrol.access import FILE, Access, write_access
 from patrol.journal import read_journal
-from patrol.link import open_router
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
-from tests.worlds import world_seen
+from tests.routers import routed, world_seen
 
 SMALL = {
     "name": "small",
@@ -200,16 +198,10 @@ def test_a_run_that_was_paused_long_ago_is_not_cut_off_while_its_world_is_there(
     ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     folder = half(ran, tmp_path / "half", old=True)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    write_access(folder / FILE, Access("fleet-1", where, "0123456789abcdef"))
-    router = open_router(where)
-    try:
+    with routed() as where:
+        write_access(folder / FILE, Access("fleet-1", where, "0123456789abcdef"))
         with world_seen(where, "fleet-1"):
             assert command("report", folder) == 0
-    finally:
-        router.close(10.0)
     assert "is still going" in capsys.readouterr().err
     assert "The run is still going" in (folder / "report.html").read_text(encoding="utf-8")
 

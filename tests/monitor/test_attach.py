@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -8,23 +7,14 @@ import pytest
 
 from monitor.attach import goes_on
 from patrol.access import FILE, Access, write_access
-from patrol.link import open_router
-from tests.worlds import world_seen
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+from tests.routers import free_endpoint, routed, world_seen
 
 
 @pytest.fixture
 def endpoint() -> Iterator[str]:
     """Where a router is."""
-    where = free_endpoint()
-    router = open_router(where)
-    yield where
-    assert router.close(10.0)
+    with routed() as where:
+        yield where
 
 
 @pytest.fixture

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Callable, Iterator
 
 import pytest
 
 from patrol.link import Link, LinkDown, Mailbox, Payload, Presence, open_link, open_router
+from tests.routers import free_endpoint, routed
 
 
 class Bytes:
@@ -73,18 +73,10 @@ def test_waiting_ends_in_time() -> None:
 # --- over a real router ----------------------------------------------------------------------------------------------
 
 
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
 @pytest.fixture
 def endpoint() -> Iterator[str]:
-    where = free_endpoint()
-    router = open_router(where)
-    yield where
-    assert router.close(10.0)
+    with routed() as where:
+        yield where
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -22,6 +21,7 @@ from patrol.link import open_link
 from patrol.phases import PhaseA, ReplyA, Stop, encode
 from patrol.pose import Pose
 from patrol.warmup import COMPILING, WAITING
+from tests.routers import free_endpoint
 from worldsim.record import DESERTED
 
 pytestmark = pytest.mark.processes
@@ -41,9 +41,7 @@ class Hand:
     """Starts the processes of one fleet and ends them."""
 
     def __init__(self, folder: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.router = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.router = free_endpoint()
         self.folder = folder
         self.out = folder / "run"
         self.scenario = folder / "scenario.yaml"
@@ -121,9 +119,7 @@ def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> Non
 
 def test_robots_that_hear_each_other_by_a_router_of_their_own(hand: Hand) -> None:
     hand.write({**SCENARIO, "duration": 15, "pace": 3, "radio": {"via": "direct"}})
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        radio = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    radio = free_endpoint()
     hand.start_router()
     hand.start("radio", "fogwatch.router", "--listen", radio)
     hand.start_world("--radio", radio)

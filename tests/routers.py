@@ -1,14 +1,31 @@
-"""Worlds that are there, as far as anybody can see."""
+"""Routers on free ports, and worlds that are there as far as anybody can see."""
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from patrol.keys import WORLD, fleet_keys
-from patrol.link import open_link
+from patrol.link import open_link, open_router
 
 PATIENCE_S = 10.0
+
+
+def free_endpoint() -> str:
+    """Where a router can be."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@contextmanager
+def routed() -> Iterator[str]:
+    """Where a router is."""
+    where = free_endpoint()
+    router = open_router(where)
+    yield where
+    assert router.close(PATIENCE_S)
 
 
 @contextmanager
