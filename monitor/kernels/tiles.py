@@ -5,8 +5,6 @@ from __future__ import annotations
 from numba import njit, types
 
 TICKS_IN = types.Array(types.int32, 2, "C", readonly=True)
-TICKS = types.Array(types.int32, 2, "C")
-VERSIONS = types.Array(types.int32, 1, "C")
 TILES_IN = types.Array(types.int32, 1, "C", readonly=True)
 VALUES = types.Array(types.int32, 1, "C")
 LENGTHS = types.Array(types.uint16, 1, "C")
