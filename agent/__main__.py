@@ -1,7 +1,7 @@
 """``python -m agent``: one robot as a process."""
 
 from agent.process import main
-from patrol.lifeline import run_process
+from patrol.process.lifeline import run_process
 
 if __name__ == "__main__":
     run_process(main)

@@ -15,33 +15,39 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.behaviours.surround import Errand, Surround
-from agent.belief import Belief
-from agent.contacts import Place
+from agent.belief.believed import Belief
+from agent.belief.contacts import Place
+from agent.belief.posts import Posts
+from agent.bodies.giveway import GiveWay
+from agent.bodies.goal import Goal, GoalFinder
+from agent.bodies.steering import CarSteering, HolonomicSteering
+from agent.bodies.unstuck import Unstuck
 from agent.decision import Decision, State
-from agent.direction import bearings_by_force, bearings_by_vector
-from agent.field import Field, Pull
-from agent.fuzzy import FuzzySectors
-from agent.giveway import GiveWay
-from agent.goal import Goal, GoalFinder
-from agent.ground import Ground
-from agent.paths.window import Window
-from agent.posts import Posts
-from agent.separation import artificial_obstacles, critical_areas, numbered, occupied_areas, repel
-from agent.steering import CarSteering, HolonomicSteering
-from agent.unstuck import Unstuck
-from patrol.fields import StaticFields
-from patrol.footprint import Footprint, sensor_footprint
-from patrol.hearsay import Peer
-from patrol.inbox import inbox_of
-from patrol.message import MAX_CONTACTS, Position, encode
+from agent.policies.potential_field.direction import bearings_by_force, bearings_by_vector
+from agent.policies.potential_field.field import Field, Pull
+from agent.policies.potential_field.fuzzy import FuzzySectors
+from agent.policies.potential_field.separation import (
+    artificial_obstacles,
+    critical_areas,
+    numbered,
+    occupied_areas,
+    repel,
+)
+from agent.policies.surround.errand import Errand, Surround
+from agent.routes.ground import Ground
+from agent.routes.path_window import Window
+from patrol.ground.fields import StaticFields
+from patrol.ground.footprint import Footprint, sensor_footprint
+from patrol.ground.terrain import Terrain
 from patrol.pose import TAU, Command, Drive, Pose, Velocity
+from patrol.radio.inbox import inbox_of
+from patrol.radio.message import MAX_CONTACTS, Position, encode
+from patrol.radio.peers import Peer
 from patrol.random import Purpose, draw
 from patrol.scenario import RobotSpec, Scenario
-from patrol.terrain import Terrain
 
 if TYPE_CHECKING:
-    from patrol.regions import RegionSplit
+    from patrol.regions.split import RegionSplit
 
 BLOCKED_SHARE = 0.1
 """A holonomic robot that can make less than this share of a step in any direction is in a dead end."""
@@ -62,7 +68,7 @@ class MindSetup:
     """What a mind is made of.
 
     number: of the robot. incarnation: 1 for the first process, one more for each restart. fields: of the robot's body.
-    psi: float32 (h, w) of `agent.refine.psi_field`, needed for goal refinement. key: of the fleet, or None.
+    psi: float32 (h, w) of `agent.bodies.refine.psi_field`, needed for goal refinement. key: of the fleet, or None.
     footprint, scratch: shared by the minds of one process, to save time and memory; each mind makes its own otherwise.
     regions: of the robot's body, needed for paths through regions.
     """

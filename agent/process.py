@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.eyes import Telemetry, Traffic, show
-from patrol.lifeline import INTERRUPTED, Ending, heed
-from patrol.options import TOGETHER, fleet_parser, prepared_as_told
-from patrol.phases import FIRST_INCARNATION
+from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.telemetry import Telemetry, Traffic, show
+from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.options import TOGETHER, fleet_parser, prepared_as_told
 
 if TYPE_CHECKING:
     from agent.decision import Decision
@@ -67,7 +67,7 @@ def run_mind(mind: Mind, robot: Robot, radio: Radio, show: Show) -> None:
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
-    from patrol.keys import check_locator, check_radio, fleet_keys
+    from patrol.net.keys import check_locator, check_radio, fleet_keys
     from patrol.scenario import load_scenario, scenario_hash
 
     router = check_locator(options.router, "--router")
@@ -79,9 +79,9 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     if mind is None:
         return INTERRUPTED
 
-    from agent.robots.direct import tune_in
+    from agent.radios.direct import tune_in
     from agent.robots.sim import Identity, join
-    from patrol.link import open_links
+    from patrol.net.link import open_links
 
     def say(line: str) -> None:
         print(f"{spec.name}: {line}", file=sys.stderr, flush=True)
@@ -126,14 +126,14 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
 
 def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, ending: Ending) -> Mind | None:
     """The robot's mind, with the launcher's static fields or ones of its own making; None when told to leave."""
-    from patrol.warmup import warm
+    from patrol.process.warmup import warm
 
     warm(("patrol", "agent"), lambda line: print(f"{spec.name}: {line}", file=sys.stderr, flush=True))
     import numpy as np
 
+    from agent.bodies.refine import psi_field
     from agent.mind import Mind, MindSetup
-    from agent.refine import psi_field
-    from patrol.keyfile import fleet_key
+    from patrol.radio.fleet_key import fleet_key
 
     prepared = prepared_as_told(scenario, options, ending)
     if prepared is None:

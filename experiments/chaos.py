@@ -19,13 +19,13 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from experiments.inprocess import Outcome, run_in_process
-from patrol.builtins import builtin_terrain
-from patrol.dice import Dice
 from patrol.errors import BadInput
-from patrol.faults import nothing
+from patrol.ground.builtins import builtin_terrain
 from patrol.random import Purpose
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
-from worldsim.record import COMPLETED, DESERTED
+from patrol.scenario.faults.delays import Dice
+from patrol.scenario.faults.kinds import nothing
+from worldsim.output.record import COMPLETED, DESERTED
 from worldsim.verdict.judge import Verdict
 
 KEY = b"chaos has no secrets"

@@ -10,23 +10,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from agent.bodies.refine import psi_field
 from agent.mind import Mind, MindSetup
-from agent.refine import psi_field
 from patrol.errors import BadInput
-from patrol.footprint import sensor_footprint
+from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
-from patrol.keyfile import fleet_key
-from patrol.phases import FIRST_INCARNATION
+from patrol.net.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
-from worldsim.loop import run_ticks
-from worldsim.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
-from worldsim.summary import Totals, summarise
+from patrol.radio.fleet_key import fleet_key
+from worldsim.fleet.loop import run_ticks
+from worldsim.output.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
+from worldsim.output.summary import Totals, summarise
 from worldsim.verdict.judge import Judge, Verdict, judge
 from worldsim.world import Reply, Report, World
 
 if TYPE_CHECKING:
-    from agent.paths.window import Window
-    from patrol.footprint import Footprint
+    from agent.routes.path_window import Window
+    from patrol.ground.footprint import Footprint
     from patrol.scenario import Scenario
 
 
@@ -40,7 +40,9 @@ class Outcome:
 
 
 class InProcessFleet:
-    """The minds of a fleet, called directly; a `worldsim.loop.Fleet`, and the `worldsim.hands.Hands` over them.
+    """The minds of a fleet, called directly.
+
+    It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.Hands`.
 
     make: a new mind by robot number and incarnation. threads: how many step at once. Their answers are put in roster
     order, so the trace does not depend on it; minds that share scratch memory allow one only.

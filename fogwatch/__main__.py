@@ -2,7 +2,7 @@
 
 import sys
 
-from fogwatch.cli import main
+from fogwatch.cli.app import main
 
 if __name__ == "__main__":
     sys.exit(main())

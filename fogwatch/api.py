@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.live import Show, Silent
-from fogwatch.runfolder import RunFolder, create
-from patrol.controls import prepared_as_operated
+from fogwatch.launch.live_table import Show, Silent
+from fogwatch.launch.runfolder import RunFolder, create
 from patrol.errors import BadInput
-from patrol.eyes import Metrics, Notice, Watcher
-from patrol.keyfile import fleet_key
+from patrol.net.telemetry import Metrics, Notice, Watcher
+from patrol.process.warmup import warm
+from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
-from patrol.warmup import warm
+from patrol.scenario.controls import prepared_as_operated
 
 if TYPE_CHECKING:
-    from fogwatch.launcher import Launch
+    from fogwatch.launch.launcher import Launch
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
-    from worldsim.record import RunRecord
+    from worldsim.output.record import RunRecord
     from worldsim.verdict.judge import Verdict
 
 MOST_THREADS = 8
@@ -111,7 +111,8 @@ def run(
     `fogwatch report` make them at any later time, so that a loop over many runs need not wait for them. recovery: run
     a scenario with faults without them too, so that the verdict can judge recovery.
 
-    Raises BadInput, one line that says what is wrong; `fogwatch.launcher.Failed` when processes could not be brought
+    Raises BadInput, one line that says what is wrong; `fogwatch.launch.launcher.Failed` when processes could not be
+    brought
     to run; KeyboardInterrupt after leaving everything in order.
     """
     if isinstance(scenario, Scenario):
@@ -127,7 +128,10 @@ def run(
 
 
 def execute(scenario: Scenario, wishes: Wishes) -> Result:
-    """Run a loaded scenario as wished. Raises BadInput, and `fogwatch.launcher.Failed` when no fleet would run."""
+    """Run a loaded scenario as wished.
+
+    Raises BadInput, and `fogwatch.launch.launcher.Failed` when no fleet would run.
+    """
     warm((*PACKAGES, "monitor") if wishes.recording or wishes.report else PACKAGES, wishes.show.say)
     folder = create(scenario, wishes.out, datetime.now().astimezone())
     try:
@@ -152,7 +156,7 @@ def _begin(wishes: Wishes) -> None:
 def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
     from experiments.inprocess import run_in_process
     from patrol.prepare import prepare
-    from worldsim.table import TicksTable
+    from worldsim.output.ticks_table import TicksTable
 
     prepared = prepare(scenario)
     _announce(scenario, folder, wishes)
@@ -186,7 +190,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
-    from fogwatch.launcher import WORLD, Failed, Launch
+    from fogwatch.launch.launcher import WORLD, Failed, Launch
     from patrol.prepare import prepare
     from worldsim.timeline import Timeline
 
@@ -213,7 +217,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
             shutil.rmtree(static, ignore_errors=True)
 
     from patrol.journal import read_journal
-    from worldsim.summary import summarise
+    from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge
 
     if not folder.journal.exists():
@@ -274,8 +278,8 @@ def _finish(launch: Launch) -> Mapping[str, int | None]:
 
 def _write_static(prepared: Prepared, part: Path) -> None:
     """Write the static fields for the processes, which go on as soon as the folder has its name."""
+    from agent.bodies.refine import psi_field
     from agent.process import PSI
-    from agent.refine import psi_field
 
     prepared.save(part)
     patrol = prepared.scenario.patrol
@@ -298,7 +302,7 @@ def _result(
 ) -> Result:
     """Write the summary and what is derived from the journal."""
     from patrol.journal import Journal
-    from worldsim.record import INTERRUPTED
+    from worldsim.output.record import INTERRUPTED
 
     asked = wishes.stop()
     folder.write_summary(summary)
@@ -308,7 +312,7 @@ def _result(
         wishes.show.say("drawing the final fog ...")
         _draw(folder, prepared, wishes)
     if len(mfow_s) and isinstance(journal, Journal) and (wishes.recording or wishes.report):
-        from fogwatch.derived import derive
+        from fogwatch.launch.derived import derive
 
         wishes.show.say(f"writing {' and '.join(_derived(wishes))} ...")
         derive(
@@ -331,7 +335,7 @@ def _derived(wishes: Wishes) -> list[str]:
 
 def _draw(folder: RunFolder, prepared: Prepared, wishes: Wishes) -> None:
     try:
-        from fogwatch.picture import run_picture
+        from fogwatch.pictures.run_end import run_picture
 
         run_picture(folder.path, folder.picture, prepared)
     except ImportError as error:

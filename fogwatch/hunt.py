@@ -27,11 +27,11 @@ from experiments.chaos import (
     random_scenario,
 )
 from fogwatch.api import PACKAGES, Wishes, execute
+from fogwatch.launch.runfolder import RunFolder
 from fogwatch.progress import bar_on, duration
-from fogwatch.runfolder import RunFolder
 from patrol.errors import BadInput
+from patrol.process.warmup import warm
 from patrol.scenario import Scenario, dump_scenario
-from patrol.warmup import warm
 
 BROKEN = 1
 """The exit code when something did not hold."""

@@ -13,10 +13,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from experiments.plan import Run
-from experiments.probe import seconds_per_run
-from experiments.results import Result
-from experiments.sweep import Outcome
+from experiments.sweeps.plan import Run
+from experiments.sweeps.probe import seconds_per_run
+from experiments.sweeps.results import Result
+from experiments.sweeps.runner import Outcome
 
 
 def bar_on(console: Console, left: ProgressColumn) -> Progress:
@@ -34,7 +34,7 @@ def bar_on(console: Console, left: ProgressColumn) -> Progress:
 
 
 class SweepProgress:
-    """Shows a sweep's progress; an `experiments.sweep.Watcher`, and a context manager that clears its bar away."""
+    """Shows a sweep's progress (`experiments.sweeps.runner.Watcher`); a context manager that clears its bar away."""
 
     def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic, foretell: bool = False) -> None:
         """clock: in s, for the time left. foretell: try a few runs first, to say how long all will take."""

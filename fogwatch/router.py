@@ -10,9 +10,9 @@ import sys
 from collections.abc import Sequence
 
 from patrol.errors import BadInput
-from patrol.keys import check_locator
-from patrol.lifeline import heed, run_process
-from patrol.link import LinkDown, open_router
+from patrol.net.keys import check_locator
+from patrol.net.link import LinkDown, open_router
+from patrol.process.lifeline import heed, run_process
 
 READY = "router ready at"
 

@@ -10,17 +10,17 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from monitor.source import OUTSIDE
-from patrol.fog import Fog
-from patrol.hearsay import Hearsay
-from patrol.inbox import Inbox
-from patrol.message import CONTACT, Position
+from patrol.ground.fog import Fog
 from patrol.pose import Pose
+from patrol.radio.inbox import Inbox
+from patrol.radio.message import CONTACT, Position
+from patrol.radio.peers import Hearsay
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from patrol.footprint import Footprint
+    from patrol.ground.footprint import Footprint
 
 NOBODY = -1
 """The own number of a listener that is no robot."""

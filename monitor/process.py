@@ -12,9 +12,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from monitor.runfiles import journal_in
+from monitor.replay.runfiles import journal_in
 from patrol.errors import BadInput
-from patrol.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.lifeline import INTERRUPTED, Ending, heed
 
 if TYPE_CHECKING:
     from monitor.page.gate import Gate
@@ -79,7 +79,7 @@ def show(
     announced: whoever started this knows the key, so the address is printed without it. opened: told the address.
     """
     from monitor.page.gate import LEAST_TOKEN, Gate
-    from patrol.keys import is_loopback
+    from patrol.net.keys import is_loopback
 
     alone = is_loopback(host)
     if not alone and not key:
@@ -145,17 +145,17 @@ def opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source |
     """What opens the source that the options name."""
 
     def open_source() -> Source | None:
-        from patrol.warmup import warm
+        from patrol.process.warmup import warm
 
         _free_at_once()
         if options.replay is not None:
             journal_in(options.replay)
         warm(("patrol", "monitor"), lambda line: print(line, file=sys.stderr, flush=True))
         if options.replay is not None:
-            from monitor.player import open_player
+            from monitor.replay.player import open_player
 
             return open_player(options.replay)
-        from monitor.attach import open_fleet
+        from monitor.live.attach import open_fleet
 
         os.nice(GIVES_WAY)  # before there are threads, which would not follow
         return open_fleet(

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from patrol.journal.records import Event, Status
     from patrol.pose import Pose
-    from patrol.records import Event, Status
 
 Layer = Literal["truth", "heard"] | int
 """A fog: the true one, the one that follows from all positions that can be heard, or what a robot believes."""
@@ -166,7 +166,7 @@ class Source(Protocol):
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
         """int32 (h, w): the tick in which each point was last seen; None while that is worked out, or not known.
 
-        As of `tick`. `patrol.fog.NEVER` where a point was not seen, and `OUTSIDE`.
+        As of `tick`. `patrol.ground.fog.NEVER` where a point was not seen, and `OUTSIDE`.
         """
         ...
 

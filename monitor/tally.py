@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.records import Status, TickRecord
+from patrol.journal.records import Status, TickRecord
 
 _NO_BODY = (Status.ABSENT, Status.LEFT)
 
@@ -19,7 +19,8 @@ def tally(
 ) -> None:
     """Add one tick to counts by (source, destination).
 
-    place: rows and columns by robot number; whoever has none does not count, and `patrol.records.FORGED` is a sender
+    place: rows and columns by robot number; whoever has none does not count, and `patrol.journal.records.FORGED` is a
+    sender
     like any other if it has one. sent: of all frames, so also of those that will be delivered or dropped later.
     """
     here = [place[row.number] for row in record.robots if row.status not in _NO_BODY and row.number in place]

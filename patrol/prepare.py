@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.errors import BadInput
-from patrol.fields import StaticFields, compute_fields, load_grid
-from patrol.maps import load_terrain
+from patrol.ground.fields import StaticFields, compute_fields, load_grid
+from patrol.ground.maps import load_terrain
+from patrol.ground.shapes import cover
+from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.pose import Pose
-from patrol.shapes import cover
 from patrol.starts import place_starts
-from patrol.terrain import BoolGrid, Terrain, frozen_grid
 
 if TYPE_CHECKING:
-    from patrol.regions import RegionSplit
+    from patrol.regions.split import RegionSplit
     from patrol.scenario import Scenario
 
 FACTS = "prepared.json"
@@ -142,7 +142,7 @@ def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
 
 def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:
     """The regions, those given or automatic ones, and their connections for each radius."""
-    from patrol.regions import regions_by_hand, split_regions  # here: most robots need none
+    from patrol.regions.split import regions_by_hand, split_regions  # here: most robots need none
 
     everywhere = np.logical_or.reduce([fields.reach for fields in by_radius.values()])
     given = scenario.patrol.regions
@@ -154,7 +154,7 @@ def _load_regions(scenario: Scenario, folder: Path, places: Mapping[int, str]) -
     """The saved splits by robot number; places: each robot's folder."""
     if scenario.patrol.paths != "regions":
         return None
-    from patrol.regions import RegionSplit
+    from patrol.regions.split import RegionSplit
 
     splits = {place: RegionSplit.load(folder / place / REGIONS) for place in sorted(set(places.values()))}
     return {number: splits[place] for number, place in places.items()}

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
-from patrol.kernels.clearance import nearest
-from patrol.kernels.doors import ROOM
+from patrol.ground.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
+from patrol.ground.kernels.clearance import nearest
+from patrol.ground.kernels.doors import ROOM
+from patrol.ground.rooms import Rooms
+from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose, wrap
 from patrol.random import Purpose, draw
-from patrol.rooms import Rooms
-from patrol.terrain import BoolGrid, Terrain
 
 if TYPE_CHECKING:
     from patrol.scenario import RobotSpec

@@ -6,8 +6,8 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from patrol.keys import WORLD, fleet_keys
-from patrol.link import open_link, open_router
+from patrol.net.keys import WORLD, fleet_keys
+from patrol.net.link import open_link, open_router
 
 PATIENCE_S = 10.0
 

@@ -92,12 +92,12 @@ def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
         "threading",
         "time",
     }
-    around = {"process.py", "__main__.py", "lifeline.py", "link.py", "group.py", "warmup.py"}
+    around = {"process.py", "__main__.py", "lifeline.py", "link.py", "multicast.py", "warmup.py"}
     impure = {
         f"{path.relative_to(ROOT)}: {name}"
         for path in python_files()
         if path.relative_to(ROOT).parts[0] in {"patrol", "agent", "worldsim"}
-        if path.name not in around and path.parent.name != "robots"
+        if path.name not in around and path.parent.name not in {"robots", "radios"}
         for name in imports(path)
         if name.partition(".")[0] in machine
     }

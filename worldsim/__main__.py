@@ -1,6 +1,6 @@
 """``python -m worldsim``: the world as a process."""
 
-from patrol.lifeline import run_process
+from patrol.process.lifeline import run_process
 from worldsim.process import main
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.journal import Status
-from patrol.phases import FIRST_INCARNATION
+from patrol.net.phases import FIRST_INCARNATION
 from patrol.pose import Command, Drive, Pose, Velocity
 
 if TYPE_CHECKING:

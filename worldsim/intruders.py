@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from patrol.message import MAX_CONTACTS
+from patrol.radio.message import MAX_CONTACTS
 from worldsim.truth import as_sent
 
 if TYPE_CHECKING:
-    from patrol.footprint import Footprint
+    from patrol.ground.footprint import Footprint
     from patrol.pose import Pose
     from patrol.scenario import Scenario
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.kernels.sweep import arc_points, chord_count
+from patrol.ground.kernels.swept_path import arc_points, chord_count
+from patrol.ground.swept_path import advance, path_is_free
 from patrol.pose import Command, Drive, Velocity
-from patrol.sweep import advance, path_is_free
 from worldsim.kernels.collide import cancel_meeting
 
 if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
     from patrol.scenario import RobotSpec
-    from patrol.terrain import Terrain
     from worldsim.bodies import Body
 
 

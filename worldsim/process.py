@@ -17,24 +17,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.lifeline import INTERRUPTED as EXIT_INTERRUPTED
-from patrol.lifeline import Ending, heed
-from patrol.options import TOGETHER, fleet_parser, prepared_as_told
+from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
+from patrol.process.lifeline import Ending, heed
+from patrol.process.options import TOGETHER, fleet_parser, prepared_as_told
 
 if TYPE_CHECKING:
     from patrol.journal import Event, Header, JournalWriter, TickRecord
-    from patrol.keys import FleetKeys
-    from patrol.link import Air, Link, Question
+    from patrol.net.keys import FleetKeys
+    from patrol.net.link import Air, Link, Question
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
-    from worldsim.controls import Manner, Operator
-    from worldsim.direct import Ear
-    from worldsim.feed import Feed
-    from worldsim.lockstep import LockstepFleet
-    from worldsim.paced import PacedFleet
-    from worldsim.record import Recorder
-    from worldsim.seats import Seats
-    from worldsim.table import TicksTable
+    from worldsim.fleet.lockstep import LockstepFleet
+    from worldsim.fleet.paced import PacedFleet
+    from worldsim.fleet.sessions import Seats
+    from worldsim.operator import Manner, Operator
+    from worldsim.output.feed_publisher import Feed
+    from worldsim.output.record import Recorder
+    from worldsim.output.ticks_table import TicksTable
+    from worldsim.radio.overheard import Ear
     from worldsim.world import World
 
 HELP = f"""
@@ -66,11 +66,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
-    from patrol.access import read_access
-    from patrol.keys import check_locator, check_radio, fleet_keys
+    from patrol.net.access import read_access
+    from patrol.net.keys import check_locator, check_radio, fleet_keys
+    from patrol.process.warmup import warm
     from patrol.scenario import load_scenario
-    from patrol.warmup import warm
-    from worldsim.folder import check
+    from worldsim.output.folder import check
 
     options.token = None if options.control is None else read_access(options.control, "--control").token
     router = check_locator(options.router, "--router")
@@ -81,8 +81,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     check(options.scenario, options.out)
     warm(("patrol", "worldsim"), _say)
 
-    from patrol.link import open_links
-    from worldsim.seats import Interrupted, Missing
+    from patrol.net.link import open_links
+    from worldsim.fleet.sessions import Interrupted, Missing
 
     prepared = prepared_as_told(scenario, options, ending)
     if prepared is None:
@@ -112,11 +112,11 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
 
 def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, ending: Ending) -> Seats:
     """Listen to the robots, say that there is a world, and wait until somebody has come for each robot."""
-    from patrol.keys import WORLD
-    from patrol.link import Mailbox, Presence
-    from patrol.phases import MAX_REPLY, ToWorld, decode_to_world
+    from patrol.net.keys import WORLD
+    from patrol.net.link import Mailbox, Presence
+    from patrol.net.phases import MAX_REPLY, ToWorld, decode_to_world
     from patrol.scenario import scenario_hash
-    from worldsim.seats import Seats, Wire
+    from worldsim.fleet.sessions import Seats, Wire
     from worldsim.timeline import Timeline
 
     names = {spec.number: spec.name for spec in scenario.roster}
@@ -140,10 +140,10 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
 
 def _ear(link: Link, air: Air, keys: FleetKeys, scenario: Scenario) -> Ear:
     """Overhear what robots tell each other on the air, and what they say of it over the fleet's link."""
-    from patrol.eyes import read_traffic
-    from patrol.link import Mailbox
-    from patrol.message import MAX_FRAME
-    from worldsim.direct import MAX_TRAFFIC, ROOM, Ear
+    from patrol.net.link import Mailbox
+    from patrol.net.telemetry import read_traffic
+    from patrol.radio.message import MAX_FRAME
+    from worldsim.radio.overheard import MAX_TRAFFIC, ROOM, Ear
 
     numbers = {spec.name: spec.number for spec in scenario.roster}
     positions = Mailbox([keys.position(name) for name in numbers], bytes, MAX_FRAME, ROOM)
@@ -164,14 +164,14 @@ def _record(
 ) -> float:
     """Run the ticks and write down what happens; the wall time that they took (s)."""
     from patrol.journal import JournalWriter
-    from worldsim.folder import keep
-    from worldsim.hands import SeatedHands
-    from worldsim.lockstep import LockstepFleet
-    from worldsim.loop import run_ticks
-    from worldsim.paced import PacedFleet
-    from worldsim.record import INTERRUPTED, Recorder, header_of
-    from worldsim.seats import Interrupted
-    from worldsim.table import TicksTable
+    from worldsim.fleet.lockstep import LockstepFleet
+    from worldsim.fleet.loop import run_ticks
+    from worldsim.fleet.paced import PacedFleet
+    from worldsim.fleet.process_control import SeatedHands
+    from worldsim.fleet.sessions import Interrupted
+    from worldsim.output.folder import keep
+    from worldsim.output.record import INTERRUPTED, Recorder, header_of
+    from worldsim.output.ticks_table import TicksTable
     from worldsim.world import World
 
     scenario = prepared.scenario
@@ -217,10 +217,10 @@ def _operator(
     options: argparse.Namespace, world: World, fleet: LockstepFleet | PacedFleet, link: Link, keys: FleetKeys
 ) -> Operator:
     """Does what whoever has the fleet's token asks for, and keeps the scenario that it comes to."""
-    from patrol.controls import ASK, MAX_CONTROL
-    from patrol.link import Mailbox
-    from worldsim.controls import Operator
-    from worldsim.desk import FrontDesk, keep_timeline
+    from patrol.net.link import Mailbox
+    from patrol.scenario.controls import ASK, MAX_CONTROL
+    from worldsim.operator import Operator
+    from worldsim.requests import FrontDesk, keep_timeline
 
     key = keys.control(ASK)
     mailbox: Mailbox[Question] = Mailbox([key], _unread, MAX_CONTROL)
@@ -239,7 +239,7 @@ def _operator(
 
 def _manner(world: World, operator: Operator | None) -> Manner:
     """How the ticks go, with an operator or without."""
-    from worldsim.controls import Manner
+    from worldsim.operator import Manner
 
     return Manner(True, world.scenario.factor) if operator is None else operator.manner
 
@@ -248,9 +248,9 @@ def _feed(
     world: World, journal: JournalWriter, header: Header, link: Link, keys: FleetKeys, manner: Callable[[], Manner]
 ) -> Feed:
     """Shows the journal to whoever watches, and tells who comes late what was before."""
-    from patrol.feed import FOG, TICKS
-    from patrol.link import Mailbox
-    from worldsim.feed import Feed
+    from patrol.net.feed import FOG, TICKS
+    from patrol.net.link import Mailbox
+    from worldsim.output.feed_publisher import Feed
 
     key = keys.truth(FOG)
     questions: Mailbox[Question] = Mailbox([key], _unread, 0)
@@ -270,8 +270,8 @@ def _unread(_payload: bytes) -> Question:
 
 def _asking(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
     """Asks the launcher, one line for each request and answer, over the socket that it has handed down."""
-    from worldsim.hands import Handless
-    from worldsim.seats import Interrupted
+    from worldsim.fleet.process_control import Handless
+    from worldsim.fleet.sessions import Interrupted
 
     end = socket.socket(fileno=descriptor)
     lines = end.makefile("rb")
@@ -292,7 +292,7 @@ def _asking(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
 
 def _check_hands(scenario: Scenario, descriptor: int | None) -> None:
     """Whoever started the robots is there to kill, pause and start them where the scenario wants that."""
-    from worldsim.acts import HANDS_NEEDED
+    from worldsim.fleet.acts import HANDS_NEEDED
     from worldsim.timeline import Timeline
 
     if descriptor is None and Timeline(scenario).needs_hands:
@@ -308,7 +308,7 @@ def _sinks(
     between: Callable[[], None],
 ) -> tuple[Callable[[TickRecord], None], Callable[[Event], None]]:
     """Where ticks and events go: into the files, and before the eyes of whoever looks."""
-    from patrol.eyes import EVENTS, METRICS, Watcher, show
+    from patrol.net.telemetry import EVENTS, METRICS, Watcher, show
 
     scenario = world.scenario
     names = {spec.number: spec.name for spec in scenario.roster}
@@ -335,7 +335,7 @@ def _sinks(
 def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     """Summarise and judge a run whose agents somebody else has started; the exit code."""
     from patrol.journal import read_journal
-    from worldsim.summary import summarise
+    from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge
 
     journal = read_journal(out / "journal")

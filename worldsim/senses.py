@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from patrol.faults import Clock, Drift
-from patrol.message import MAX_TIME_MS
 from patrol.pose import TAU, Pose
+from patrol.radio.message import MAX_TIME_MS
 from patrol.random import Purpose, draw, gauss
+from patrol.scenario.faults.kinds import Clock, Drift
 
 if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
-    from patrol.terrain import Terrain
     from worldsim.timeline import Entry, Timeline
 
 _NOISE, _JUMP = 0, 1

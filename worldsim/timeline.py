@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from patrol.fault_roster import tick_of, ticks_of
-from patrol.faults import (
+from patrol.journal.records import Event
+from patrol.scenario import Scenario
+from patrol.scenario.faults.kinds import (
     PROCESS_KINDS,
     STRANGER,
     AnyFault,
@@ -26,9 +27,8 @@ from patrol.faults import (
     Pause,
     Spoof,
 )
-from patrol.records import Event
-from patrol.scenario import Scenario
-from patrol.targets import Some, Target, in_drawn_order, meant
+from patrol.scenario.faults.roster import tick_of, ticks_of
+from patrol.scenario.faults.targets import Some, Target, in_drawn_order, meant
 
 FAULT_EVENT = "fault"
 """The kind of the journal's events that tell of faults."""

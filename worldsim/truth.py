@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.fog import Fog
-from patrol.footprint import Footprint
-from patrol.message import Position
+from patrol.ground.fog import Fog
+from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
+from patrol.radio.message import Position
 
 
 def as_sent(number: int, tick: int, step: float, pose: Pose) -> Pose:

@@ -7,22 +7,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.footprint import sensor_footprint
+from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
-from patrol.message import MAX_FRAMES
-from patrol.phases import FIRST_INCARNATION
+from patrol.journal.records import FORGED
+from patrol.net.phases import FIRST_INCARNATION
 from patrol.pose import Command, Drive, Pose
-from patrol.records import FORGED
+from patrol.radio.message import MAX_FRAMES
 from worldsim.bodies import Body, overlap, standstill
-from worldsim.ether import Delivery, ether_of, there
 from worldsim.intruders import Intruders
 from worldsim.motion import move, within_limits
+from worldsim.radio.ether import Delivery, ether_of, there
 from worldsim.senses import Senses
 from worldsim.timeline import Timeline
 from worldsim.truth import Truth
 
 if TYPE_CHECKING:
-    from patrol.footprint import Footprint
+    from patrol.ground.footprint import Footprint
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
 
@@ -61,7 +61,7 @@ class World:
 
     Tick k goes begin_tick (all living bodies observe; poses for phase A), exchange (the ether carries phase A's frames;
     what each robot hears for phase B), end_tick (phase B's commands move the bodies; the tick's record). Who is living
-    changes between ticks only, by `stand_down` and `wake`; `worldsim.acts` knows when. Nothing here knows whether
+    changes between ticks only, by `stand_down` and `wake`; `worldsim.fleet.acts` knows when. Nothing here knows whether
     robots are processes, or looks at a clock.
 
     In lockstep a robot without a command stops at once. At any other pace the world waits for nobody: the last command
@@ -159,7 +159,8 @@ class World:
     def amend(self, scenario: Scenario) -> None:
         """Between ticks: go on with a scenario that has other faults or intruders from the next tick on.
 
-        Its past is the same (`patrol.controls.amended`). Raises BadInput, having changed nothing, where that cannot be.
+        Its past is the same (`patrol.scenario.controls.amended`). Raises BadInput, having changed nothing, where that
+        cannot be.
         """
         timeline = Timeline(scenario)
         if absent := sorted(timeline.starts_absent ^ self.timeline.starts_absent):

@@ -1,7 +1,7 @@
 """What a mind is put into: a robot to read and command, a radio to send and hear with.
 
 `agent.process` knows only these two protocols. `agent.robots.sim` implements both for a robot of the world simulator,
-`agent.robots.direct` the radio for robots that hear each other without a world in between.
+`agent.radios.direct` the radio for robots that hear each other without a world in between.
 """
 
 from __future__ import annotations

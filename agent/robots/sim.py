@@ -17,10 +17,9 @@ from dataclasses import dataclass, replace
 
 from agent.decision import Decision, State
 from agent.robots import Sensed
-from patrol.keys import WORLD, FleetKeys
-from patrol.lifeline import Ending
-from patrol.link import TELL_S, Link, Mailbox, Post, Presence
-from patrol.phases import (
+from patrol.net.keys import WORLD, FleetKeys
+from patrol.net.link import TELL_S, Link, Mailbox, Post, Presence
+from patrol.net.phases import (
     ANYONE,
     NO_RUN,
     Hello,
@@ -36,6 +35,7 @@ from patrol.phases import (
     max_to_robot,
 )
 from patrol.pose import Drive, Velocity
+from patrol.process.lifeline import Ending
 
 SILENCE_S = 5.0
 """A robot that the world does not speak to for so long asks whether it is still part of the run."""

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import fogwatch
-from monitor.player import open_player
 from monitor.process import show
-from patrol.lifeline import Ending
+from monitor.replay.player import open_player
+from patrol.process.lifeline import Ending
 
 SCENARIO: dict[str, Any] = {
     "name": "site-eight",

@@ -11,7 +11,7 @@ import hmac
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from patrol.keys import is_loopback
+from patrol.net.keys import is_loopback
 
 LEAST_TOKEN = 16
 """Letters of the shortest token that is accepted."""

@@ -13,10 +13,10 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from monitor.faultbands import bands_of
 from monitor.page import words
 from monitor.page.thinning import thinned
 from monitor.page.tiles import TileBook, layer_number, terrain_packet
+from monitor.report.faultbands import bands_of
 from monitor.source import Layer, Source, State
 
 FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0

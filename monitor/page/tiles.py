@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.kernels.tiles import KEEP, pack, take_over
+from monitor.page.kernels.tiles import KEEP, pack, take_over
 from monitor.source import Layer
 
 SIDE = 128

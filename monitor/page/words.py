@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.faultbands import Band
 from monitor.page.tiles import SIDE, layer_number
+from monitor.report.faultbands import Band
 from monitor.source import Answer, Links, Series, State, Static
-from patrol.records import Event
+from patrol.journal.records import Event
 
 
 def static_words(static: Static, may_ask: bool) -> str:

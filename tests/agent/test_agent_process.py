@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from agent import process
-from patrol.lifeline import Ending
+from patrol.process.lifeline import Ending
 from patrol.scenario import load_scenario
 
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agent.bodies.refine import psi_field
 from agent.decision import Decision
 from agent.mind import Mind, MindSetup
-from agent.refine import psi_field
-from patrol.fields import compute_fields
+from patrol.ground.fields import compute_fields
+from patrol.ground.swept_path import advance, path_is_free
+from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.scenario import load_scenario
-from patrol.sweep import advance, path_is_free
-from patrol.terrain import Terrain
 
 STEP = 0.5
 

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.bodies.refine import psi_field
 from agent.decision import Decision, State
 from agent.mind import Mind, MindSetup
-from agent.refine import psi_field
-from patrol.fields import compute_fields
-from patrol.message import Position, decode, encode
+from patrol.ground.fields import compute_fields
+from patrol.ground.swept_path import advance, path_is_free
+from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, Velocity
+from patrol.radio.message import Position, decode, encode
 from patrol.scenario import Scenario, load_scenario
-from patrol.sweep import advance, path_is_free
-from patrol.terrain import Terrain
 
 MODELS = ["car", "holonomic"]
 

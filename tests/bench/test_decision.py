@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.belief.kernels.dilate import dilate
 from agent.decision import Decision
-from agent.ground import Ground
-from agent.kernels.dilate import dilate
-from agent.paths.wave import Wave
+from agent.routes.ground import Ground
+from agent.routes.wave import Wave
 from experiments.inprocess import InProcessFleet, make_minds
-from patrol.kernels.footprint import cast
+from patrol.ground.kernels.footprint import cast
+from patrol.ground.terrain import Terrain
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
-from patrol.terrain import Terrain
 from worldsim.world import Reply, World
 
 pytestmark = pytest.mark.bench

@@ -24,9 +24,9 @@ from experiments.chaos import (
     with_faults,
 )
 from patrol.errors import BadInput
-from patrol.faults import KINDS, Forgery, Partition, Spoof
 from patrol.scenario import Scenario, as_mapping, load_scenario
-from worldsim.record import COMPLETED, INTERRUPTED
+from patrol.scenario.faults.kinds import KINDS, Forgery, Partition, Spoof
+from worldsim.output.record import COMPLETED, INTERRUPTED
 from worldsim.timeline import Timeline
 from worldsim.verdict.checks import Check
 from worldsim.verdict.judge import Verdict
@@ -221,7 +221,7 @@ def test_a_mistake_in_the_fleet_is_found_and_narrowed(key: Path, monkeypatch: py
     ways = {"in process": in_process}
     found = examine(scenario, ways)
     assert found is not None
-    assert found.kind.startswith("in process: RuntimeError at worldsim.acts:")
+    assert found.kind.startswith("in process: RuntimeError at worldsim.fleet.acts:")
 
     def breaks(tried: Scenario) -> bool:
         again = examine(tried, ways)

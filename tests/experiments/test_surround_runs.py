@@ -9,7 +9,7 @@ import pytest
 
 from experiments.inprocess import Outcome, run_in_process
 from patrol.journal import TickRecord
-from patrol.message import decode
+from patrol.radio.message import decode
 from patrol.scenario import load_scenario
 
 FAR = 12.0

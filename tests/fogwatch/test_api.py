@@ -10,8 +10,8 @@ import pytest
 
 import fogwatch
 from patrol.errors import BadInput
-from patrol.eyes import Metrics
 from patrol.journal import read_journal
+from patrol.net.telemetry import Metrics
 from patrol.scenario import load_scenario
 
 SMALL = {

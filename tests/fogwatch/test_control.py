@@ -14,11 +14,11 @@ import pytest
 
 import fogwatch
 from monitor.process import READY
-from patrol.access import FILE, read_access
-from patrol.controls import ASK, OPERATOR, Answer, read_answer, request
 from patrol.journal import Status, read_journal
-from patrol.keys import fleet_keys
-from patrol.link import Link, open_link
+from patrol.net.access import FILE, read_access
+from patrol.net.keys import fleet_keys
+from patrol.net.link import Link, open_link
+from patrol.scenario.controls import ASK, OPERATOR, Answer, read_answer, request
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
-from fogwatch.launcher import Launch
+from fogwatch.launch.launcher import Launch
 from patrol.journal import RobotTick, Status, read_journal
-from worldsim.acts import LOOKED_AT
-from worldsim.hands import STOPPED
+from worldsim.fleet.acts import LOOKED_AT
+from worldsim.fleet.process_control import STOPPED
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from monitor.attach import open_fleet
-from monitor.ears import EarSource
-from monitor.replay import Replay
-from monitor.runs import open_run
+from monitor.live.attach import open_fleet
+from monitor.live.positions_source import EarSource
+from monitor.replay.replay import Replay
+from monitor.replay.run import open_run
 from monitor.source import Source, State
 from patrol.errors import BadInput
-from patrol.eyes import Telemetry, show
-from patrol.keys import fleet_keys
-from patrol.lifeline import Ending
-from patrol.link import Link, open_link, open_router
-from patrol.message import Position, encode
+from patrol.journal.records import Status
+from patrol.net.keys import fleet_keys
+from patrol.net.link import Link, open_link, open_router
+from patrol.net.telemetry import Telemetry, show
 from patrol.pose import Pose
 from patrol.prepare import prepare
-from patrol.records import Status
+from patrol.process.lifeline import Ending
+from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -120,8 +120,8 @@ def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Pat
 def _viewer(folder: Path, ready: Path) -> subprocess.Popen[bytes]:
     code = (
         "import sys, pathlib\n"
-        "from monitor.attach import open_fleet\n"
-        "from patrol.lifeline import Ending\n"
+        "from monitor.live.attach import open_fleet\n"
+        "from patrol.process.lifeline import Ending\n"
         "source = open_fleet(Ending(), access=pathlib.Path(sys.argv[1]))\n"
         "source.wait(10.0)\n"
         "pathlib.Path(sys.argv[2]).touch()\n"

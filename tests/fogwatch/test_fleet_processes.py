@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
-from monitor.mcapfile import look
-from monitor.player import Player
-from monitor.replay import play
-from monitor.runs import open_run
+from monitor.recording.mcap_file import look
+from monitor.replay.player import Player
+from monitor.replay.replay import play
+from monitor.replay.run import open_run
 from patrol.journal import Status, read_journal
 
 if TYPE_CHECKING:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
-from patrol.keyfile import new_key
-from patrol.keys import ROOT
-from patrol.link import Payload, open_link
-from patrol.message import MAX_FRAME
-from patrol.phases import Malformed, ReplyA, decode_to_world
+from patrol.net.keys import ROOT
+from patrol.net.link import Payload, open_link
+from patrol.net.phases import Malformed, ReplyA, decode_to_world
+from patrol.radio.fleet_key import new_key
+from patrol.radio.message import MAX_FRAME
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

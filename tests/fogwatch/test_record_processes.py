@@ -14,9 +14,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from monitor.mcapfile import look
-from patrol.access import FILE, read_access
+from monitor.recording.mcap_file import look
 from patrol.journal import read_journal
+from patrol.net.access import FILE, read_access
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

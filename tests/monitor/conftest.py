@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from agent.mind import Mind
 from experiments.inprocess import InProcessFleet, mind_maker
-from monitor.runs import Run, open_run
-from patrol.footprint import sensor_footprint
+from monitor.replay.run import Run, open_run
+from patrol.ground.footprint import sensor_footprint
 from patrol.journal import JournalWriter, TickRecord, read_journal
-from patrol.phases import FIRST_INCARNATION
+from patrol.net.phases import FIRST_INCARNATION
 from patrol.prepare import prepare
 from patrol.scenario import dump_scenario, load_scenario
-from worldsim.loop import run_ticks
-from worldsim.record import Recorder, header_of
-from worldsim.summary import summarise
+from worldsim.fleet.loop import run_ticks
+from worldsim.output.record import Recorder, header_of
+from worldsim.output.summary import summarise
 from worldsim.verdict.judge import judge
 from worldsim.world import World
 

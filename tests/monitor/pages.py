@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 from monitor.process import show
 from monitor.source import Source
-from patrol.lifeline import Ending
+from patrol.process.lifeline import Ending
 
 PATIENCE_S = 60.0
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from patrol.journal import End, JournalWriter, TickRecord, read_journal
 from patrol.prepare import prepare
 from patrol.scenario import dump_scenario, load_scenario
-from worldsim.record import header_of
-from worldsim.summary import summarise
+from worldsim.output.record import header_of
+from worldsim.output.summary import summarise
 from worldsim.verdict.judge import judge
 from worldsim.world import World
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from monitor.observer import NOBODY, Listener
-from patrol.footprint import sensor_footprint
-from patrol.inbox import inbox_of
-from patrol.message import Position, encode
+from patrol.ground.footprint import sensor_footprint
+from patrol.journal.records import FORGED
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
-from patrol.records import FORGED
+from patrol.radio.inbox import inbox_of
+from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 
 OPEN = {

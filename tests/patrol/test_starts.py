@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from patrol.errors import BadInput
-from patrol.fields import cspace_of
+from patrol.ground.fields import cspace_of
+from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
 from patrol.starts import clearance_at, place_starts, starting_part
-from patrol.terrain import BoolGrid, Terrain
 
 
 def robots(*radii: float, starts: tuple[Pose | None, ...] = ()) -> list[RobotSpec]:

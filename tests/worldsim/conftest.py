@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from patrol.fields import StaticFields
-from patrol.inbox import Inbox, inbox_of
+from patrol.ground.fields import StaticFields
+from patrol.ground.terrain import Terrain
 from patrol.journal import Status
-from patrol.message import Position, encode
 from patrol.pose import Command, Drive, Pose, Velocity
 from patrol.prepare import Prepared
+from patrol.radio.inbox import Inbox, inbox_of
+from patrol.radio.message import Position, encode
 from patrol.random import draw
 from patrol.scenario import load_scenario
-from patrol.terrain import Terrain
-from worldsim.hands import NoShow
-from worldsim.loop import run_ticks
-from worldsim.record import COMPLETED, MemoryJournal, Recorder, header_of
+from worldsim.fleet.loop import run_ticks
+from worldsim.fleet.process_control import NoShow
+from worldsim.output.record import COMPLETED, MemoryJournal, Recorder, header_of
 from worldsim.world import Reply, Report, World
 
 NEVER = -1

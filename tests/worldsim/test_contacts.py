@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from patrol.message import MAX_CONTACTS, MAX_FRAME, Position, decode, encode
+from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, Position, decode, encode
 from worldsim.world import World
 
 if TYPE_CHECKING:

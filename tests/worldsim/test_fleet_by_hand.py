@@ -16,13 +16,13 @@ import pytest
 
 import fogwatch
 from patrol.journal import read_journal
-from patrol.keys import FleetKeys
-from patrol.link import open_link
-from patrol.phases import PhaseA, ReplyA, Stop, encode
+from patrol.net.keys import FleetKeys
+from patrol.net.link import open_link
+from patrol.net.phases import PhaseA, ReplyA, Stop, encode
 from patrol.pose import Pose
-from patrol.warmup import COMPILING, WAITING
+from patrol.process.warmup import COMPILING, WAITING
 from tests.routers import free_endpoint
-from worldsim.record import DESERTED
+from worldsim.output.record import DESERTED
 
 pytestmark = pytest.mark.processes
 

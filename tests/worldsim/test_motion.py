@@ -11,11 +11,11 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from patrol.ground.swept_path import advance
+from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import Command, Drive, Pose, Velocity
 from patrol.scenario import RobotSpec
-from patrol.sweep import advance
-from patrol.terrain import Terrain
 from worldsim.bodies import Body, standstill
 from worldsim.motion import length, move, within_limits
 

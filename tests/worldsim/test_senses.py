@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from patrol.message import MAX_TIME_MS, decode
 from patrol.pose import Pose
+from patrol.radio.message import MAX_TIME_MS, decode
 from patrol.scenario import load_scenario
 from worldsim.senses import Senses
 from worldsim.timeline import Timeline
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
-    from patrol.terrain import Terrain
+    from patrol.ground.terrain import Terrain
     from tests.worldsim.conftest import Lab
 
 HERE = Pose(10.0, 8.0, 0.3)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.scenario import RobotGroup, Scenario, load_scenario
-from patrol.targets import size_of
+from patrol.scenario.faults.targets import size_of
 from worldsim.timeline import Act, Timeline
 
 SPARED = RobotGroup(count=5, spare=2)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from patrol.journal import Status, trace_hash
-from patrol.message import MAX_FRAME, Position, decode
 from patrol.pose import Drive, Pose, Velocity
-from worldsim.loop import run_ticks
-from worldsim.record import DESERTED
+from patrol.radio.message import MAX_FRAME, Position, decode
+from worldsim.fleet.loop import run_ticks
+from worldsim.output.record import DESERTED
 from worldsim.verdict.judge import judge
 from worldsim.world import Reply, Report
 

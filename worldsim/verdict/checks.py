@@ -7,15 +7,15 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from patrol.footprint import sensor_footprint
+from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Status, TickRecord, TraceHash
 from patrol.pose import Pose
-from worldsim.record import COMPLETED, INTERRUPTED
+from worldsim.output.record import COMPLETED, INTERRUPTED
 from worldsim.truth import Truth
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.record import RunRecord
+    from worldsim.output.record import RunRecord
 
 
 @dataclass(frozen=True, slots=True)

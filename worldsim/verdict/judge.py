@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from patrol.controls import prepared_as_operated
-from patrol.faults import PROCESS_KINDS, SENSE_KINDS, Pause
-from worldsim.direct import DirectLinks
+from patrol.scenario.controls import prepared_as_operated
+from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Pause
+from worldsim.radio.overheard import DirectLinks
 from worldsim.timeline import Timeline
-from worldsim.verdict.bodies import BodiesApart, MovesAreTrue
 from worldsim.verdict.checks import (
     Check,
     Complete,
@@ -20,22 +19,23 @@ from worldsim.verdict.checks import (
     Tally,
     TraceAgrees,
 )
-from worldsim.verdict.drops import DropsExplained, NothingCrossed
-from worldsim.verdict.faults import DownAreSilent, ExitCodes, PausedStandStill, StatusesFollow
-from worldsim.verdict.forgeries import SpoofsAsAsked
-from worldsim.verdict.frames import FramesAreTrue, LinksAddUp
-from worldsim.verdict.hearing import ForgedAsConfigured, Hearing
-from worldsim.verdict.radio import Replay, WithinBandwidth
-from worldsim.verdict.reach import WithinReach
-from worldsim.verdict.recovery import Recovers
-from worldsim.verdict.senses import SensesAsAsked
-from worldsim.verdict.shares import DelaysAsAsked, LossesAsAsked
-from worldsim.verdict.timing import FaultsOnTime, OnTime
+from worldsim.verdict.frames.drops import DropsExplained, NothingCrossed
+from worldsim.verdict.frames.forgeries import SpoofsAsAsked
+from worldsim.verdict.frames.hearing import ForgedAsConfigured, Hearing
+from worldsim.verdict.frames.reach import WithinReach
+from worldsim.verdict.frames.recomputed import Replay, WithinBandwidth
+from worldsim.verdict.frames.sent import FramesAreTrue, LinksAddUp
+from worldsim.verdict.frames.shares import DelaysAsAsked, LossesAsAsked
+from worldsim.verdict.frames.timing import FaultsOnTime, OnTime
+from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
+from worldsim.verdict.robots.recovery import Recovers
+from worldsim.verdict.robots.sense_checks import SensesAsAsked
+from worldsim.verdict.robots.status_checks import DownAreSilent, ExitCodes, PausedStandStill, StatusesFollow
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
     from patrol.prepare import Prepared
-    from worldsim.record import RunRecord
+    from worldsim.output.record import RunRecord
 
 Outcome = Literal["valid", "invalid", "unknown"]
 

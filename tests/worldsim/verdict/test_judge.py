@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import JournalWriter, RobotTick, TickRecord, read_journal, trace_hash
-from patrol.message import Position, encode
 from patrol.pose import Pose
-from worldsim.record import INTERRUPTED, MemoryJournal
+from patrol.radio.message import Position, encode
+from worldsim.output.record import INTERRUPTED, MemoryJournal
 from worldsim.verdict.judge import Judge, Verdict, judge
 
 if TYPE_CHECKING:

@@ -1,1 +1,0 @@
-"""What robots do besides patrolling, on the same positions and paths (paper, "Integration with other behaviour")."""

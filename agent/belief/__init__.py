@@ -1,0 +1,1 @@
+"""What one robot believes: the fog, the other robots, and intruders."""

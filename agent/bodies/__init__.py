@@ -1,0 +1,1 @@
+"""Bodies: how a robot gets where its policy wants it to be."""

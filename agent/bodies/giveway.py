@@ -1,0 +1,62 @@
+"""Giving way: how robots that block each other come free, from positions alone.
+
+The paper's robots block each other until random moves part them, which in a doorway takes for ever. Here, of two
+robots that bumped, the one with the higher number gives way: for a while it takes the other for an obstacle, so that
+whatever pulled it through the other now pulls it round or elsewhere. Who has been blocked for long gives way in any
+case, for the other may have nowhere to go.
+"""
+
+from __future__ import annotations
+
+import math
+
+from agent.routes.ground import Disc
+from patrol.pose import Pose
+from patrol.radio.peers import Peer
+from patrol.random import Purpose, draw
+
+SHORTEST_S = 3.0
+LONGEST_S = 10.0
+"""How long a robot gives way, s; drawn between the two, so that pairs do not meet again in step."""
+
+PATIENCE = 8
+"""Bumps in a row after which a robot gives way to a higher number too."""
+
+
+class GiveWay:
+    """To whom one robot gives way, and until when."""
+
+    def __init__(self, seed: int, number: int, incarnation: int, radii: dict[int, float], step: float) -> None:
+        """radii: m, by robot number. step: s per tick."""
+        self._step = step
+        self._identity = (seed, Purpose.GIVE_WAY, number, incarnation)
+        self._number = number
+        self._radii = radii
+        self._until: dict[int, int] = {}
+        self._bumps = 0
+
+    def update(self, tick: int, pose: Pose, bumped: bool, peers: dict[int, Peer], near: float) -> None:
+        """Take in whether the last move was cancelled; peers within ``near`` m of touching may be the cause."""
+        if not bumped:
+            self._bumps = 0
+            return
+        self._bumps += 1
+        gaps = [
+            (math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y) - self._radii[other], other)
+            for other, peer in sorted(peers.items())
+        ]
+        gap, other = min(gaps, default=(math.inf, 0))
+        if gap <= self._radii[self._number] + near and (other < self._number or self._bumps > PATIENCE):
+            spell = SHORTEST_S + (LONGEST_S - SHORTEST_S) * draw(*self._identity, tick)
+            self._until[other] = tick + round(spell / self._step)
+
+    def discs(self, tick: int, pose: Pose, peers: dict[int, Peer], point: float) -> list[Disc]:
+        """The peers that are obstacles at ``tick``: as wide as both bodies, but never over the robot's own point."""
+        found = []
+        for other, until in sorted(self._until.items()):
+            peer = peers[other].pose
+            if tick < until:
+                wide = self._radii[other] + self._radii[self._number] + 0.5 * point
+                apart = math.hypot(peer.x - pose.x, peer.y - pose.y) - point
+                found.append((peer.x, peer.y, max(0.0, min(wide, apart))))
+        return found

@@ -1,0 +1,51 @@
+"""From a direction to a goal: 5.5 m ahead, clipped to the free ground and moved away from obstacles (paper, step 7)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.bodies.kernels.goal import free_run, refine
+from agent.routes.ground import Ground
+from patrol.scenario import PatrolSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where to go. goal, refined: (x, y) in m, before and after refinement."""
+
+    goal: tuple[float, float]
+    refined: tuple[float, float]
+
+
+class GoalFinder:
+    """The goal along a direction: the last free point of the ray up to the goal distance, then the refinement.
+
+    Refinement takes the point with the lowest psi in a square around the goal, among those that a straight line reaches
+    both from the goal and from the robot, for neither leg may cross a wall, and that lie roughly in the chosen
+    direction.
+    """
+
+    def __init__(self, patrol: PatrolSpec, ground: Ground, psi: NDArray[np.float32] | None) -> None:
+        """psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement."""
+        self._ground = ground
+        self._psi = psi
+        self._point = ground.terrain.point
+        self._distance = patrol.goal_distance / self._point
+        self._side = round(0.5 * patrol.refine_side / self._point)
+
+    def along(self, bearing: float, row: int, col: int) -> Goal:
+        """The goal in direction ``bearing`` (rad) for a robot on the open element (row, col) of the ground."""
+        state = self._ground.state
+        up, across = math.sin(bearing), math.cos(bearing)
+        run = float(free_run(state, row + 0.5, col + 0.5, up, across, self._distance))
+        goal_row, goal_col = math.floor(row + 0.5 + run * up), math.floor(col + 0.5 + run * across)
+        goal = self._ground.centre(goal_row, goal_col)
+        if self._psi is None:
+            return Goal(goal, goal)
+        best = refine(state, self._psi, goal_row, goal_col, row + 0.5, col + 0.5, up, across, self._side)
+        refined = self._ground.centre(*divmod(int(best), state.shape[1]))
+        return Goal(goal, refined)

@@ -1,0 +1,1 @@
+"""Policies: what a robot wants next."""

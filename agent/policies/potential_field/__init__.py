@@ -1,0 +1,1 @@
+"""The paper's policy: a social potential field."""

@@ -1,0 +1,194 @@
+"""The social potential field of one robot: the forces of all points, summed (paper, steps 4 and 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.belief.posts import Posts
+from agent.policies.potential_field.claims import share_table
+from agent.policies.potential_field.direction import sector_table
+from agent.policies.potential_field.force import ForceLaw
+from agent.policies.potential_field.kernels.force import gather
+from agent.routes.ground import Ground
+from agent.routes.path_window import Place, Window
+from agent.routes.region_paths import Regions
+from agent.routes.straight import Straight
+from agent.routes.wave import Wave
+from patrol.ground.fields import StaticFields
+from patrol.scenario import PatrolSpec
+
+if TYPE_CHECKING:
+    from patrol.regions.split import RegionSplit
+
+FIRST_LOOK = 20.0
+"""Path length in m up to which forces are summed before the horizon is drawn from them."""
+
+CLOSE_ENOUGH = 0.5
+"""Share of the strongest force from which on a place close by is worth stopping at."""
+
+UNCLAIMED = np.zeros(0)
+
+PATHS: dict[str, type[Wave | Straight]] = {"wave": Wave, "straight": Straight}
+
+
+@dataclass(frozen=True, slots=True)
+class Pull:
+    """The forces on a robot.
+
+    sums: float64 (sectors,), the sum of moduli in each sector; for the vector method (3,): the sum's x and y, and the
+    sum of moduli. near: the open element (row, col) of the ground, in sight of the robot, where it should stop when
+    something close by pulls about as hard as anything (see `Field.pull`), else None. bend: the element where the path
+    to the strongest single force first bends, None without any.
+    """
+
+    sums: NDArray[np.float64]
+    near: tuple[int, int] | None
+    bend: tuple[int, int] | None = None
+
+
+class Field:
+    """Sums the forces on a robot over sectors (mode) or as a vector.
+
+    Paths are followed in two rounds: the near ones first, and from what they exert the horizon up to which farther
+    ones can still change the result (see `ForceLaw`).
+    """
+
+    def __init__(
+        self,
+        patrol: PatrolSpec,
+        fields: StaticFields,
+        posts: Posts,
+        point: float,
+        scratch: dict[str, Window],
+        regions: RegionSplit | None = None,
+    ) -> None:
+        """See the class.
+
+        point: m. scratch: windows shared by minds of one process that never think at the same time. regions: for paths
+        through regions, otherwise unused.
+        """
+        height, width = fields.reach.shape
+        sources = int(np.count_nonzero(fields.patrolled))
+        self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width))
+        span = min(max(height, width), -(-self.law.limit // 100))
+        self.paths = _window(patrol.paths, (height, width, span), scratch, regions)
+        self._point = point
+        self._nearby = min(self.law.limit, round(100.0 * patrol.goal_distance / point))
+        self._posts = posts
+        self._share = share_table(patrol.claim_width, point) if "claims" in patrol.separations else UNCLAIMED
+        self._as_vector = patrol.direction == "vector"
+        self._sector = sector_table(patrol.sectors, span + 1)
+        self._sectors = patrol.sectors
+
+    def pull(
+        self,
+        ground: Ground,
+        row: int,
+        col: int,
+        seen: NDArray[np.int32],
+        dilated: NDArray[np.int32],
+        tick: int,
+        mfow: int,
+        rivals: Sequence[Place] = (),
+    ) -> Pull:
+        """The forces on a robot on the open element (row, col) of the ground.
+
+        seen, dilated: int32 (h, w), last-seen ticks before and after dilatation. mfow: ticks. rivals: the ground's
+        elements where other robots stand; they matter with claims only.
+
+        Dilatation brings a robot near a small stale place, and there pulls equally from all sides. So where a path of
+        at most the goal distance leads to a place that pulls, without dilatation, at least `CLOSE_ENOUGH` times as
+        hard as the strongest does with it, that place is given too, or the first bend on the way to it.
+        """
+        by_age = self.law.pull(mfow)
+        self._claim(ground, row, col, rivals)
+        self.paths.begin(ground, row, col)
+        nearby = self._forces()
+        self._gather(0, self._nearby, seen, seen, tick, by_age, nearby)
+        forces = self._forces()
+        first = min(self.law.limit, round(100.0 * FIRST_LOOK / self._point))
+        self._gather(0, first, dilated, seen, tick, by_age, forces)
+        exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
+        horizon = self.law.horizon(exerted, float(by_age[-1]))
+        if horizon > first:
+            self._gather(first, horizon, dilated, seen, tick, by_age, forces)
+        close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
+        return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces))
+
+    def _bend(self, forces: _Forces) -> tuple[int, int] | None:
+        """Where the path to the strongest of some forces first bends, as an element of the ground."""
+        if forces.strongest[0] <= 0.0:
+            return None
+        up, across = divmod(int(self.paths.bend.reshape(-1)[forces.source[0]]), self.paths.state.shape[1])
+        return up + self.paths.row0 + 1, across + self.paths.col0 + 1
+
+    def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
+        """Note how near the rivals are to every point, before the window is used for the robot's own paths."""
+        self._contest = _Contest(self.paths.length, UNCLAIMED)
+        if self._share.size and rivals:
+            lengths = self.paths.lengths_from(ground, row, col, rivals, self.law.limit)
+            self._contest = _Contest(lengths, self._share)
+
+    def _forces(self) -> _Forces:
+        return _Forces(np.zeros(3 if self._as_vector else self._sectors), np.zeros(1), np.zeros(1, dtype=np.int64))
+
+    def _gather(
+        self,
+        first: int,
+        last: int,
+        standing: NDArray[np.int32],
+        beyond: NDArray[np.int32],
+        tick: int,
+        by_age: NDArray[np.float64],
+        forces: _Forces,
+    ) -> None:
+        """Add the forces along paths longer than ``first`` and at most ``last`` hundredths of a point.
+
+        standing, beyond: last-seen ticks of the points where the body fits, and of those where it does not. The
+        latter are never dilated: a place that looks stale because its neighbour is would send the robot to the wrong
+        post.
+        """
+        paths = self.paths
+        paths.extend(last)
+        span = min(paths.span, -(-last // 100))
+        grids = (paths.state, paths.length, paths.bend)
+        place = (paths.start_row, paths.start_col, paths.row0, paths.col0)
+        law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)
+        here = paths.row0 + paths.start_row
+        posts = self._posts.between(here - span, here + span)
+        for points, seen in ((None, standing), (posts, beyond)):
+            gather(points, *grids, first, last, span, *place, seen, *law, *forces)
+
+
+def _window(paths: str, sizes: tuple[int, int, int], scratch: dict[str, Window], regions: RegionSplit | None) -> Window:
+    """The window for a path method, the terrain's height and width and a span, in points; shared where it can be."""
+    key = f"{paths} {sizes}"
+    if paths == "regions":
+        if regions is None:
+            raise ValueError("paths through regions need a split")
+        key = f"{key} {id(regions.parts)}"  # which the window holds, so that nothing else gets its identity
+        if key not in scratch:
+            scratch[key] = Regions(*sizes, regions)
+    elif key not in scratch:
+        scratch[key] = PATHS[paths](*sizes)
+    return scratch[key]
+
+
+class _Contest(NamedTuple):
+    """How near others are, and what they leave: see `agent.policies.potential_field.kernels.force.gather`."""
+
+    rival: NDArray[np.int32]
+    share: NDArray[np.float64]
+
+
+class _Forces(NamedTuple):
+    """What the kernels add to: see `agent.policies.potential_field.kernels.force.gather`."""
+
+    sums: NDArray[np.float64]
+    strongest: NDArray[np.float64]
+    source: NDArray[np.int64]

@@ -1,0 +1,106 @@
+"""Kernels of the force: what the points of the terrain exert on a robot (paper, formula (1) and Table 1).
+
+The modulus of a point's force is ``pull[age] * decay[length]``: f of the fog of war and g of the path's length,
+tabulated for every age in ticks and every length in hundredths of a point. Its direction is the bearing of the path's
+first bend.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit, types
+
+INTS = types.Array(types.int32, 1, "C", readonly=True)
+GRID = types.Array(types.int32, 2, "C", readonly=True)
+STATE = types.Array(types.uint8, 2, "C", readonly=True)
+SECTORS = types.Array(types.uint16, 2, "C", readonly=True)
+TABLE = types.Array(types.float64, 1, "C", readonly=True)
+SUMS = types.Array(types.float64, 1, "C")
+PLACES = types.Array(types.int64, 1, "C")
+ROWS = types.Array(types.int32, 2, "C", readonly=True)
+int64 = types.int64
+boolean = types.boolean
+
+
+# fmt: off
+@njit(
+    [
+        types.void(
+            posts, STATE, GRID, GRID, int64, int64, int64, int64, int64, int64, int64,
+            GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
+        )
+        for posts in (types.none, ROWS)
+    ],
+    cache=True,
+    nogil=True,
+)
+def gather(
+    posts, state, length, bend, first, last, span, start_row, start_col, row0, col0,
+    seen, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
+):
+    """Add to ``sums`` the forces of points the way to which is longer than ``first`` and at most ``last``.
+
+    posts: None for the points that a body can stand on, at most ``span`` rows and columns from the robot. Or patrolled
+    points on which no body fits: such a point pulls from its post, the nearest reachable point that sees it, for going
+    there is all it takes. int32 (n, 4), row and column of each point and of its post, as in
+    `agent.belief.posts.Posts`; those
+    that can be near.
+    state, length, bend: the wave's grids over its window, whose element (0, 0) lies over the terrain's point
+    (row0, col0); what is not settled, and the robot's own point (start_row, start_col) in it, exert no force. Lengths
+    in hundredths of a point.
+    seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above ``tick``
+    means that nothing there has an age.
+    pull: float64, f by age in ticks. decay: float64, g by length in hundredths of a point.
+    share: float64 (2 m + 1,), what others leave of a force: by how much farther off the robot is than its nearest
+    rival, in hundredths of a point plus m; of size 0 where nobody claims anything. rival: int32, the rivals' grid of
+    lengths. sector: uint16 (2 m + 1, same), the sector of a bearing by its offset in rows and columns plus m. sums:
+    float64, the sum of moduli in each sector; with ``as_vector`` the vector sum's x and y and the sum of moduli.
+    strongest: float64 (1,), the largest single force met so far of a point that is not in view just now. source: int64
+    (1,), the window's flat index of the point to stand on for it.
+    """
+    rows, cols = state.shape
+    middle = sector.shape[0] // 2
+    if posts is None:
+        top, bottom = max(0, start_row - span), min(rows, start_row + span + 1)
+        left, right = max(0, start_col - span), min(cols, start_col + span + 1)
+    else:
+        top, bottom, left, right = 0, posts.shape[0], 0, 1
+    for i in range(top, bottom):
+        for j in range(left, right):
+            if posts is None:
+                row, col, seen_row, seen_col = i, j, row0 + i, col0 + j
+            else:
+                row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
+                if row < 0 or row >= rows or col < 0 or col >= cols:
+                    continue
+            if state[row, col] & 3 != 3:
+                continue
+            far = length[row, col]
+            if far <= first or far > last:
+                continue
+            when = seen[seen_row, seen_col]
+            if when > tick:
+                continue
+            force = pull[tick - max(when, 0)] * decay[far]
+            if share.size > 0:
+                force *= share[min(max(far - rival[row, col] + share.size // 2, 0), share.size - 1)]
+            turn = bend[row, col]
+            up = row - start_row
+            across = col - start_col
+            if turn != row * cols + col:
+                up = turn // cols - start_row
+                across = turn % cols - start_col
+            if as_vector:
+                scale = force / math.sqrt(up * up + across * across)
+                sums[0] += scale * across
+                sums[1] += scale * up
+                sums[2] += force
+            else:
+                sums[sector[middle + up, middle + across]] += force
+            if force > strongest[0] and when < tick:
+                strongest[0] = force
+                source[0] = row * cols + col
+
+
+# fmt: on

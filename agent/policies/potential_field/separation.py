@@ -1,0 +1,82 @@
+"""Keeping robots apart beyond sharing positions (paper, "Artificial Obstacles", "Semaphores", and repulsive forces).
+
+Obstacles and semaphores change where paths may lead; repulsion changes the forces. Claims are in
+`agent.policies.potential_field.claims`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.routes.ground import Disc
+from patrol.ground.passages import narrow_passages
+from patrol.ground.shapes import cover
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.pose import TAU, Pose
+from patrol.radio.peers import Peer
+from patrol.scenario import PatrolSpec
+
+
+def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, point: float) -> list[Disc]:
+    """A virtual obstacle of ``radius`` m at each peer, made small enough not to cover the robot's own point."""
+    discs = []
+    for _, peer in sorted(peers.items()):
+        apart = math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y) - point
+        if apart > 0.0:
+            discs.append((peer.pose.x, peer.pose.y, min(radius, apart)))
+    return discs
+
+
+def critical_areas(patrol: PatrolSpec, terrain: Terrain, reach: BoolGrid) -> list[BoolGrid]:
+    """The semaphores' areas, bool (h, w): the scenario's polygons, or narrow passages where it gives none."""
+    if patrol.critical_areas is None:
+        return narrow_passages(terrain, reach, patrol.critical_width)
+    return [cover(polygon, terrain.shape, terrain.point, terrain.origin) for polygon in patrol.critical_areas]
+
+
+def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers: Mapping[int, Peer]) -> list[int]:
+    """The critical areas that some peer is in and this robot is not, ascending.
+
+    areas: int32 (h, w), the number of the critical area that a point belongs to, 0 for none.
+    """
+    own = _area_at(areas, terrain, pose)
+    taken = {_area_at(areas, terrain, peer.pose) for peer in peers.values()}
+    return sorted(taken - {0, own})
+
+
+def repel(sums: NDArray[np.float64], pose: Pose, peers: Mapping[int, Peer], patrol: PatrolSpec) -> None:
+    """Add repulsive forces from the peers to the sums of a `agent.policies.potential_field.field.Pull`.
+
+    Each pushes straight away with ``repulsion`` times the sum of all attraction, times exp(-(d / repulsion_reach)^2).
+    The paper gives no formula; this one compares with the attraction whatever its scale.
+    """
+    as_vector = patrol.direction == "vector"
+    total = float(sums[2] if as_vector else sums.sum())
+    for _, peer in sorted(peers.items()):
+        across, up = pose.x - peer.pose.x, pose.y - peer.pose.y
+        distance = math.hypot(across, up)
+        if distance == 0.0:
+            continue
+        force = patrol.repulsion * total * math.exp(-((distance / patrol.repulsion_reach) ** 2))
+        if as_vector:
+            sums[0] += force * across / distance
+            sums[1] += force * up / distance
+        else:
+            sums[round(math.atan2(up, across) / (TAU / sums.size)) % sums.size] += force
+
+
+def _area_at(areas: NDArray[np.int32], terrain: Terrain, pose: Pose) -> int:
+    row, col = terrain.point_at(pose.x, pose.y)
+    return int(areas[row, col]) if terrain.inside(row, col) else 0
+
+
+def numbered(areas: list[BoolGrid], shape: tuple[int, int]) -> NDArray[np.int32]:
+    """Critical areas as one grid of numbers from 1, int32 (h, w); where two overlap the later one counts."""
+    grid = np.zeros(shape, dtype=np.int32)
+    for number, area in enumerate(areas, start=1):
+        grid[area] = number
+    return grid

@@ -1,0 +1,1 @@
+"""Surrounding an intruder."""

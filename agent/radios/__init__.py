@@ -1,0 +1,1 @@
+"""Radios: how a robot sends and hears positions."""

@@ -1,0 +1,82 @@
+"""What every path method fills in: state, length and first bend of the paths, over a window of the ground."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.routes.ground import Ground
+from agent.routes.kernels.wave import SETTLED, STATUS
+
+FAR = 2**31 - 1
+"""The length of a path that is not known."""
+
+Place = tuple[int, int]
+Lengths = NDArray[np.int32]
+
+
+class Window(ABC):
+    """Paths from one start, to a growing length.
+
+    The window holds all that lies within ``span`` points of the start, and a blocked frame. Its arrays are reused from
+    one start to the next, and may be shared by minds that never think at the same time.
+
+    state: uint8 (m, n), `agent.routes.kernels.wave.SETTLED` in the low bits where a path is known. length: int32 (m,
+    n), in
+    hundredths of a point. bend: int32 (m, n), flat index into the window of the path's first bend, or of the point
+    itself. row0, col0: the terrain's point under element (0, 0). start_row, start_col: the start's element.
+    """
+
+    def __init__(self, height: int, width: int, span: int) -> None:
+        """height, width: the terrain's, in points."""
+        self.span = span
+        rows, cols = min(height, 2 * span + 1) + 2, min(width, 2 * span + 1) + 2
+        self.state = np.zeros((rows, cols), dtype=np.uint8)
+        self.length = np.zeros((rows, cols), dtype=np.int32)
+        self.bend = np.zeros((rows, cols), dtype=np.int32)
+        self.row0 = self.col0 = self.start_row = self.start_col = 0
+
+    def begin(self, ground: Ground, row: int, col: int) -> None:
+        """Start from the open element (row, col) of the ground's state."""
+        self._place(ground, row, col)
+        self.start_row, self.start_col = row - self.row0 - 1, col - self.col0 - 1
+        self._begin()
+
+    def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
+        """Path lengths from the nearest of several starts, int32 (m, n); `FAR` beyond ``limit`` hundredths of a point.
+
+        The window lies as it does for a robot on (row, col), and starts outside it are left out. What `begin` and
+        `extend` computed is lost.
+        """
+        nearest = np.full(self.state.shape, FAR, dtype=np.int32)
+        for start_row, start_col in starts:
+            self._place(ground, row, col)
+            self.start_row, self.start_col = start_row - self.row0 - 1, start_col - self.col0 - 1
+            if self._holds(self.start_row, self.start_col):
+                self._begin()
+                self.extend(limit)
+                np.minimum(nearest, np.where(self.state & STATUS == SETTLED, self.length, FAR), out=nearest)
+        return nearest
+
+    def _place(self, ground: Ground, row: int, col: int) -> None:
+        """Lay the window around (row, col) of the ground's state, with no path known."""
+        rows, cols = self.state.shape
+        top = min(max(0, row - 1 - self.span), ground.state.shape[0] - rows)
+        left = min(max(0, col - 1 - self.span), ground.state.shape[1] - cols)
+        self.state[1:-1, 1:-1] = ground.state[top + 1 : top + rows - 1, left + 1 : left + cols - 1]
+        self.row0, self.col0 = top - 1, left - 1
+
+    def _holds(self, row: int, col: int) -> bool:
+        rows, cols = self.state.shape
+        return 0 < row < rows - 1 and 0 < col < cols - 1
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Prepare the method's own working memory."""
+
+    @abstractmethod
+    def extend(self, limit: int) -> None:
+        """Settle every path of at most ``limit`` hundredths of a point (at most 100 * span)."""

@@ -1,0 +1,1 @@
+"""What faults cost: the experiment and its page."""

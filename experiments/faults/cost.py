@@ -1,0 +1,317 @@
+"""What faults cost: the paper's final algorithm, without and with claims, under everything that may befall a fleet.
+
+Each *condition* is what happens; each is run with every *variant* of the algorithm and every seed. Costs are ratios to
+the same variant's run of the same seed without faults.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from experiments.sweeps.plan import Base, Case, Plan, make_plan
+from experiments.sweeps.runner import Outcome
+from experiments.sweeps.stats import Estimate, estimate
+from patrol.errors import BadInput
+from patrol.radio.message import MAX_TRAIL
+from patrol.scenario.explain import did_you_mean
+
+CALLED = "the faults experiment"
+QUIET = "no faults"
+KILLED, RESTARTED = "one killed", "one killed and restarted"
+FEWER = "one robot fewer"
+WITH_TRAIL = " with trail"
+
+VARIANTS: Mapping[str, Mapping[str, object]] = {
+    "final algorithm": {"patrol.separation": "none"},
+    "with claims": {"patrol.separation": "claims"},
+}
+
+INDEPENDENT = (0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
+BURSTS = (0.25, 0.5, 0.75, 0.85)
+BURST_TICKS = 8
+REACHES_M = (20, 40, 80)
+TRAIL = MAX_TRAIL
+"""Past positions in a frame, where it carries any."""
+
+FORGED_M = 25.0
+"""How far off forged positions are."""
+
+Faults = list[dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """Something that happens. group: of conditions shown together. x: its place on the group's axis, or None."""
+
+    group: str
+    name: str
+    faults: Faults
+    x: float | None = None
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What all runs share. robots: of the whole fleet. key: file with a fleet key. duration: s. point: m."""
+
+    terrain: str
+    point: float
+    duration: float
+    robots: int
+    seeds: tuple[int, ...]
+    key: Path
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def mapping(self) -> dict[str, object]:
+        """As settings of a scenario."""
+        common: dict[str, object] = {
+            "terrain.builtin": self.terrain,
+            "point": self.point,
+            "duration": self.duration,
+            "robots.count": self.robots,
+        }
+        return {**common, **self.settings}
+
+
+GROUPS: Mapping[str, str] = {
+    "quiet": "no faults, for comparison",
+    "loss": "each frame lost by itself",
+    "loss with trail": f"each frame lost by itself, frames with the last {TRAIL} positions",
+    "bursts": f"frames lost in bursts of {BURST_TICKS} on average",
+    "bursts with trail": f"frames lost in bursts of {BURST_TICKS}, frames with the last {TRAIL} positions",
+    "silence": "the radio shut down",
+    "death": "robots killed, and restarted",
+    "fleet": "fleets of other sizes, and robots that join",
+    "partition": "the fleet parted in halves",
+    "range": "a radio that reaches only so far",
+    "forgery": "forged positions, without and with a key",
+}
+"""Groups of conditions, in the order they are shown in."""
+
+
+def conditions(setup: Setup) -> list[Condition]:
+    """Everything that is tried."""
+    return [Condition("quiet", QUIET, []), *_losses(), *_radio(setup), *_robots(setup), *_forgeries(setup)]
+
+
+def chosen(setup: Setup, names: Sequence[str]) -> list[Condition]:
+    """Some conditions, by the names of groups or their own (GROUP: NAME), or all where none is named. BadInput.
+
+    Always those without faults, which all others are compared with.
+    """
+    every = conditions(setup)
+    own = [f"{condition.group}: {condition.name}" for condition in every]
+    for name in names:
+        if name not in (*GROUPS, *own):
+            raise BadInput(f"--only {name}: no such group or condition; {did_you_mean(name, [*GROUPS, *own])}")
+    wanted = {*(names or GROUPS), "quiet"}
+    return [condition for condition, name in zip(every, own, strict=True) if {condition.group, name} & wanted]
+
+
+def plan_of(setup: Setup, tried: Sequence[Condition]) -> Plan:
+    """Every run."""
+    cases = [
+        Case(case_name(condition, variant), {**setup.mapping, **sets, **condition.settings, "faults": condition.faults})
+        for variant, sets in VARIANTS.items()
+        for condition in tried
+    ]
+    return make_plan("faults", Base({"name": "faults"}, Path.cwd(), CALLED), cases, setup.seeds)
+
+
+def case_name(condition: Condition, variant: str) -> str:
+    """The name of a condition's runs with a variant."""
+    return f"{condition.group}: {condition.name}, {variant}"
+
+
+def _losses() -> Iterator[Condition]:
+    with_trail: dict[str, object] = {"radio.trail": TRAIL}
+    for end, settings in (("", {}), (WITH_TRAIL, with_trail)):
+        for rate in INDEPENDENT:
+            yield Condition(f"loss{end}", f"{100 * rate:g} % lost", [{"kind": "loss", "rate": rate}], rate, settings)
+        for rate in BURSTS:
+            burst: Faults = [{"kind": "loss", "rate": rate, "mean_burst": BURST_TICKS}]
+            yield Condition(f"bursts{end}", f"{100 * rate:g} % lost", burst, rate, settings)
+
+
+def _radio(setup: Setup) -> Iterator[Condition]:
+    third = setup.duration / 3.0
+    silence: dict[str, Any] = {"kind": "silence", "who": "all"}
+    yield Condition("silence", "total silence", [silence])
+    yield Condition("silence", "silence for a third", [{**silence, "at": third, "for": third}])
+    if setup.robots > 1:
+        parted: Faults = [{"kind": "partition", "groups": "halves", "at": third, "for": third}]
+        yield Condition("partition", "halves for a third", parted)
+    for reach in REACHES_M:
+        yield Condition("range", f"{reach} m", [{"kind": "range", "reach": reach}], float(reach))
+
+
+def _robots(setup: Setup) -> Iterator[Condition]:
+    fifth = setup.duration / 5.0
+    last = f"r{setup.robots}"
+    kill: dict[str, Any] = {"kind": "kill", "who": last, "at": fifth}
+    yield Condition("death", KILLED, [kill])
+    yield Condition("death", RESTARTED, [kill, {"kind": "restart", "who": last, "at": 1.5 * fifth}])
+    in_turn: Faults = []
+    for number in range(1, setup.robots + 1):
+        at = setup.duration * (number - 0.5) / (setup.robots + 1.0)
+        in_turn.append({"kind": "kill", "who": f"r{number}", "at": at})
+        in_turn.append({"kind": "restart", "who": f"r{number}", "at": at + 0.5 * setup.duration / (setup.robots + 1.0)})
+    yield Condition("death", "each killed in turn and restarted", in_turn)
+    if setup.robots > 1:
+        yield Condition("fleet", FEWER, [], settings={"robots.count": setup.robots - 1})
+    if setup.robots > 2:
+        joining: Faults = [
+            {"kind": "join", "who": f"r{number}", "at": setup.duration * (place + 1) / 3.0}
+            for place, number in enumerate((setup.robots - 1, setup.robots))
+        ]
+        yield Condition("fleet", "two robots join", joining)
+
+
+def _forgeries(setup: Setup) -> Iterator[Condition]:
+    forged: dict[str, dict[str, Any]] = {
+        "all positions shifted": {"kind": "spoof", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}},
+        "one robot's positions at random": {"kind": "spoof", "as": "one", "payload": "random"},
+        "old frames sent again": {"kind": "spoof", "as": "all", "payload": {"replay": 60.0}},
+    }
+    for name, fault in forged.items():
+        yield Condition("forgery", name, [fault])
+        yield Condition("forgery", f"{name} (key)", [fault], settings={"radio.key": str(setup.key)})
+    if setup.robots > 1:
+        name = "all positions shifted by an insider (key)"
+        insider: dict[str, Any] = {"kind": "spoof", "by": "r1", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}}
+        yield Condition("forgery", name, [insider], settings={"radio.key": str(setup.key)})
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a condition came to with a variant.
+
+    mfow, late: mean MFoW over the whole run and over its second half, s. cost: the first as a ratio to the run of the
+    same seed without faults. delivered: share of the frames. belief: mean error of the believed ages, s. stay: the
+    longest that any robot of any run stayed within a metre of one place, s.
+    """
+
+    condition: Condition
+    variant: str
+    mfow: Estimate | None
+    late: Estimate | None
+    cost: Estimate | None
+    delivered: Estimate | None
+    belief: Estimate | None
+    collisions: Estimate | None
+    stay: float | None
+
+
+def findings(outcome: Outcome, tried: Sequence[Condition]) -> list[Finding]:
+    """What the runs came to, variant by variant."""
+    quiet = next(condition for condition in tried if condition.group == "quiet")
+    return [_finding(outcome, condition, quiet, variant) for variant in VARIANTS for condition in tried]
+
+
+def _finding(outcome: Outcome, condition: Condition, quiet: Condition, variant: str) -> Finding:
+    name = case_name(condition, variant)
+
+    def values(metric: str, case: str = name) -> Mapping[int, float]:
+        return outcome.values(case, metric)
+
+    mfow, free = values("mfow_mean_s"), values("mfow_mean_s", case_name(quiet, variant))
+    sent, delivered = values("messages_sent"), values("messages_delivered")
+    return Finding(
+        condition=condition,
+        variant=variant,
+        mfow=_mean(mfow.values()),
+        late=_mean(values("mfow_late_mean_s").values()),
+        cost=_mean(mfow[seed] / free[seed] for seed in mfow if free.get(seed)),
+        delivered=_mean(delivered[seed] / sent[seed] for seed in delivered if sent.get(seed)),
+        belief=_mean(values("belief_error_s").values()),
+        collisions=_mean(values("collisions").values()),
+        stay=max(values("longest_stay_s").values(), default=None),
+    )
+
+
+def _mean(values: Any) -> Estimate | None:
+    found = list(values)
+    return estimate(found) if found else None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A measure of some runs as a ratio to that of others, seed by seed. group: of comparisons shown together."""
+
+    group: str
+    what: str
+    variant: str
+    ratio: Estimate
+
+
+Cell = tuple[Condition, str]
+"""A condition, and a variant that it is run with."""
+
+AGAINST: Mapping[str, str] = {
+    "claims": "mean MFoW with claims, as a ratio to that without under the same faults",
+    "trail": f"mean MFoW where frames have the last {TRAIL} positions, as a ratio to that where they have none",
+    "fleet": "late mean MFoW after a death, as a ratio to that of a fleet that has been of that size all along",
+}
+"""Groups of comparisons, in the order they are shown in."""
+
+
+def comparisons(outcome: Outcome, tried: Sequence[Condition]) -> list[Comparison]:
+    """What can be compared of what was tried: of the seeds that both sides have."""
+    found = []
+    for group, what, metric, these, those in _pairs(tried):
+        ours, theirs = outcome.values(case_name(*these), metric), outcome.values(case_name(*those), metric)
+        ratio = _mean(ours[seed] / theirs[seed] for seed in ours if theirs.get(seed))
+        if ratio is not None:
+            found.append(Comparison(group, what, these[1], ratio))
+    return found
+
+
+def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Cell, Cell]]:
+    """Group, what is compared, the measure, and the two sides."""
+    plain, claims = VARIANTS
+    by_name = {(condition.group, condition.name): condition for condition in tried}
+    for (group, name), condition in by_name.items():
+        yield "claims", f"{group}: {name}", "mfow_mean_s", (condition, claims), (condition, plain)
+    for (group, name), condition in by_name.items():
+        bare = by_name.get((group.removesuffix(WITH_TRAIL), name), condition)
+        for variant in VARIANTS if bare is not condition else ():
+            yield "trail", f"{bare.group}: {name}", "mfow_mean_s", (condition, variant), (bare, variant)
+    for after, whole in ((KILLED, ("fleet", FEWER)), (RESTARTED, ("quiet", QUIET))):
+        died, alike = by_name.get(("death", after)), by_name.get(whole)
+        if died is None or alike is None:
+            continue
+        for variant in VARIANTS:
+            yield "fleet", f"{after}: {alike.name}", "mfow_late_mean_s", (died, variant), (alike, variant)
+
+
+def as_json(setup: Setup, found: Sequence[Finding], compared: Sequence[Comparison]) -> dict[str, Any]:
+    """For faults.json: each mean with its 95 % interval."""
+    measures = ("mfow", "late", "cost", "delivered", "belief", "collisions")
+    return {
+        "set": dict(setup.mapping),
+        "seeds": list(setup.seeds),
+        "findings": [
+            {
+                "group": one.condition.group,
+                "condition": one.condition.name,
+                "x": one.condition.x,
+                "variant": one.variant,
+                "faults": one.condition.faults,
+                **{name: _numbers(getattr(one, name)) for name in measures},
+                "longest_stay_s": one.stay,
+            }
+            for one in found
+        ],
+        "comparisons": [
+            {"group": one.group, "what": one.what, "variant": one.variant, "ratio": _numbers(one.ratio)}
+            for one in compared
+        ],
+    }
+
+
+def _numbers(found: Estimate | None) -> dict[str, Any] | None:
+    return None if found is None else {"mean": found.mean, "ci95": found.interval, "runs": found.count}

@@ -1,0 +1,103 @@
+"""What faults cost, as one Markdown page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from experiments.faults.cost import AGAINST, GROUPS, QUIET, VARIANTS, Comparison, Finding, Setup
+from experiments.sweeps.stats import Estimate
+
+HEADS = (
+    "variant",
+    "MFoW (s)",
+    "cost",
+    "late (s)",
+    "delivered",
+    "belief error (s)",
+    "collisions",
+    "longest stay (s)",
+)
+
+
+def page(
+    setup: Setup,
+    found: Sequence[Finding],
+    compared: Sequence[Comparison],
+    *,
+    command: str,
+    wall_s: float,
+    failed: int,
+    pictures: Sequence[str],
+) -> str:
+    """The page. command: that made it. wall_s: of all its runs added up, s. failed: runs. pictures: files to show."""
+    parts = (*_head(setup, command, wall_s, failed, pictures), *_comparisons(compared), *_groups(found))
+    return "\n".join([*parts, ""])
+
+
+def _head(setup: Setup, command: str, wall_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
+    yield "# What faults cost"
+    yield ""
+    yield f"Made by `{command}`: {wall_s / 60.0:.0f} min of computing on one core."
+    yield ""
+    where = f"`{setup.terrain}`, {setup.robots} robots, {setup.duration:g} s, points of {setup.point:g} m"
+    yield f"{where}, seeds {', '.join(map(str, setup.seeds))}; everything else as a scenario has it by default:"
+    yield "cars under the paper's final algorithm and giving way (`patrol.give_way`), without and with claims"
+    yield "(`patrol.separation: claims`)."
+    for name, value in setup.settings.items():
+        yield f"Set everywhere: `{name}: {value}`."
+    yield ""
+    yield (
+        "Numbers are means over the seeds ± their 95 % interval. Cost: mean MFoW as a ratio to the run of the same "
+        "variant and seed without faults. Late: mean MFoW of the second half of the run, whatever is still going on "
+        "then. Belief error: how far the ages that robots believe are from the true ones, in the mean over points, "
+        "robots and time. Longest stay: the longest that a living robot of any of the runs kept within a metre of one "
+        "place."
+    )
+    if failed:
+        yield ""
+        yield f"**{failed} runs failed or were not valid and are left out.**"
+    else:
+        yield "Every run's verdict was valid: what was lost, delayed or forged was recomputed draw by draw."
+    for picture in pictures:
+        yield ""
+        yield f"![{picture}]({picture})"
+
+
+def _groups(found: Sequence[Finding]) -> Iterator[str]:
+    for group, title in GROUPS.items():
+        here = [one for one in found if one.condition.group == group]
+        if here:
+            yield ""
+            yield f"## {title[0].upper()}{title[1:]}"
+            yield ""
+            yield f"| | {' | '.join(HEADS)} |"
+            yield "|---|" + "---|" * len(HEADS)
+            for name in dict.fromkeys(one.condition.name for one in here):
+                for variant in VARIANTS:
+                    yield from (_row(one) for one in here if (one.condition.name, one.variant) == (name, variant))
+
+
+def _comparisons(compared: Sequence[Comparison]) -> Iterator[str]:
+    for group, title in AGAINST.items():
+        here = [one for one in compared if one.group == group]
+        if here:
+            yield ""
+            yield f"## {title[0].upper()}{title[1:]}"
+            yield ""
+            yield "| | variant | ratio |"
+            yield "|---|---|---|"
+            yield from (f"| {one.what} | {one.variant} | {_text(one.ratio, 3)} |" for one in here)
+
+
+def _row(one: Finding) -> str:
+    cost = "-" if one.condition.name == QUIET else _text(one.cost, 3)
+    share = "-" if one.delivered is None else f"{100.0 * one.delivered.mean:.1f} %"
+    stay = "-" if one.stay is None else f"{one.stay:.0f}"
+    numbers = (_text(one.mfow), cost, _text(one.late), share, _text(one.belief), _text(one.collisions, 0), stay)
+    return f"| {one.condition.name} | {one.variant} | {' | '.join(numbers)} |"
+
+
+def _text(found: Estimate | None, digits: int = 1) -> str:
+    if found is None:
+        return "-"
+    return f"{found.mean:.{digits}f}" + ("" if found.half is None else f" ± {found.half:.{digits}f}")

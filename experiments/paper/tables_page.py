@@ -1,0 +1,190 @@
+"""The paper's tables as one Markdown page: ours beside the printed, what differs and why, and what the paper concludes.
+
+Pure text: pictures are linked by the names that they are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from experiments.paper.orderings import Judged
+from experiments.paper.tables import FAR_OFF, Cell, Comparison, Remark, Setup, fit_of, paper
+from experiments.sweeps.stats import Estimate, Fit
+from patrol.scenario.explain import show
+
+UNEXPLAINED = "not explained"
+
+
+def page(
+    comparisons: Sequence[Comparison],
+    judged: Sequence[Judged],
+    setup: Setup,
+    *,
+    command: str,
+    wall_s: float,
+    pictures: Mapping[str, str],
+) -> str:
+    """The page.
+
+    command: that made it. wall_s: of all its runs added up, each on one core, s. pictures: file by title, drawn
+    terrains among them.
+    """
+    return "\n".join(
+        [
+            *_head(setup, command, wall_s),
+            *_terrains(pictures),
+            *_fits(comparisons),
+            *(line for comparison in comparisons for line in _table(comparison, pictures)),
+            *_far_off(comparisons),
+            *_orderings(judged),
+            "",
+        ]
+    )
+
+
+def _head(setup: Setup, command: str, wall_s: float) -> Iterator[str]:
+    calibrated = paper().sensor_range(setup.point)
+    yield "# The paper's tables, side by side"
+    yield ""
+    yield f"Made by `{command}`: {_minutes(wall_s)} of computing on one core."
+    yield ""
+    radius = f"sensor range {setup.sensor_range:g} m"
+    if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):
+        radius += f" ({calibrated.found})"
+    yield f"Points of {setup.point:g} m, {radius}, seeds {', '.join(map(str, setup.seeds))}."
+    fixed = (f"`{field}: {show(value)}`" for field, value in paper().settings.items() if field not in setup.settings)
+    yield f"Every cell has {', '.join(fixed)}."
+    for field, value in setup.settings.items():
+        yield f"Set everywhere: `{field}: {show(value)}`."
+    yield (
+        "MFoW depends on the size of the points, as it is a maximum: compare only like with like. Each cell reads: our "
+        "mean over the seeds ± its 95 % interval, the printed value in brackets, and the ratio of the two. What the "
+        f"paper leaves open is assumed as said under each table. Ratios beyond {FAR_OFF:g}, either way, are bold, and "
+        "listed further down, with a word on why where we have one."
+    )
+
+
+def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
+    drawn = {title: file for title, file in pictures.items() if title.startswith("terrain ")}
+    if drawn:
+        yield ""
+        yield "## The terrains"
+        yield ""
+        yield (
+            "The paper's figures are lost. These are reconstructions from their sizes and a few words. How far the "
+            "wedges of `yards` reach was chosen by the one-robot cell of Table 4 (wave, mode), before the algorithm "
+            "was quite what it is now; nothing else is fitted, so all other cells are predictions."
+        )
+        yield ""
+    for title, file in drawn.items():
+        yield f"![{title}]({file})"
+
+
+def _fits(comparisons: Sequence[Comparison]) -> Iterator[str]:
+    """How near each table comes, in one table."""
+    rows: list[tuple[str, Fit | None]] = [
+        (f"Table {comparison.table.number}", fit_of([comparison])) for comparison in comparisons
+    ]
+    fitted = [comparison for comparison in comparisons if comparison.table.number in paper().fit_tables]
+    if len(fitted) == len(paper().fit_tables):
+        names = " and ".join(str(number) for number in paper().fit_tables)
+        rows.append((f"Tables {names}, printed below {paper().fit_below:g} s", fit_of(fitted, paper().fit_below)))
+        rows.append((f"Tables {names}, all", fit_of(fitted)))
+    yield ""
+    yield "## How near"
+    yield ""
+    yield "| MFoW of | cells | median ratio | RMS log error | correlation of logs |"
+    yield "|---|---|---|---|---|"
+    for name, found in rows:
+        if found is not None:
+            correlation = "-" if found.correlation is None else f"{found.correlation:.3f}"
+            yield f"| {name} | {found.cells} | {found.median_ratio:.3f} | {found.rms_log_error:.3f} | {correlation} |"
+
+
+def _table(comparison: Comparison, pictures: Mapping[str, str]) -> Iterator[str]:
+    table = comparison.table
+    yield ""
+    yield f"## Table {table.number}: {table.title}"
+    yield ""
+    yield f"Assumed: {'; '.join(table.assumed)}."
+    yield ""
+    yield f"| {table.columns_are} | {' | '.join(column.name for column in table.columns)} |"
+    yield "|---" * (len(table.columns) + 1) + "|"
+    for row, unit in dict.fromkeys((cell.row, cell.unit) for cell in comparison.cells):
+        cells = [_beside(cell) for cell in comparison.cells if cell.row == row]
+        yield f"| {row} ({unit}) | {' | '.join(cells)} |"
+    picture = pictures.get(f"table {table.number}")
+    if picture is not None:
+        yield ""
+        yield f"![Table {table.number}]({picture})"
+
+
+def _beside(cell: Cell) -> str:
+    text = _with_interval(cell.found)
+    if cell.paper is not None:
+        text += f" ({cell.paper:g})"
+    if cell.ratio is not None:
+        text += f" **x {cell.ratio:.2f}**" if cell.far_off else f" x {cell.ratio:.2f}"
+    return text
+
+
+def _far_off(comparisons: Sequence[Comparison]) -> Iterator[str]:
+    """Every far-off cell under the remark that speaks of it."""
+    by_remark: dict[str, list[str]] = {}
+    total = far = 0
+    for comparison in comparisons:
+        number = comparison.table.number
+        for cell in comparison.cells:
+            total += cell.ratio is not None
+            if cell.far_off:
+                far += 1
+                remark = remark_on(number, cell, paper().remarks)
+                name = f"Table {number} {cell.row}, {comparison.table.columns_are} {cell.column} (x {cell.ratio:.2f})"
+                by_remark.setdefault(remark.says if remark else UNEXPLAINED, []).append(name)
+    yield ""
+    yield f"## Cells that differ by more than {FAR_OFF:g} times"
+    yield ""
+    yield f"{far} of {total} cells."
+    for says, names in by_remark.items():
+        yield ""
+        yield f"- {says}: {'; '.join(names)}."
+
+
+def remark_on(number: int, cell: Cell, remarks: Sequence[Remark]) -> Remark | None:
+    """The first remark that speaks of a table's cell."""
+    return next((remark for remark in remarks if remark.is_on(number, cell.row, cell.column)), None)
+
+
+def _orderings(judged: Sequence[Judged]) -> Iterator[str]:
+    if not judged:
+        return
+    yield ""
+    yield "## What the paper concludes"
+    yield ""
+    yield (
+        "The ratio is the geometric mean, over the cells named and the seeds, of the side that should be lower to the "
+        "other. Held: its 95 % interval lies below 1; not held: above."
+    )
+    yield ""
+    yield "| the paper says | here | ratio, 95 % interval |"
+    yield "|---|---|---|"
+    for one in judged:
+        yield f"| {one.ordering.says} | {one.verdict} | {_ratio(one.ratio)} |"
+
+
+def _ratio(ratio: Estimate | None) -> str:
+    if ratio is None:
+        return "-"
+    if ratio.low is None or ratio.high is None:
+        return f"{ratio.mean:.3f}"
+    return f"{ratio.mean:.3f} [{ratio.low:.3f}, {ratio.high:.3f}]"
+
+
+def _with_interval(found: Estimate | None) -> str:
+    if found is None:
+        return "no run"
+    return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ± {found.half:.1f}"
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds / 60.0:.0f} min" if seconds >= 90.0 else f"{seconds:.0f} s"

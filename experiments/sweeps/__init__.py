@@ -1,0 +1,1 @@
+"""Many runs: what to run, who runs it, and what came out."""

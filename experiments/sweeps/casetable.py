@@ -1,0 +1,145 @@
+"""A sweep's numbers case by case: means over seeds with their intervals, as rows, CSV and JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.sweeps.runner import Outcome
+from experiments.sweeps.stats import Estimate, estimate
+from experiments.sweeps.worker import software
+from patrol.errors import BadInput
+from patrol.scenario.explain import show
+
+
+@dataclass(frozen=True, slots=True)
+class CaseRow:
+    """One case: what it sets, how many of its runs have numbers and how many failed, and each metric's mean.
+
+    against: the case that it is compared with, or None. change: by how many percent each metric's mean is above that
+    case's, with the interval of the differences seed by seed.
+    """
+
+    case: str
+    settings: Mapping[str, object]
+    runs: int
+    failed: int
+    metrics: Mapping[str, Estimate]
+    values: Mapping[str, Mapping[int, float]]
+    against: str | None
+    change: Mapping[str, Estimate]
+
+
+def case_rows(outcome: Outcome) -> list[CaseRow]:
+    """One row a case, in the plan's order; a metric that no run has is left out."""
+    names = dict.fromkeys(name for result in outcome.results.values() if result.ok for name in result.metrics)
+    rows = []
+    for case in outcome.plan.cases:
+        other = outcome.plan.partner(case)
+        runs = [outcome.results[run.key] for run in outcome.plan.runs_of(case.name) if run.key in outcome.results]
+        good = sum(result.ok for result in runs)
+        values = {name: own for name in names if (own := outcome.values(case.name, name))}
+        metrics = {name: estimate(list(own.values())) for name, own in values.items()}
+        change = {
+            name: found
+            for name, own in values.items()
+            if other is not None and (found := _change(own, outcome.values(other.name, name))) is not None
+        }
+        named = other.name if other is not None else None
+        rows.append(CaseRow(case.name, case.settings, good, len(runs) - good, metrics, values, named, change))
+    return rows
+
+
+def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate | None:
+    """By how many percent the mean over the seeds that both have is above the other's."""
+    seeds = [seed for seed in own if seed in others]
+    base = sum(others[seed] for seed in seeds) / max(len(seeds), 1)
+    return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
+
+
+def write_tables(outcome: Outcome, folder: Path) -> tuple[Path, Path]:
+    """Write summary.csv and summary.json into the folder; returns where they are."""
+    rows = case_rows(outcome)
+    as_csv, as_json = folder / "summary.csv", folder / "summary.json"
+    write_text(as_csv, csv_text(_csv_lines(rows)))
+    says = {
+        "name": outcome.plan.name,
+        "software": software(),
+        "seeds": list(outcome.plan.seeds),
+        "cases": [_json_row(row) for row in rows],
+        "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
+    }
+    write_text(as_json, json_text(says))
+    return as_csv, as_json
+
+
+def csv_text(lines: Iterator[Sequence[object]]) -> str:
+    """Lines of values as CSV; None is empty."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows(lines)
+    return out.getvalue()
+
+
+def json_text(says: Any) -> str:
+    """A value as readable JSON."""
+    return f"{json.dumps(says, indent=1, allow_nan=False)}\n"
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, unless it is there; BadInput where that cannot be done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{folder}: cannot be made ({error.strerror}); choose another --out") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file; BadInput where that cannot be done."""
+    make_folder(path.parent)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
+
+
+def _csv_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
+    fields = list(dict.fromkeys(field for row in rows for field in row.settings))
+    names = list(dict.fromkeys(name for row in rows for name in row.metrics))
+    changes = list(dict.fromkeys(name for row in rows for name in row.change))
+    columns = [*names, *(f"{name}_change_percent" for name in changes)]
+    numbered = [f"{name}{end}" for name in columns for end in ("", "_low", "_high")]
+    yield ["case", *fields, "runs", "failed", *numbered, *(["against"] if changes else [])]
+    for row in rows:
+        settings = [_csv_value(row.settings.get(field)) for field in fields]
+        numbers: list[float | None] = []
+        for found in (*map(row.metrics.get, names), *map(row.change.get, changes)):
+            numbers += [None, None, None] if found is None else [found.mean, found.low, found.high]
+        yield [row.case, *settings, row.runs, row.failed, *numbers, *([row.against] if changes else [])]
+
+
+def _csv_value(value: object) -> object:
+    return value if value is None or isinstance(value, str | int | float) else show(value)
+
+
+def _json_row(row: CaseRow) -> dict[str, Any]:
+    return {
+        "case": row.case,
+        "set": dict(row.settings),
+        "runs": row.runs,
+        "failed": row.failed,
+        "metrics": {
+            name: {
+                "mean": found.mean,
+                "ci95": found.interval,
+                "values": {str(seed): value for seed, value in row.values[name].items()},
+            }
+            for name, found in row.metrics.items()
+        },
+        "against": row.against,
+        "change_percent": {name: {"mean": found.mean, "ci95": found.interval} for name, found in row.change.items()},
+    }

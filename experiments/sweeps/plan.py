@@ -1,0 +1,237 @@
+"""What a sweep is to run: a base scenario, the cases that vary it, and the seeds that each case is run with.
+
+A sweep file is YAML::
+
+    base: yards-five.yaml            # a scenario file, or a scenario written out here
+    grid:                            # every combination of these values is a case
+      patrol.dilatation: [0, 2, 5]
+      robots.count: [1, 3]
+    cases:                           # or cases by name; with a grid too, each case is run on the whole grid
+      - {name: mode, set: {patrol.direction: mode}}
+      - {name: vector, set: {patrol.direction: vector}}
+    seeds: 3                         # seeds 1 to 3, or a list of seeds; without it the base's own
+    against: {patrol.dilatation: 0}  # compare each case, seed by seed, with the one that differs in this alone
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from dataclasses import field as default
+from itertools import product
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from patrol.errors import BadInput
+from patrol.scenario import Scenario, load_scenario, scenario_hash
+from patrol.scenario.explain import did_you_mean, show
+from patrol.scenario.yaml_text import parse_yaml, read_text
+
+MAX_RUNS = 100_000
+
+_KEYS = ("name", "base", "grid", "cases", "seeds", "against")
+_CASE_KEYS = ("name", "set")
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A name, and what it sets in the base scenario: values by dotted field."""
+
+    name: str
+    settings: Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run to make. key: SHA-256 (hex) of what the resolved scenario means, its seed included."""
+
+    key: str
+    case: str
+    seed: int
+    scenario: Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Every run of a sweep, case by case; runs of different cases that mean the same have the same key.
+
+    against: settings of the cases that others are compared with.
+    """
+
+    name: str
+    cases: tuple[Case, ...]
+    seeds: tuple[int, ...]
+    runs: tuple[Run, ...]
+    against: Mapping[str, object] = default(default_factory=dict)
+
+    def runs_of(self, case: str) -> list[Run]:
+        """The runs of one case, one a seed."""
+        return [run for run in self.runs if run.case == case]
+
+    def partner(self, case: Case) -> Case | None:
+        """The case that this one is compared with: alike but for what `against` says. None for such a case itself."""
+        wanted = {**case.settings, **self.against}
+        if wanted == case.settings:
+            return None
+        return next((other for other in self.cases if other.settings == wanted), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """A scenario to vary, not yet checked. folder: of its relative paths. called: what errors call it."""
+
+    raw: Mapping[str, Any]
+    folder: Path
+    called: str
+
+
+def make_plan(
+    name: str, base: Base, cases: Iterable[Case], seeds: Sequence[int], against: Mapping[str, object] | None = None
+) -> Plan:
+    """Resolve and check every run; BadInput, which names the case, for the first that cannot be."""
+    cases = tuple(cases)
+    _names_differ(cases, base.called)
+    if len(cases) * len(seeds) > MAX_RUNS:
+        raise BadInput(f"{base.called}: {len(cases)} cases x {len(seeds)} seeds; at most {MAX_RUNS} runs fit a sweep")
+    runs = [_run(base, case, seed) for case in cases for seed in seeds]
+    plan = Plan(name, cases, tuple(seeds), tuple(runs), against or {})
+    if plan.against and not any(plan.partner(case) for case in cases):
+        raise BadInput(
+            f"{base.called}: against = {show(against)}: no two cases differ in just that; vary it in the grid"
+        )
+    return plan
+
+
+def read_plan(path: Path, seeds: int | None = None) -> Plan:
+    """The plan in a sweep file; seeds: a count instead of the file's."""
+    raw = parse_yaml(read_text(path), str(path))
+    if not isinstance(raw, dict) or "base" not in raw:
+        raise BadInput(f"{path}: no sweep; give 'base:', a scenario or its file, and 'grid:', 'cases:' or 'seeds:'")
+    for key in raw:
+        if key not in _KEYS:
+            raise BadInput(f"{path}: {key}: unknown key; {did_you_mean(str(key), _KEYS)}")
+    base = _base(raw["base"], path)
+    name = raw.get("name", path.stem)
+    if not isinstance(name, str) or not name:
+        raise BadInput(f"{path}: name = {show(name)}: expected a text")
+    numbers = count_of_seeds(seeds, "--seeds") if seeds is not None else _seeds(raw.get("seeds"), base, path)
+    against = raw.get("against")
+    if not (
+        against is None or (isinstance(against, dict) and against and all(isinstance(key, str) for key in against))
+    ):
+        raise BadInput(f"{path}: against = {show(against)}: expected {{FIELD: VALUE, ...}}")
+    return make_plan(name, base, _cases(raw, path), numbers, against)
+
+
+def count_of_seeds(count: int, called: str) -> tuple[int, ...]:
+    """Seeds 1 to `count`; BadInput for a count that makes no sense."""
+    if not 1 <= count <= MAX_RUNS:
+        raise BadInput(f"{called} = {count}: expected a whole number from 1 to {MAX_RUNS}")
+    return tuple(range(1, count + 1))
+
+
+def _run(base: Base, case: Case, seed: int) -> Run:
+    if "seed" in case.settings:
+        raise BadInput(f"{base.called}: case {case.name}: sets seed; give the seeds under 'seeds:'")
+    try:
+        scenario = load_scenario(base.raw, {**case.settings, "seed": seed}, base=base.folder, called=base.called)
+        return Run(scenario_hash(scenario), case.name, seed, scenario)
+    except BadInput as error:
+        where = f"{base.called}: case {case.name}" if case.settings else base.called
+        raise BadInput(f"{where}: {str(error).removeprefix(f'{base.called}: ')}") from None
+
+
+def _base(given: object, path: Path) -> Base:
+    if isinstance(given, dict):
+        return Base({"name": path.stem, **given}, path.parent, f"{path}: base")
+    if not isinstance(given, str):
+        raise BadInput(f"{path}: base = {show(given)}: expected a scenario's keys and values, or its file")
+    file = path.parent / given
+    raw = parse_yaml(read_text(file), str(file))
+    if not isinstance(raw, dict):
+        raise BadInput(
+            f"{path}: base = {given}: that file holds no scenario; name one such as examples/yards-five.yaml"
+        )
+    return Base({"name": file.stem, **raw}, file.parent, str(file))
+
+
+def _seeds(given: object, base: Base, path: Path) -> tuple[int, ...]:
+    if given is None:
+        given = [load_scenario(base.raw, base=base.folder, called=base.called).seed]
+    if isinstance(given, int) and not isinstance(given, bool):
+        return count_of_seeds(given, f"{path}: seeds")
+    if isinstance(given, list) and given and all(type(seed) is int and seed >= 0 for seed in given):
+        twice = [seed for seed, count in Counter(given).items() if count > 1]
+        if not twice:
+            return tuple(given)
+        raise BadInput(f"{path}: seeds: {twice[0]} occurs twice; give each seed once")
+    raise BadInput(f"{path}: seeds = {show(given)}: expected a count such as 3, or a list of seeds such as [1, 2, 3]")
+
+
+def _cases(raw: Mapping[str, Any], path: Path) -> list[Case]:
+    named = list(_named(raw.get("cases"), path))
+    grid = _grid(raw.get("grid"), path)
+    count = len(named) * prod(len(values) for values in grid.values())
+    if count > MAX_RUNS:
+        raise BadInput(f"{path}: grid: makes {count} cases; at most {MAX_RUNS} runs fit a sweep")
+    short = _short_names(list(grid))
+    found = []
+    for case, values in product(named, product(*grid.values())):
+        chosen = dict(zip(grid, values, strict=True))
+        for field in case.settings:
+            if field in chosen:
+                raise BadInput(f"{path}: {field}: is set by case {case.name} and by the grid; leave one out")
+        parts = [case.name, *(f"{short[field]}={_plain(value)}" for field, value in chosen.items())]
+        found.append(Case(" ".join(part for part in parts if part), {**case.settings, **chosen}))
+    return [Case("base", {})] if [case.name for case in found] == [""] else found
+
+
+def _named(given: object, path: Path) -> Iterator[Case]:
+    """The cases by name; one without a name and settings when there are none."""
+    if given is None:
+        yield Case("", {})
+        return
+    if not isinstance(given, list) or not given:
+        raise BadInput(f"{path}: cases = {show(given)}: expected a list such as [{{name: a, set: {{FIELD: VALUE}}}}]")
+    for index, entry in enumerate(given):
+        where = f"{path}: cases.{index}"
+        if not isinstance(entry, dict) or not isinstance(entry.get("name"), str) or not entry["name"]:
+            raise BadInput(f"{where} = {show(entry)}: expected {{name: NAME, set: {{FIELD: VALUE, ...}}}}")
+        for key in entry:
+            if key not in _CASE_KEYS:
+                raise BadInput(f"{where}: {key}: unknown key; {did_you_mean(str(key), _CASE_KEYS)}")
+        settings = entry.get("set") or {}
+        if not isinstance(settings, dict) or not all(isinstance(field, str) for field in settings):
+            raise BadInput(f"{where}.set = {show(settings)}: expected {{FIELD: VALUE, ...}}")
+        yield Case(entry["name"], settings)
+
+
+def _grid(given: object, path: Path) -> dict[str, list[object]]:
+    if given is None:
+        return {}
+    if not isinstance(given, dict):
+        raise BadInput(f"{path}: grid = {show(given)}: expected {{FIELD: [VALUE, ...], ...}}")
+    for field, values in given.items():
+        if not isinstance(field, str):
+            raise BadInput(f"{path}: grid: {show(field)}: expected a field such as patrol.dilatation")
+        if not isinstance(values, list) or not values:
+            raise BadInput(f"{path}: grid.{field} = {show(values)}: expected a list of values such as [0, 2, 5]")
+    return given
+
+
+def _names_differ(cases: Sequence[Case], called: str) -> None:
+    for name, count in Counter(case.name for case in cases).items():
+        if count > 1:
+            raise BadInput(f"{called}: case {name}: occurs {count} times; give each case another name and value")
+
+
+def _short_names(fields: Sequence[str]) -> dict[str, str]:
+    """The last parts of dotted fields where they differ, otherwise the whole."""
+    last = Counter(field.rpartition(".")[2] for field in fields)
+    return {field: tail if last[tail := field.rpartition(".")[2]] == 1 else field for field in fields}
+
+
+def _plain(value: object) -> str:
+    return value if isinstance(value, str) else show(value)

@@ -1,0 +1,41 @@
+"""How long runs will take on this machine, from the first ticks of a few of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from experiments.sweeps.plan import Run
+from patrol.errors import BadInput
+
+MOST = 6
+"""Runs that are tried."""
+
+TICKS = 100
+"""Ticks of each."""
+
+ENOUGH_S = 15.0
+"""No further run is tried after so many seconds."""
+
+
+def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_counter) -> float | None:
+    """The mean time (s) of a run, from some of them spread over the list; None when none of those can be made."""
+    from experiments.inprocess import run_in_process  # loads the kernels
+    from patrol.prepare import prepare
+
+    found: list[float] = []
+    begun = clock()
+    for index in range(min(MOST, len(runs))):
+        scenario = runs[index * len(runs) // min(MOST, len(runs))].scenario
+        short = scenario.model_copy(update={"duration": scenario.step * min(TICKS, scenario.ticks)})
+        try:
+            first = clock()
+            prepared = prepare(short)
+            ready = clock()
+            run_in_process(prepared, keep=False)
+        except BadInput:  # the sweep will say so
+            continue
+        found.append(ready - first + (clock() - ready) * scenario.ticks / short.ticks)
+        if clock() - begun > ENOUGH_S:
+            break
+    return sum(found) / len(found) if found else None

@@ -1,0 +1,1 @@
+"""The command `fogwatch`, one module for each group of subcommands."""

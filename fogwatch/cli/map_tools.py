@@ -1,0 +1,220 @@
+"""``fogwatch map``: what a map offers a body before anything runs. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from fogwatch.cli.map_regions import regions
+from patrol.errors import BadInput
+from patrol.ground.builtins import LAYOUTS, builtin_terrain
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from patrol.process.warmup import warm
+from patrol.scenario.explain import did_you_mean
+
+if TYPE_CHECKING:
+    from fogwatch.map_check import MapReport, SealedPart
+    from patrol.ground.rooms import Door
+
+app = typer.Typer(help="Look at a map: what can be reached and seen, and what stands in the way.", no_args_is_help=True)
+
+MOST_LINES = 20
+"""Sealed parts and doors listed, of each."""
+
+
+app.command()(regions)
+
+
+@app.command()
+def check(
+    what: Annotated[
+        str, typer.Argument(metavar="MAP.yaml|BUILTIN", help=f"A map's YAML file, or one of {', '.join(LAYOUTS)}.")
+    ],
+    radius: Annotated[float, typer.Option(help="Radius of the body in m.")] = 1.0,
+    point: Annotated[float, typer.Option(help="Side of one point of the grid in m.")] = 0.1,
+    sensor_range: Annotated[float, typer.Option("--range", help="Range of the sensor in m.")] = 10.0,
+    line_of_sight: Annotated[
+        bool, typer.Option("--line-of-sight/--through-walls", help="Whether obstacles block the sensor.")
+    ] = True,
+    start: Annotated[
+        list[str] | None, typer.Option(metavar="X,Y", help="Where a robot starts, in m. Repeatable.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the result into this file.")] = None,
+) -> None:
+    """Say how much of a map a body reaches and sees, what is sealed off and why, and where the narrowest doors are."""
+    for name, value in (("radius", radius), ("point", point), ("range", sensor_range)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
+    starts = [_start(text) for text in start or []]
+    warm(("patrol",), lambda line: typer.echo(line, err=True))
+    from fogwatch.map_check import check_map  # not before its kernels are compiled
+
+    report = check_map(_terrain(what, point), radius, sensor_range, line_of_sight, starts)
+    console = Console()
+    if console.is_terminal:
+        _print_tables(console, report)
+    else:
+        for line in plain_lines(report):
+            typer.echo(line)
+    if picture is not None:
+        from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
+
+        map_picture(report, picture)
+        typer.echo(f"picture: {picture}")
+
+
+def plain_lines(report: MapReport) -> Iterator[str]:
+    """The report as lines of text."""
+    yield f"{headline(report.terrain)}; {body(report)}"
+    for label, value, remark in areas(report):
+        yield f"  {label:<12} {value:10.1f} m²  {remark}".rstrip()
+    yield sealed_headline(report)
+    for number, part in enumerate(report.parts[:MOST_LINES], start=1):
+        yield f"  {number}: {part.area:.1f} m² around {place(part)}: {why(part)}"
+    yield doors_headline(report)
+    for door in report.doors[:MOST_LINES]:
+        yield f"  {door.width:.2f} m at {place(door)}: {passing(door)}, {consequence(door)}"
+
+
+def headline(terrain: Terrain) -> str:
+    """What the terrain is and how large."""
+    xmin, ymin, xmax, ymax = terrain.bounds
+    about = f" ({LAYOUTS[terrain.name].about}; a reconstruction of the paper's)" if terrain.name in LAYOUTS else ""
+    size = f"{xmax - xmin:g} x {ymax - ymin:g} m, {terrain.width} x {terrain.height} points of {terrain.point:g} m"
+    return f"{terrain.name}{about}: {size}"
+
+
+def body(report: MapReport) -> str:
+    """For whom the report holds."""
+    sight = "line of sight" if report.line_of_sight else "through walls"
+    return f"body of {report.radius:g} m radius, sensor of {report.sensor_range:g} m, {sight}"
+
+
+def areas(report: MapReport) -> list[tuple[str, float, str]]:
+    """Label, area in m2 and remark of the report's areas."""
+    blind = max(report.unseen - report.unseen_sealed, 0.0)
+    unseen = f"{report.unseen_sealed:.1f} m² in sealed-off parts, {blind:.1f} m² in blind corners"
+    return [
+        ("free", report.free, ""),
+        ("fits", report.fits, "where the body's centre may be"),
+        ("reachable", report.reachable, "of that, from the starts"),
+        ("patrolled", report.patrolled, "seen from there: what counts in MFoW"),
+        ("never seen", report.unseen, unseen if report.unseen > 0.0 else ""),
+    ]
+
+
+def sealed_headline(report: MapReport) -> str:
+    """How many parts are sealed off."""
+    small = f"{report.small_parts} scraps of {report.small_area:.1f} m² together" if report.small_parts else ""
+    if not report.parts:
+        return f"sealed off: nothing but {small}" if small else "sealed off: nothing"
+    parts = f"{len(report.parts)} part{'s' if len(report.parts) > 1 else ''}"
+    shown = f", the largest {MOST_LINES}" if len(report.parts) > MOST_LINES else ""
+    return f"sealed off: {parts}{shown}{f', and {small}' if small else ''}"
+
+
+def why(part: SealedPart) -> str:
+    """Why a part cannot be reached, and how much of it is seen nevertheless."""
+    reason = str(part.reason)
+    if part.door is not None:
+        reason = f"its door at {place(part.door)} is too narrow, {part.door.width:.2f} m, and {passing(part.door)}"
+    where = "; touches the map's border" if part.at_border else ""
+    return f"{reason}{where}; {_share(part)} of it is seen from outside"
+
+
+def doors_headline(report: MapReport) -> str:
+    """How many doors there are."""
+    if not report.doors:
+        return "doors: none; no narrow place decides what can be reached"
+    shown = f", the narrowest {MOST_LINES}" if len(report.doors) > MOST_LINES else ", narrowest first"
+    return (
+        f"doors: {len(report.doors)}{shown}; widths are of whole free points, and a body needs half a point more "
+        "than its radius: a smaller --point may open a narrow one"
+    )
+
+
+def passing(door: Door) -> str:
+    """Which bodies a door lets through, rounded so that the radius named does pass."""
+    return f"lets a radius of {math.floor(100.0 * door.radius + 1e-6) / 100.0:.2f} m pass"
+
+
+def consequence(door: Door) -> str:
+    """What a door's width means for the body."""
+    return f"{'a wider body loses' if door.passes else 'this body loses'} {door.behind:.1f} m²"
+
+
+def place(at: SealedPart | Door) -> str:
+    """Coordinates in m."""
+    return f"({at.x:.2f}, {at.y:.2f})"
+
+
+def _share(part: SealedPart) -> str:
+    if part.seen == 0.0:
+        return "nothing"
+    percent = min(math.floor(100.0 * part.seen / part.area), 99)
+    return "all" if part.seen == part.area else f"{percent} %" if percent else "less than 1 %"
+
+
+def _print_tables(console: Console, report: MapReport) -> None:
+    console.print(headline(report.terrain), style="bold", highlight=False, markup=False)
+    console.print(body(report), highlight=False)
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="cyan")
+    table.add_column(justify="right")
+    table.add_column(style="dim")
+    for label, value, remark in areas(report):
+        table.add_row(label, f"{value:.1f} m²", remark)
+    console.print(table)
+    console.print(f"\n[bold]{sealed_headline(report)}[/bold]", highlight=False)
+    if report.parts:
+        rows = [
+            (str(number), f"{part.area:.1f}", place(part), why(part))
+            for number, part in enumerate(report.parts[:MOST_LINES], start=1)
+        ]
+        console.print(_table(("#", "m²", "around (m)", "why"), rows))
+    console.print(f"\n[bold]{doors_headline(report)}[/bold]", highlight=False)
+    if report.doors:
+        lines = [
+            (f"{door.width:.2f}", place(door), _yes(door.passes), passing(door), f"{door.behind:.1f}")
+            for door in report.doors[:MOST_LINES]
+        ]
+        console.print(_table(("width (m)", "at (m)", "passes", "", "m² behind"), lines))
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    table = Table(*header, box=None, pad_edge=False, header_style="cyan")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _yes(passes: bool) -> str:
+    return "yes" if passes else "[red]no[/red]"
+
+
+def _terrain(what: str, point: float) -> Terrain:
+    if what in LAYOUTS:
+        return builtin_terrain(what, point)
+    if not Path(what).exists():
+        raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
+    from patrol.ground.maps import read_terrain
+
+    return read_terrain(Path(what), point)
+
+
+def _start(text: str) -> Pose:
+    parts = text.split(",")
+    try:
+        x, y = (float(part) for part in parts[:2])
+    except ValueError:
+        x = y = math.nan
+    if len(parts) not in (2, 3) or not (math.isfinite(x) and math.isfinite(y)):
+        raise BadInput(f"--start = {text}: expected X,Y in m, for example 12.5,3")
+    return Pose(x, y, 0.0)

@@ -1,0 +1,115 @@
+"""``fogwatch sweep``: many runs, the numbers of each kept. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from experiments.sweeps.casetable import CaseRow, case_rows, write_tables
+from experiments.sweeps.cluster import ClusterCrew
+from experiments.sweeps.plan import Plan, read_plan
+from experiments.sweeps.pool import Crew, LocalCrew
+from experiments.sweeps.runner import Outcome, run_sweep
+from experiments.sweeps.stats import Estimate
+from fogwatch.progress import SweepProgress, duration, print_failures
+from patrol.errors import BadInput
+
+FAILED = 1
+"""The exit code when some of the runs failed."""
+
+SHOWN = {
+    "mfow_mean_s": "mean MFoW (s)",
+    "mfow_max_s": "largest MFoW (s)",
+    "fog_mean_s": "mean fog (s)",
+    "dead_end_percent": "dead ends (%)",
+    "collisions": "collisions",
+}
+"""Metrics in the table on the terminal; the files have all of them."""
+
+Workers = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Runs made at a time; one for each core unless given.", show_default=False),
+]
+ClusterAddress = Annotated[
+    str | None,
+    typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers make the runs, tcp://HOST:8786."),
+]
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="YAML: base, grid, cases, seeds, against.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where results go and are looked for; runs/NAME unless given.")
+    ] = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
+    seeds: Annotated[
+        int | None, typer.Option(metavar="K", help="Seeds 1 to K instead of the file's.", show_default=False)
+    ] = None,
+) -> int:
+    """Run a base scenario with every combination of settings and every seed; go on where an earlier start stopped.
+
+    See examples/sweeps/dilatation.yaml for a FILE. Exit codes: 0 every run has its numbers, 1 some failed, 2 bad input,
+    130 interrupted.
+    """
+    plan = read_plan(file, seeds)
+    folder = out or Path("runs") / file.stem
+    console = Console()
+    outcome = make_runs(plan, folder, crew_of(workers, cluster), console)
+    as_csv, as_json = write_tables(outcome, folder)
+    print_cases(console, case_rows(outcome))
+    print_failures(console, outcome)
+    here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration(outcome.wall_s)}"
+    console.print(f"{here}: {as_csv}, {as_json}", highlight=False, soft_wrap=True)
+    return FAILED if outcome.failed else 0
+
+
+def crew_of(workers: int | None, cluster: str | None) -> Crew:
+    """Who makes the runs. BadInput when both kinds of workers are asked for."""
+    if cluster is None:
+        return LocalCrew(workers)
+    if workers is not None:
+        raise BadInput("--workers and --cluster: a cluster has its own workers; leave one of the two out")
+    return ClusterCrew(cluster)
+
+
+def make_runs(plan: Plan, folder: Path, crew: Crew, console: Console, foretell: bool = False) -> Outcome:
+    """Make a plan's runs with a progress bar; Ctrl-C leaves a folder to go on with.
+
+    foretell: try a few runs first, to say how long all will take.
+    """
+    with SweepProgress(console, foretell=foretell) as progress:
+        try:
+            return run_sweep(plan, folder, crew=crew, watcher=progress, say=progress.say)
+        except KeyboardInterrupt:
+            if progress.total:
+                progress.say(f"{progress.done} of {progress.total} runs are done; start again to go on in {folder}")
+            raise
+
+
+def print_cases(console: Console, rows: list[CaseRow]) -> None:
+    """The cases' means as a table."""
+    shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
+    compared = any(row.against for row in rows)
+    titles = [*shown.values(), *(["MFoW by (%)"] if compared else [])]
+    table = Table("case", "runs", *titles, box=None, pad_edge=False, header_style="cyan")
+    for column in table.columns[1:]:
+        column.justify = "right"
+    if compared:
+        table.add_column("against")
+    for row in rows:
+        runs = f"{row.runs}" + (f", {row.failed} failed" if row.failed else "")
+        change = [with_interval(row.change.get("mfow_mean_s")), row.against or ""] if compared else []
+        table.add_row(row.case, runs, *(with_interval(row.metrics.get(name)) for name in shown), *change)
+    console.print(table, highlight=False, markup=False)
+
+
+def with_interval(found: Estimate | None) -> str:
+    """A mean with half its 95 % interval."""
+    if found is None:
+        return "-"
+    return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"

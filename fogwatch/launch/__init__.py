@@ -1,0 +1,1 @@
+"""Running a fleet as processes of this machine, and the folder that a run leaves."""

@@ -1,0 +1,195 @@
+"""What a run shows while it goes on: a live table on a terminal, plain lines every few seconds elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from typing import Protocol
+
+from rich.console import Console
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from patrol.journal import Status
+from patrol.net.telemetry import Metrics, Notice
+
+PLAIN_S = 5.0
+MOST_ROBOTS = 20
+_STYLES = {"patrolling": "green", "dead-end": "yellow", "holding": "cyan"}
+STATUS_STYLES = {
+    Status.ABSENT: "dim",
+    Status.ALIVE: "",
+    Status.PAUSED: "bold yellow",
+    Status.DEAD: "bold red",
+    Status.LOST: "bold red",
+    Status.LEFT: "dim",
+}
+"""How robots' statuses are shown."""
+
+
+class Show(Protocol):
+    """Somebody who is told how a run goes."""
+
+    def say(self, line: str) -> None:
+        """One line of news."""
+        ...
+
+    def metrics(self, metrics: Metrics) -> None:
+        """The run so far."""
+        ...
+
+    def notice(self, notice: Notice) -> None:
+        """Something has happened."""
+        ...
+
+    def close(self) -> None:
+        """The run is over."""
+        ...
+
+
+class Silent:
+    """Shows nothing."""
+
+    def say(self, line: str) -> None:
+        """Nothing."""
+
+    def metrics(self, metrics: Metrics) -> None:
+        """Nothing."""
+
+    def notice(self, notice: Notice) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""
+
+
+class Plain:
+    """Prints a line now and then."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._due = 0.0
+
+    def say(self, line: str) -> None:
+        """Print it."""
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    def metrics(self, metrics: Metrics) -> None:
+        """Print a line, when the last one is some seconds old."""
+        now = time.monotonic()
+        if now >= self._due or metrics.k == metrics.ticks:
+            self._due = now + PLAIN_S
+            self.say(headline(metrics))
+
+    def notice(self, notice: Notice) -> None:
+        """Print it."""
+        self.say(_news(notice))
+
+    def close(self) -> None:
+        """Nothing more to print."""
+
+
+class LiveTable:
+    """Keeps a table of the robots at the bottom of a terminal."""
+
+    def __init__(self, console: Console) -> None:
+        self._live = Live(console=console, refresh_per_second=8, transient=True)
+        self._console = console
+        self._started = False
+
+    def say(self, line: str) -> None:
+        """Print it above the table."""
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    def metrics(self, metrics: Metrics) -> None:
+        """Renew the table."""
+        if not self._started:
+            self._live.start()
+            self._started = True
+        self._live.update(_table(metrics))
+
+    def notice(self, notice: Notice) -> None:
+        """Print it above the table."""
+        self.say(_news(notice))
+
+    def close(self) -> None:
+        """Take the table away."""
+        if self._started:
+            self._live.stop()
+            self._started = False
+
+
+class _Unread(Console):
+    """Says no more once nobody reads it; the run goes on."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+
+
+def make_show(quiet: bool) -> Show:
+    """The way of showing that fits where the standard error goes."""
+    console = _Unread(stderr=True)
+    if quiet:
+        return Silent()
+    return LiveTable(console) if console.is_terminal else Plain(console)
+
+
+def headline(metrics: Metrics) -> str:
+    """The run so far in one line."""
+    rate = metrics.ticks_per_s
+    step = metrics.time_s / metrics.k
+    parts = [
+        f"tick {metrics.k}/{metrics.ticks} ({metrics.time_s:.0f} s)",
+        f"MFoW {metrics.mfow_s:.1f} s, mean {metrics.mfow_mean_s:.1f} s",
+        f"seen {100.0 * metrics.seen_share:.1f} %",
+        _standing(metrics),
+        f"{rate:.1f} ticks/s, {rate * step:.1f} x real time",
+    ]
+    left = metrics.ticks - metrics.k
+    if left and rate > 0.0:
+        parts.append(f"{clock(left / rate)} to go")
+    return "; ".join(parts)
+
+
+def clock(seconds: float) -> str:
+    """A duration as people say it."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest:02d} s"
+    return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _news(notice: Notice) -> str:
+    return " ".join(part for part in (f"tick {notice.k}:", notice.robot, f"{notice.kind}:", notice.detail) if part)
+
+
+def _standing(metrics: Metrics) -> str:
+    """How many robots are alive, and what has become of the others."""
+    count = Counter(robot.status for robot in metrics.robots)
+    others = [f"{count[status]} {status.name.lower()}" for status in Status if status != Status.ALIVE and count[status]]
+    alive = f"{count[Status.ALIVE]}/{len(metrics.robots) - count[Status.ABSENT]} robots"
+    return f"{alive} ({', '.join(others)})" if others else alive
+
+
+def _table(metrics: Metrics) -> Table:
+    outer = Table.grid(padding=(0, 1))
+    outer.add_row(ProgressBar(total=metrics.ticks, completed=metrics.k, width=60))
+    outer.add_row(Text(headline(metrics)))
+    robots = Table(box=None, padding=(0, 2), header_style="bold")
+    for head in ("robot", "state", "x m", "y m"):
+        robots.add_column(head, justify="right" if head.endswith(" m") else "left")
+    for robot in metrics.robots[:MOST_ROBOTS]:
+        status = Status(robot.status)
+        alive = status is Status.ALIVE
+        state = robot.state or "waiting" if alive else status.name.lower()
+        style = _STYLES.get(state, "") if alive else STATUS_STYLES[status]
+        robots.add_row(robot.name, Text(state, style), f"{robot.x:.1f}", f"{robot.y:.1f}")
+    if len(metrics.robots) > MOST_ROBOTS:
+        robots.add_row(f"and {len(metrics.robots) - MOST_ROBOTS} more", "", "", "")
+    outer.add_row(robots)
+    return outer

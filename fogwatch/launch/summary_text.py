@@ -1,0 +1,97 @@
+"""A run's summary for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from fogwatch.launch.live_table import STATUS_STYLES, clock
+from patrol.journal import Status
+
+_VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
+MOST_ROBOTS = 40
+ABSENT = Status.ABSENT.name.lower()
+
+
+def print_report(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
+    """Print what a run came to: the measures, the robots, the verdict, and what lies in the run folder."""
+    for line in measures(summary):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+    console.print(_robots(summary["robots"]))
+    verdict = summary["verdict"]
+    text = Text("verdict     ").append(verdict["outcome"], _VERDICTS[verdict["outcome"]])
+    if verdict["valid"]:
+        text.append(f": {sum(check['judged'] for check in verdict['checks'])} checks passed")
+    console.print(text, highlight=False)
+    for check in verdict["checks"]:
+        if not check["ok"] or not check["judged"]:
+            style = "yellow" if check["ok"] else "red"
+            console.print(f"  {check['name']}: {check['detail']}", style=style, highlight=False, soft_wrap=True)
+    files = ", ".join(sorted(path.name for path in folder.iterdir()))
+    console.print(f"files       {folder}: {files}", markup=False, highlight=False, soft_wrap=True)
+
+
+def measures(summary: Mapping[str, Any]) -> list[str]:
+    """The run's measures, one a line."""
+    lines = [f"{summary['name']}: {summary['simulated_s']:g} s in {summary['ticks']} ticks"]
+    if summary["ended"] != "completed":
+        lines[0] += f", {summary['ended'] or 'cut off'}"
+    if summary["wall_s"]:
+        lines[0] += f"; {clock(summary['wall_s'])} of wall time, {summary['realtime_factor']:.1f} x real time"
+    if not summary["ticks"]:
+        return lines
+    mean, bound = summary["mfow_mean_s"], summary["bound_s"]
+    lines.append(f"MFoW        mean {mean:.1f} s, most {summary['mfow_max_s']:.1f} s{_bound(mean, bound, summary)}")
+    lines.append(f"mean fog    {summary['fog_mean_s']:.1f} s")
+    area = f"{summary['patrolled_area_m2']:.0f} m² to patrol"
+    lines.append(f"coverage    {100.0 * summary['seen_share']:.2f} % of {area}")
+    messages = summary["messages"]
+    counts = ", ".join(f"{messages[name]} {name}" for name in ("sent", "delivered", "dropped", "rejected"))
+    if direct := summary.get("direct"):
+        share = "" if direct["heard_share"] is None else f" ({100.0 * direct['heard_share']:.1f} %)"
+        counts = f"{messages['delivered']} of {messages['sent']} heard{share} by direct radio"
+        counts += f", {messages['rejected']} rejected"
+    lines.append(f"messages    {counts}; {messages['bytes_per_robot_s']:.0f} bytes per robot and second")
+    if deadlines := summary.get("deadlines"):
+        frames, commands = (sum(deadlines[what].values()) for what in ("late_frames", "late_commands"))
+        late = sum(deadlines["too_late"].values())
+        lines.append(f"deadlines   missed by {commands} commands and {frames} frames, {late} of which came too late")
+    return lines
+
+
+def _bound(mean: float, bound: float, summary: Mapping[str, Any]) -> str:
+    """The lower bound beside the mean; the ratio once all is seen and the run long enough for the bound to hold."""
+    if not bound:
+        return ""
+    settled = summary["seen_share"] == 1.0 and summary["simulated_s"] >= 4.0 * bound
+    return f"; lower bound {bound:.1f} s" + (f", ratio {mean / bound:.2f}" if settled else "")
+
+
+def _robots(robots: Mapping[str, Mapping[str, Any]]) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    heads = ("robot", "status", "distance m", "dead end %", "collisions", "decisions", "p50 ms", "p99 ms")
+    for head in heads:
+        table.add_column(head, justify="left" if head in ("robot", "status") else "right")
+    came = {name: facts for name, facts in robots.items() if facts["status"] != ABSENT}
+    for name, facts in list(came.items())[:MOST_ROBOTS]:
+        p50, p99 = (facts[f"decision_ms_p{percent}"] for percent in (50, 99))
+        table.add_row(
+            name,
+            Text(facts["status"], STATUS_STYLES[Status[facts["status"].upper()]]),
+            f"{facts['distance_m']:.0f}",
+            f"{100.0 * facts['dead_end_share']:.1f}",
+            str(facts["collisions"]),
+            str(facts["decisions"]),
+            "-" if p50 is None else f"{p50:.1f}",
+            "-" if p99 is None else f"{p99:.1f}",
+        )
+    if len(came) > MOST_ROBOTS:
+        table.add_row(f"and {len(came) - MOST_ROBOTS} more", *[""] * (len(heads) - 1))
+    if len(came) < len(robots):
+        table.add_row(f"{len(robots) - len(came)} more", Text(ABSENT, STATUS_STYLES[Status.ABSENT]))
+    return table

@@ -1,0 +1,161 @@
+"""What a map offers a body: how much of it can be reached and seen, what is sealed off and by what, the doors.
+
+Pure analysis; `fogwatch map check` prints it and draws it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.fields import StaticFields, compute_fields
+from patrol.ground.kernels.doors import FIRST, ROOM, SADDLE, SECOND
+from patrol.ground.rooms import LISTED_AREA, Door, Rooms
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.pose import Pose
+from patrol.starts import starting_part
+
+
+class Reason(StrEnum):
+    """Why a part of the free space cannot be reached."""
+
+    DOOR = "door too narrow"
+    WALL = "walled off, no opening at all"
+    NARROW = "too narrow for the body"
+
+
+@dataclass(frozen=True, slots=True)
+class SealedPart:
+    """Free space that the body cannot reach. Areas in m2.
+
+    x, y: a place inside, in m. seen: how much of the area is seen from outside the part. standable: where the body's
+    centre could be. at_border: it touches the map's border. door: the one that is too narrow, where that is the reason.
+    """
+
+    x: float
+    y: float
+    area: float
+    seen: float
+    standable: float
+    at_border: bool
+    reason: Reason
+    door: Door | None
+
+
+@dataclass(frozen=True, eq=False)
+class MapReport:
+    """All that a map check finds. Lengths in m, areas in m2.
+
+    free: free space. fits: places where the body's centre may be. reachable: of these, those in reach of the starts.
+    patrolled: what is seen from there. unseen: passable space that never is, and of that, unseen_sealed in the sealed
+    parts, listed or not. parts: sealed-off parts, largest first; small_parts and small_area: those not listed.
+    doors: those on the way to free space around the starts, narrowest first. sealed: int32 (h, w), number of the listed
+    part (from 1) or 0.
+    """
+
+    terrain: Terrain
+    fields: StaticFields
+    radius: float
+    sensor_range: float
+    line_of_sight: bool
+    free: float
+    fits: float
+    reachable: float
+    patrolled: float
+    unseen: float
+    unseen_sealed: float
+    parts: tuple[SealedPart, ...]
+    small_parts: int
+    small_area: float
+    doors: tuple[Door, ...]
+    sealed: NDArray[np.int32]
+
+
+def check_map(
+    terrain: Terrain,
+    radius: float,
+    sensor_range: float = 10.0,
+    line_of_sight: bool = True,
+    starts: Sequence[Pose] = (),
+) -> MapReport:
+    """What `terrain` offers a body of `radius` m with a sensor of `sensor_range` m.
+
+    starts: where the robots start; where random ones would, when there are none.
+    Raises BadInput where the body fits nowhere or not at a start.
+    """
+    if not starts:
+        part = np.flatnonzero(starting_part(terrain, radius))
+        starts = [Pose(*terrain.centre(*divmod(int(part[0]), terrain.width)), 0.0)]
+    fields = compute_fields(terrain, radius, sensor_range, line_of_sight, starts)
+    rooms = Rooms(terrain, radius, fields.reach)
+    parts = sorted(_sealed_parts(rooms, fields), key=lambda found: (-found[0].area, found[0].x, found[0].y))
+    listed = [found for found in parts if found[0].area >= LISTED_AREA]
+    sealed = np.zeros(terrain.shape, dtype=np.int32)
+    for number, (_, leaves) in enumerate(listed, start=1):
+        sealed[rooms.points_of(leaves)] = number
+    in_parts = rooms.points_of([leaf for _, leaves in parts for leaf in leaves]) | rooms.crumbs
+    unseen = terrain.passable & ~fields.patrolled
+    small = [found[0].area for found in parts[len(listed) :]]
+    return MapReport(
+        terrain=terrain,
+        fields=fields,
+        radius=radius,
+        sensor_range=sensor_range,
+        line_of_sight=line_of_sight,
+        free=_area(terrain, terrain.free),
+        fits=_area(terrain, fields.cspace),
+        reachable=_area(terrain, fields.reach),
+        patrolled=_area(terrain, fields.patrolled),
+        unseen=_area(terrain, unseen),
+        unseen_sealed=_area(terrain, unseen & in_parts),
+        parts=tuple(part for part, _ in listed),
+        small_parts=len(small) + rooms.crumb_count,
+        small_area=sum(small) + _area(terrain, rooms.crumbs),
+        doors=tuple(rooms.doors()),
+        sealed=sealed,
+    )
+
+
+def _sealed_parts(rooms: Rooms, fields: StaticFields) -> list[tuple[SealedPart, list[int]]]:
+    """Every part without a start, with its rooms; what is too narrow for the body but all seen is left out."""
+    found = []
+    for number, node in enumerate(rooms.nodes):
+        leaves = rooms.leaves[number]
+        if rooms.is_root[number] and not rooms.reached[number]:
+            reason = Reason.WALL if rooms.takes_body(leaves) else Reason.NARROW
+            found.append((_part(rooms, fields, leaves, reason, None), leaves))
+        elif node[SADDLE] >= 0 and rooms.reached[node[FIRST]] != rooms.reached[node[SECOND]]:
+            side = int(node[SECOND] if rooms.reached[node[FIRST]] else node[FIRST])
+            leaves = rooms.leaves[side]
+            if rooms.takes_body(leaves):
+                door = rooms.door(number, float(rooms.areas[side]))
+                found.append((_part(rooms, fields, leaves, Reason.DOOR, door), leaves))
+            else:
+                found.append((_part(rooms, fields, leaves, Reason.NARROW, None), leaves))
+    return [(part, leaves) for part, leaves in found if part.reason != Reason.NARROW or part.seen < part.area]
+
+
+def _part(rooms: Rooms, fields: StaticFields, leaves: Sequence[int], reason: Reason, door: Door | None) -> SealedPart:
+    """Some rooms as one sealed-off part."""
+    points = rooms.points_of(leaves)
+    largest = max(leaves, key=lambda leaf: (rooms.areas[leaf], -leaf))
+    x, y = rooms.terrain.centre(*divmod(int(rooms.nodes[largest, ROOM]), rooms.terrain.width))
+    edges = (points[0], points[-1], points[:, 0], points[:, -1])
+    return SealedPart(
+        x=x,
+        y=y,
+        area=_area(rooms.terrain, points),
+        seen=_area(rooms.terrain, points & fields.patrolled),
+        standable=_area(rooms.terrain, points & fields.cspace),
+        at_border=any(bool(edge.any()) for edge in edges),
+        reason=reason,
+        door=door,
+    )
+
+
+def _area(terrain: Terrain, mask: BoolGrid) -> float:
+    return float(np.count_nonzero(mask) * terrain.point_area)

@@ -1,0 +1,1 @@
+"""Still pictures: maps, runs, and the results of experiments."""

@@ -1,0 +1,180 @@
+"""What the still pictures share: a canvas in metres, a legend beside it, a scale bar, labels that stay readable.
+
+matplotlib is an extra, so it is imported only when something is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+from patrol.ground.terrain import BoolGrid, Terrain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+DPI = 150
+LONGEST = 11.0
+"""Inches of the drawing's longer side."""
+
+LEGEND = 3.4
+"""Inches for the legend beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """Points of one colour. mask: bool (height, width)."""
+
+    colour: str
+    label: str
+    mask: BoolGrid
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A line of the legend: a colour as a patch, with another marker, as a line (-), or text alone."""
+
+    colour: str
+    label: str
+    marker: str = "s"
+
+
+def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
+    """A figure with axes in m over the whole terrain. BadInput where matplotlib is missing."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise BadInput("pictures need matplotlib; install it with: pip install 'fogwatch[sim]'") from None
+    xmin, ymin, xmax, ymax = terrain.bounds
+    inches = LONGEST / max(xmax - xmin, ymax - ymin)
+    width, height = (xmax - xmin) * inches, (ymax - ymin) * inches
+    left, low, above = 0.7, 0.6, 0.45
+    whole = (left + width + 0.2 + LEGEND, low + max(height, 4.5) + above)
+    figure = Figure(figsize=whole, dpi=DPI, facecolor="white")
+    axes = figure.add_axes((left / whole[0], low / whole[1], width / whole[0], height / whole[1]))
+    axes.set_xlim(xmin, xmax)
+    axes.set_ylim(ymin, ymax)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    axes.tick_params(labelsize=8)
+    axes.set_title(title, loc="left", fontsize=11)
+    return figure, axes
+
+
+def paint(axes: Axes, terrain: Terrain, image: NDArray[np.uint8]) -> None:
+    """Lay a uint8 (height, width, 3) image, row 0 lowest, over the terrain; where it is shrunk, colours mix."""
+    xmin, ymin, xmax, ymax = terrain.bounds
+    axes.imshow(image, origin="lower", extent=(xmin, xmax, ymin, ymax), interpolation="antialiased")
+
+
+def painted(shape: tuple[int, int], layers: Sequence[Layer]) -> NDArray[np.uint8]:
+    """uint8 (height, width, 3): white, and each layer's colour over the layers before it."""
+    image = np.full((*shape, 3), 255, dtype=np.uint8)
+    for layer in layers:
+        image[layer.mask] = rgb(layer.colour)
+    return image
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """'#rrggbb' as three numbers."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def fog_scale(stalest: float) -> ScalarMappable:
+    """Ages in s, 0 to `stalest`, to colours: cividis from fresh (bright) to stale (dark).
+
+    Its steps look even, and it reads the same to colour-blind eyes.
+    """
+    import matplotlib as mpl
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    return ScalarMappable(Normalize(0.0, stalest, clip=True), mpl.colormaps["cividis"].reversed())
+
+
+def colour_bar(figure: Figure, axes: Axes, scale: ScalarMappable, text: str) -> None:
+    """The bar that explains a scale, to the right of the drawing and below the legend."""
+    bar = axes.inset_axes((1.02, 0.12, 0.025, 0.42))
+    figure.colorbar(scale, cax=bar, label=text)
+    bar.tick_params(labelsize=8)
+
+
+def label(
+    axes: Axes, x: float, y: float, text: str, *, colour: str = "#000000", size: float = 7.0, above: float = 0.0
+) -> None:
+    """Text at a place in m, or some font points above it, with a white rim that makes it readable on any colour."""
+    from matplotlib.patheffects import withStroke
+
+    axes.annotate(
+        text,
+        (x, y),
+        (0.0, above),
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=size,
+        color=colour,
+        path_effects=[withStroke(linewidth=2.2, foreground="white")],
+        clip_on=True,
+        zorder=6,
+    )
+
+
+def legend(axes: Axes, keys: Sequence[Key]) -> None:
+    """The legend, to the right of the drawing."""
+    from matplotlib.lines import Line2D
+
+    handles = []
+    for key in keys:
+        is_line = key.marker == "-"
+        handles.append(
+            Line2D(
+                [],
+                [],
+                color=key.colour,
+                linestyle="-" if is_line else "none",
+                linewidth=2.5,
+                marker=None if is_line else key.marker,
+                markersize=9,
+                markeredgecolor="#55585e",
+                markeredgewidth=0.6,
+                label=key.label,
+            )
+        )
+    axes.legend(
+        handles=handles, loc="upper left", bbox_to_anchor=(1.015, 1.0), borderaxespad=0, fontsize=8, frameon=False
+    )
+
+
+def scale_bar(axes: Axes, terrain: Terrain) -> None:
+    """A bar of a round length, about a seventh of the terrain, to the right of the drawing's foot."""
+    xmin, _, xmax, _ = terrain.bounds
+    length = round_length((xmax - xmin) / 7.0)
+    left = 1.02
+    right = left + length / (xmax - xmin)
+    axes.plot((left, right), (0.035, 0.035), transform=axes.transAxes, clip_on=False, color="black", linewidth=3)
+    axes.text(0.5 * (left + right), 0.025, f"{length:g} m", transform=axes.transAxes, ha="center", va="top", fontsize=9)
+
+
+def round_length(about: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is at most `about`."""
+    power = 10.0 ** math.floor(math.log10(about))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about * (1.0 + 1e-9))
+
+
+def save(figure: Figure, out: Path) -> None:
+    """Write the figure as a PNG file; BadInput where that is not possible."""
+    try:
+        figure.savefig(out, format="png", bbox_inches="tight", pad_inches=0.12)
+    except OSError as error:
+        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None

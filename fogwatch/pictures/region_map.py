@@ -1,0 +1,86 @@
+"""The picture of a split: regions in colours of which no two neighbours share one, and the connecting points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fogwatch.pictures.drawing import Key, canvas, label, legend, paint, rgb, save, scale_bar
+from patrol.ground.terrain import Terrain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from patrol.regions.split import RegionSplit
+
+WALL = "#2b2f36"
+BORDER = "#3b5b78"
+CONNECTION = "#c1121f"
+COLOURS = ("#bcd9ea", "#f6dfb0", "#c8e3c0", "#f0c9cf", "#d6cdea", "#e3dccb", "#bfe3df", "#f3d3b8")
+"""Regions in these; where a body's centre does not fit they are paler."""
+
+PALER = 0.5
+"""How strong their colour is there."""
+
+NAMED = 0.02
+"""Least width of a region, as a share of the terrain's, whose number is drawn."""
+
+
+def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Path) -> None:
+    """Draw the regions of a terrain and their connections for a body of `radius` m into the PNG file `out`.
+
+    BadInput where the file cannot be written or matplotlib is missing.
+    """
+    count = len(split.polygons)
+    title = f"{terrain.name}: {count} region{'' if count == 1 else 's'}, connected for a body of {radius:g} m radius"
+    figure, axes = canvas(terrain, title)
+    image = np.empty((*terrain.shape, 3), dtype=np.uint8)
+    image[:] = rgb(WALL)
+    shades = np.array([rgb(COLOURS[shade]) for shade in _shades(split.labels, count)], dtype=np.float64).reshape(-1, 3)
+    inside, fits = split.labels >= 0, split.parts >= 0
+    image[inside] = (255.0 - PALER * (255.0 - shades[split.labels[inside]])).astype(np.uint8)
+    image[fits] = shades[split.labels[fits]].astype(np.uint8)
+    paint(axes, terrain, image)
+    for number, polygon in enumerate(split.polygons):
+        _outline(axes, number, polygon)
+    for link in split.connections:
+        axes.plot(link.x, link.y, "o", color=CONNECTION, markersize=4.0, markeredgecolor="white", zorder=5)
+    keys = [
+        Key(WALL, "wall or unknown, and what is kept out of"),
+        Key(COLOURS[0], "a region, where the body's centre fits"),
+        Key(BORDER, "border of a region", "-"),
+        Key(CONNECTION, f"connecting point ({len(split.connections)})", "o"),
+    ]
+    legend(axes, keys)
+    scale_bar(axes, terrain)
+    save(figure, out)
+
+
+def _outline(axes: Axes, number: int, polygon: tuple[tuple[float, float], ...]) -> None:
+    xs, ys = (np.array(values) for values in zip(*polygon, strict=True))
+    axes.fill(xs, ys, fill=False, edgecolor=BORDER, linewidth=0.9, zorder=4)
+    left, right = axes.get_xlim()
+    if min(np.ptp(xs), np.ptp(ys)) > NAMED * (right - left):
+        label(axes, float(xs.mean()), float(ys.mean()), str(number), size=7.0)
+
+
+def _shades(labels: NDArray[np.int32], count: int) -> list[int]:
+    """A colour for each region that none of its neighbours has, as far as the colours go; the least used first."""
+    beside: list[set[int]] = [set() for _ in range(count)]
+    for one, two in ((labels[:, 2:], labels[:, :-2]), (labels[2:], labels[:-2])):
+        apart = (one != two) & (one >= 0) & (two >= 0)
+        for a, b in np.unique(np.stack([one[apart], two[apart]], axis=1), axis=0):
+            beside[a].add(int(b))
+            beside[b].add(int(a))
+    shades: list[int] = []
+    used = [0] * len(COLOURS)
+    for number in range(count):
+        taken = {shades[other] for other in beside[number] if other < number}
+        free = [shade for shade in range(len(COLOURS)) if shade not in taken] or list(range(len(COLOURS)))
+        shade = min(free, key=lambda shade: (used[shade], shade))
+        used[shade] += 1
+        shades.append(shade)
+    return shades

@@ -1,0 +1,217 @@
+"""Still pictures: a map check, and the end of a run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fogwatch.map_check import MapReport
+from fogwatch.pictures.drawing import (
+    Key,
+    Layer,
+    canvas,
+    colour_bar,
+    fog_scale,
+    label,
+    legend,
+    paint,
+    painted,
+    rgb,
+    save,
+    scale_bar,
+)
+from patrol.errors import BadInput
+from patrol.ground.fog import NEVER, Fog
+from patrol.ground.footprint import sensor_footprint
+from patrol.ground.rooms import Door
+from patrol.journal import Journal, read_journal
+from patrol.journal.records import RobotFacts, RobotTick, Status
+from patrol.pose import Pose
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import load_scenario
+from worldsim.truth import Truth
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WALL = "#2b2f36"
+REACHABLE = "#d9ecf5"
+SEEN = "#8fc3dd"
+SEALED_SEEN = "#f6e3a1"
+SEALED = "#e79f3c"
+BLIND = "#b0306a"
+KEEP_OUT = "#9c8fb5"
+UNCOUNTED = "#c9ccd1"
+PASSES = "#1d5f8a"
+SHUT = "#c1121f"
+PATHS = ("#d55e00", "#56b4e9", "#009e73", "#cc79a7", "#e69f00", "#0072b2", "#f0e442", "#000000")
+"""Colours of Okabe and Ito, told apart by colour-blind eyes; robots beyond eight share them."""
+
+MOST_DOORS = 25
+"""Doors drawn: those too narrow, then the narrowest."""
+
+MOST_NAMES = 24
+"""Robots named in the legend."""
+
+RECENT_S = 60.0
+"""The last seconds of a path, drawn stronger."""
+
+
+def map_picture(report: MapReport, out: Path) -> None:
+    """Draw a map check into the PNG file `out`: walls, what is reached, seen and not, sealed-off parts, doors.
+
+    BadInput where the file cannot be written or matplotlib is missing.
+    """
+    terrain, fields = report.terrain, report.fields
+    sealed = report.sealed > 0
+    unseen = terrain.passable & ~fields.patrolled
+    seen = fields.patrolled & ~fields.reach
+    layers = [
+        Layer(WALL, "wall or unknown", ~terrain.passable),
+        Layer(REACHABLE, "reached by the body's centre", fields.reach),
+        Layer(SEEN, "seen, but no place for the centre", seen & ~sealed & ~terrain.keep_out),
+        Layer(KEEP_OUT, "kept out of, but seen", seen & ~sealed & terrain.keep_out),
+        Layer(SEALED_SEEN, "sealed off, but seen", sealed & seen),
+        Layer(SEALED, "sealed off and never seen", sealed & unseen),
+        Layer(BLIND, "never seen: scraps, blind corners", unseen & ~sealed),
+    ]
+    title = f"{terrain.name}: a body of {report.radius:g} m radius, a sensor of {report.sensor_range:g} m"
+    figure, axes = canvas(terrain, title)
+    paint(axes, terrain, painted(terrain.shape, layers))
+    doors = sorted(report.doors, key=lambda door: (door.passes, door.width))[:MOST_DOORS]
+    for door in doors:
+        _draw_door(axes, door)
+    for number, part in enumerate(report.parts, start=1):
+        label(axes, part.x, part.y, str(number), size=9.0)
+    keys = [
+        Key(layer.colour, f"{layer.label}: {np.count_nonzero(layer.mask) * terrain.point_area:.1f} m²")
+        for layer in layers
+        if layer.mask.any()
+    ]
+    keys += [Key(SHUT, "door too narrow for the body, m", "X")] * any(not door.passes for door in doors)
+    keys += [Key(PASSES, "door that lets it pass, m", "o")] * any(door.passes for door in doors)
+    legend(axes, keys)
+    scale_bar(axes, terrain)
+    save(figure, out)
+
+
+def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -> None:
+    """Draw the true fog at the end of a run and the robots' paths into the PNG file `out`.
+
+    Replayed from the folder's scenario.yaml and journal, whether or not the run was brought to its end. prepared: of
+    that scenario, where it is at hand. BadInput where there is no tick to draw, or as `map_picture`.
+    """
+    journal = read_journal(run_folder / "journal")
+    if prepared is None:
+        prepared = prepare(load_scenario(run_folder / "scenario.yaml"))
+    run = replay(journal, prepared)
+    terrain, scenario = prepared.terrain, prepared.scenario
+    counted = run.fog.patrolled.view(np.bool_)
+    never = counted & (run.fog.last_seen == NEVER)
+    ages = run.fog.age(run.tick) * scenario.step
+    mfow, mean = run.fog.mfow(run.tick) * scenario.step, run.fog.mean(run.tick) * scenario.step
+    title = f"{scenario.name}: fog after {run.tick * scenario.step:g} s, MFoW {mfow:g} s, mean {mean:.1f} s"
+    figure, axes = canvas(terrain, title)
+    scale = fog_scale(max(mfow, scenario.step))
+    image = np.asarray(scale.to_rgba(ages, bytes=True)[..., :3])
+    layers = [
+        Layer(WALL, "wall or unknown", ~terrain.passable),
+        Layer(UNCOUNTED, "never to be seen: does not count", terrain.passable & ~counted),
+        Layer(BLIND, "not seen yet", never),
+    ]
+    for layer in layers:
+        image[layer.mask] = rgb(layer.colour)
+    paint(axes, terrain, image)
+    keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
+    keys.append(Key("#ffffff", f"paths, the last {RECENT_S:g} s strong:", ""))
+    recent = max(round(RECENT_S / scenario.step), 1)
+    for index, facts in enumerate(journal.header.robots):
+        colour = PATHS[index % len(PATHS)]
+        _draw_path(axes, run.tracks[facts.number], recent, colour)
+        if run.last[facts.number].status not in (Status.ABSENT, Status.LEFT):
+            _draw_body(axes, run.last[facts.number], facts, colour)
+        if index < MOST_NAMES:
+            keys.append(Key(colour, f"{facts.name}{_fate(run.last[facts.number].status)}", "-"))
+    if len(journal.header.robots) > MOST_NAMES:
+        keys.append(Key("#ffffff", f"and {len(journal.header.robots) - MOST_NAMES} more", ""))
+    legend(axes, keys)
+    scale_bar(axes, terrain)
+    colour_bar(figure, axes, scale, "time since last seen (s)")
+    save(figure, out)
+
+
+@dataclass(frozen=True, slots=True)
+class FinalFog:
+    """The true fog at a run's last tick. tracks: by robot, float64 (ticks, 2) in m, NaN while it was not alive."""
+
+    tick: int
+    fog: Fog
+    tracks: dict[int, NDArray[np.float64]]
+    last: dict[int, RobotTick]
+
+
+def replay(journal: Journal, prepared: Prepared) -> FinalFog:
+    """The fog at a journal's last whole tick and how the robots got there; BadInput when it holds none."""
+    scenario = prepared.scenario
+    numbers = [facts.number for facts in journal.header.robots]
+    places: list[list[tuple[float, float, float]]] = []
+    record = None
+    for record in journal.ticks:
+        places.append([(r.x, r.y, r.heading) if r.status == Status.ALIVE else (math.nan,) * 3 for r in record.robots])
+    if record is None:
+        raise BadInput(f"{journal.path}: holds no whole tick; there is nothing to draw")
+    poses = np.array(places, dtype=np.float64)
+    truth = Truth(sensor_footprint(scenario, prepared.terrain), prepared.patrolled, scenario.step)
+    # Where one look makes a point fresh, nothing older than the MFoW shows in the end.
+    begin = 0 if scenario.sensor.quality != 1.0 else len(poses) - 1 - record.mfow
+    for index in range(max(begin, 0), len(poses)):
+        tick = record.k - len(poses) + 1 + index
+        alive = [(number, Pose(*pose)) for number, pose in zip(numbers, poses[index].tolist(), strict=True)]
+        truth.observe(tick, [(number, pose) for number, pose in alive if not math.isnan(pose.x)])
+    tracks = {number: poses[:, index, :2] for index, number in enumerate(numbers)}
+    return FinalFog(record.k, truth.fog, tracks, {robot.number: robot for robot in record.robots})
+
+
+def _draw_path(axes: Axes, track: NDArray[np.float64], recent: int, colour: str) -> None:
+    """The whole path, thin, and its last `recent` steps."""
+    axes.plot(track[:, 0], track[:, 1], color=colour, linewidth=0.5, alpha=0.45, zorder=3)
+    late = track[-recent - 1 :]
+    axes.plot(late[:, 0], late[:, 1], color="#ffffff", linewidth=2.6, alpha=0.8, zorder=4, solid_capstyle="round")
+    axes.plot(late[:, 0], late[:, 1], color=colour, linewidth=1.5, zorder=4, solid_capstyle="round")
+
+
+def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str) -> None:
+    """A robot where it ended, with a stroke for its heading, or crossed out when it did not live to the end."""
+    from matplotlib.patches import Circle
+
+    axes.add_patch(
+        Circle((robot.x, robot.y), facts.radius, facecolor=colour, edgecolor="#ffffff", linewidth=1.0, zorder=5)
+    )
+    if robot.status == Status.ALIVE:
+        ahead = (robot.x + facts.radius * math.cos(robot.heading), robot.y + facts.radius * math.sin(robot.heading))
+        axes.plot((robot.x, ahead[0]), (robot.y, ahead[1]), color="#ffffff", linewidth=1.0, zorder=5)
+    else:
+        axes.plot(robot.x, robot.y, marker="X", markersize=9, color=SHUT, markeredgecolor="white", zorder=5)
+    label(axes, robot.x, robot.y, facts.name, above=10.0)
+
+
+def _fate(status: Status) -> str:
+    return "" if status == Status.ALIVE else f" ({status.name.lower()})"
+
+
+def _draw_door(axes: Axes, door: Door) -> None:
+    """A circle as wide as the door, a cross where the body does not pass, and the width."""
+    from matplotlib.patches import Circle
+
+    colour = PASSES if door.passes else SHUT
+    axes.add_patch(Circle((door.x, door.y), 0.5 * door.width, facecolor=colour, edgecolor=colour, alpha=0.35, zorder=4))
+    if door.passes:
+        label(axes, door.x, door.y, f"{door.width:.2f}")
+        return
+    axes.plot(door.x, door.y, marker="X", markersize=7, color=SHUT, markeredgecolor="white", zorder=5)
+    label(axes, door.x, door.y, f"{door.width:.2f}", colour=SHUT, above=9.0)

@@ -1,0 +1,1 @@
+"""Recordings of runs as MCAP files of ROS 2 messages."""

@@ -1,0 +1,183 @@
+"""A recording of a fleet that is running, from what a page would show of it: topics as in `monitor.recording.writer`.
+
+Each state that the source tells is written as it comes. Of robots without a world that is every tick, and what is
+known is where they say that they are. A world's feed tells of about twenty moments a second; MFoW and mean fog are of
+every tick all the same.
+
+Nobody knows yet how stale the fog will become, so the scale of /fog grows: /fog_scale, s, comes with each grid. There
+are no /seen_share and /delivered_share. Chunks are small and handed over at once: whoever is killed loses the last few
+seconds.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from monitor.recording import ros_messages as ros
+from monitor.recording.ros_file import RosFile
+from monitor.recording.writer import KEY_FRAME_S, THERE, grid_values, tokens_of, wall_values
+from monitor.replay.runfiles import SCENARIO
+from monitor.source import Source, State
+from patrol.errors import BadInput
+from patrol.ground.fog import Fog
+from patrol.journal.records import Status
+from patrol.scenario import dump_scenario, load_scenario
+
+CHUNK = 4096
+"""Bytes of a chunk, before compression."""
+
+LEAST_SCALE_S = 10.0
+WAIT_S = 0.2
+GONE_S = 10.0
+"""Wall time after which a world that is gone is not waited for; one whose router is started anew is back by then."""
+
+
+class LiveRecorder:
+    """Writes what a source tells; close() makes the file whole.
+
+    out: a new file. started: wall time as ISO 8601 text. Raises BadInput as `RosFile` does, and where the disk is full.
+    """
+
+    def __init__(self, source: Source, out: Path, started: str) -> None:
+        static = source.static()
+        self._source = source
+        self._static = static
+        self._out = out
+        self._tokens = tokens_of([robot.name for robot in static.robots])
+        self._names = {robot.number: token for robot, token in zip(static.robots, self._tokens, strict=True)}
+        self._bodies = THERE if static.has_truth else (Status.ALIVE,)
+        self._every = max(1, round(KEY_FRAME_S / static.step))
+        self._scale_s = LEAST_SCALE_S
+        self._begun = False
+        self._told = self._shown = -1
+        self._events = 0
+        self._grid_k = -self._every
+        self.last: State | None = None
+        self._file = RosFile(out, out, new=True, chunk=CHUNK)
+        self._file.facts(
+            {
+                "scenario": str(static.scenario["name"]),
+                "fleet": static.name,
+                "started": started,
+                "ended": "recorded while it went on",
+                "told_by": "its world" if static.has_truth else "its robots' positions",
+                "fog_scale_s": "as /fog_scale says",
+                "step_s": f"{static.step:g}",
+                "robots": " ".join(robot.name for robot in static.robots),
+            }
+        )
+        text = dump_scenario(load_scenario(static.scenario))
+        self._file.attach(SCENARIO, "application/yaml", text.encode())
+        self._file.flush()
+
+    def take(self, state: State) -> None:
+        """Write a state, which comes after those before."""
+        try:
+            self._take(state)
+            self._file.flush()
+        except OSError as error:
+            raise BadInput(f"{self._out}: cannot be written ({error.strerror}); what there is stays") from None
+
+    def close(self) -> None:
+        """Nothing more comes: make the file whole."""
+        try:
+            if self.last is not None:
+                self._grid(self.last)
+            self._file.finish()
+        except OSError as error:
+            raise BadInput(f"{self._out}: cannot be written ({error.strerror}); what there is stays") from None
+
+    def _take(self, state: State) -> None:
+        at = self._ns(state.k)
+        if not self._begun:
+            self._begin(state)
+        series = self._source.series(self._told)
+        for k, mfow_s, mean_s in zip(series.ticks.tolist(), series.mfow_s, series.fog_mean_s, strict=True):
+            self._told = k
+            while self._scale_s < mfow_s:
+                self._scale_s *= 2.0
+            self._file.number("/mfow", mfow_s, self._ns(k))
+            self._file.number("/fog_mean", mean_s, self._ns(k))
+        self._happened()
+        if state.robots and state.k > self._shown:
+            self._robots(state, at)
+        if state.k >= self._grid_k + self._every:
+            self._grid(state)
+        self.last = state
+
+    def _begin(self, state: State) -> None:
+        """The first state: what was before it is not told."""
+        self._begun, self._told = True, state.k - 1
+        self._events = sum(event.k < state.k for event in self._source.events(0))
+        at, static = self._ns(state.k), self._static
+        walls = self._file.encoder.grid(at, static.point, static.origin, wall_values(static.passable))
+        self._file.write("/map", ros.GRID, walls, at)
+        says = "in /fog 0 is just seen, 100 is as long ago as /fog_scale says or longer, and -1 does not count"
+        self._file.say("recording", " · ".join(filter(None, (says, static.note))), at)
+
+    def _happened(self) -> None:
+        for event in self._source.events(self._events):
+            self._events += 1
+            name = self._names.get(event.robot or 0, "run")
+            self._file.event(event.kind, name, event.detail, self._ns(event.k))
+
+    def _robots(self, state: State, at: int) -> None:
+        self._shown = state.k
+        bodies = []
+        for token, robot in zip(self._tokens, state.robots, strict=True):
+            if robot.decision_ms is not None:
+                self._file.number(f"/{token}/decision_ms", robot.decision_ms, at)
+            if robot.pose is not None and robot.status in self._bodies:
+                place = (robot.pose.x, robot.pose.y, robot.pose.heading)
+                bodies.append((token, *place))
+                self._file.write(f"/{token}/pose", ros.POSE, self._file.encoder.pose(at, *place), at)
+        self._file.write("/tf", ros.TRANSFORMS, self._file.encoder.transforms(at, bodies), at)
+        self._file.number("/alive", sum(robot.status is Status.ALIVE for robot in state.robots), at)
+
+    def _grid(self, state: State) -> None:
+        static = self._static
+        seen = self._source.last_seen(static.layers[0])
+        if seen is None or state.k == self._grid_k:
+            return
+        self._grid_k = state.k
+        at = self._ns(state.k)
+        values = grid_values(Fog.resumed(static.patrolled, seen), state.k, self._scale_s / static.step)
+        self._file.number("/fog_scale", self._scale_s, at)
+        self._file.write("/fog", ros.GRID, self._file.encoder.grid(at, static.point, static.origin, values), at)
+
+    def _ns(self, k: int) -> int:
+        return round(k * self._static.step * 1e9)
+
+
+def record_live(
+    source: Source,
+    out: Path,
+    started: str,
+    stop: Callable[[], bool],
+    say: Callable[[str], None],
+    now: Callable[[], float] = time.monotonic,
+) -> State | None:
+    """Record a source until it ends, nobody is there to tell of it any more, or somebody wants it; the last state.
+
+    say: told what goes wrong meanwhile. now: wall clock, s.
+    """
+    recorder = LiveRecorder(source, out, started)
+    note = ""
+    gone_at: float | None = None
+    while not stop():
+        state = source.wait(WAIT_S)
+        if state is not None:
+            recorder.take(state)
+            if state.note != note:
+                note = state.note
+                say(note or "heard again")
+            if state.ended is not None:
+                break
+            gone_at = (now() if gone_at is None else gone_at) if state.gone else None
+        if gone_at is not None and now() >= gone_at + GONE_S:
+            say(f"nobody was there for {GONE_S:g} s; the recording ends")
+            break
+    recorder.close()
+    return recorder.last

@@ -1,0 +1,90 @@
+"""How each link of a run stood at any tick: counts for each link and tick, packed, and sums of them now and then."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.replay.run import Run
+from monitor.source import Links
+from monitor.tally import tally
+
+BUDGET_S = 0.02
+"""Wall time that is given at once to reading the journal."""
+
+_APART = 64
+"""Ticks of a block, whose counts are packed together and summed up before the next."""
+
+_FAST = 1
+"""How hard to pack: nearly all ticks of a block are alike, so that little is won by more."""
+
+_Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
+
+
+class LinkLog:
+    """Links at any tick, counted by `monitor.tally`; forged frames do not count."""
+
+    def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
+        self._run = run
+        self._now = now
+        side = len(run.numbers)
+        self._shape = (2, side, side)
+        self._records = iter(run.journal.ticks)
+        self._ticks = 0
+        self._packed: list[bytes] = []
+        self._open: list[NDArray[np.uint16]] = []
+        self._block_of = -1
+        self._block = np.zeros((0, *self._shape), dtype=np.uint16)
+        zeros = np.zeros((side, side), dtype=np.int64)
+        self._counts: list[_Counts] = [(zeros, zeros, zeros - 1)]
+
+    def at(self, k: int) -> Links | None:
+        """Up to tick k; None as long as the journal is not read that far (`reach`)."""
+        return Links(*self._after(k)) if self.reach(k) else None
+
+    def reach(self, k: int) -> bool:
+        """Read on for `BUDGET_S` at most; whether the journal is read up to tick k."""
+        until = self._now() + BUDGET_S
+        while self._ticks <= k:
+            if not self._read() or self._now() > until:
+                break
+        return self._ticks > k
+
+    def _after(self, k: int) -> _Counts:
+        """Sent, delivered and last heard after tick k."""
+        number = k // _APART
+        sent, delivered, heard = self._counts[number]
+        first = number * _APART
+        rows = self._rows(number)[: k + 1 - first]
+        came = rows[:, 1] > 0
+        last = np.where(came.any(axis=0), first + len(rows) - 1 - came[::-1].argmax(axis=0), heard)
+        also_sent, arrived = rows.sum(axis=0, dtype=np.int64)
+        return sent + also_sent, delivered + arrived, last
+
+    def _rows(self, number: int) -> NDArray[np.uint16]:
+        """uint16 (ticks, 2, n, n): frames sent and delivered in each tick of a block."""
+        if number == len(self._packed):
+            return np.stack(self._open)
+        if number != self._block_of:
+            counts = np.frombuffer(zlib.decompress(self._packed[number]), dtype=np.uint16)
+            self._block_of, self._block = number, counts.reshape(-1, *self._shape)
+        return self._block
+
+    def _read(self) -> bool:
+        """One tick more of the journal; False where it ends."""
+        record = next(self._records, None)
+        if record is None:
+            return False
+        counts = np.zeros(self._shape, dtype=np.uint16)
+        tally(record, self._run.index, *counts)
+        self._open.append(counts)
+        self._ticks += 1
+        if len(self._open) == _APART:
+            self._counts.append(self._after(self._ticks - 1))
+            self._packed.append(zlib.compress(np.stack(self._open).tobytes(), _FAST))
+            self._open.clear()
+        return True

@@ -1,0 +1,312 @@
+"""The charts of a report: what happened over time, robot by robot, and link by link."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.replay.beliefs import BeliefErrors
+from monitor.replay.run import Run
+from monitor.report.faultbands import Band, lanes
+from monitor.report.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, plain
+from patrol.journal.records import DEAD_END, Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH = 9.4
+"""Inches of a chart across the page."""
+
+MOST_LANES = 8
+"""Faults with a row each; more share a row by kind."""
+
+MOST_POINTS = 3000
+"""Points of a line; longer ones keep the largest of each stretch."""
+
+MOST_CELLS = 14
+"""Robots up to which a link's share is written into its square."""
+
+MOST_BINS = 60
+"""Bars of a histogram."""
+
+STATES: tuple[tuple[str, str], ...] = (
+    ("patrolling", "#8fbcd9"),
+    ("dead end", "#e69f00"),
+    ("surrounding", "#009e73"),
+    ("holding", "#f0e442"),
+    ("other", "#0072b2"),
+    ("no answer", "#b9a3c9"),
+    ("paused", "#9aa3ad"),
+    ("dead or lost", "#c4161c"),
+    ("not there", "#00000000"),
+)
+"""What a robot can be shown to do, and the colour of it."""
+
+STATUS_WORDS = {int(status): status.name.lower() for status in Status}
+"""A robot's standing in words."""
+
+_PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(len(STATES))
+
+
+def mfow_chart(run: Run, bands: Sequence[Band]) -> Figure:
+    """MFoW and mean fog over time, under the faults."""
+    made, axes, rows = _with_lanes(run, bands, 3.4)
+    times, mfow = stretched(run.times, run.mfow.astype(np.float64) * run.step)
+    axes.plot(times, mfow, color=ACCENT, label="MFoW (the stalest point)")
+    times, mean = stretched(run.times, run.fog_mean * run.step)
+    axes.plot(times, mean, color=INK, linewidth=1.0, label="mean fog")
+    bound = run.journal.header.bound_s
+    if bound > 0.0:
+        axes.axhline(bound, color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)), label="lower bound of MFoW")
+    axes.set_ylabel("fog (s)")
+    axes.set_ylim(bottom=0.0)
+    _key(axes, rows)
+    return made
+
+
+def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figure:
+    """Mean difference between each robot's believed fog and the true one, under the faults."""
+    made, axes, rows = _with_lanes(run, bands, 2.7)
+    times = errors.ticks * run.step
+    for column, place in enumerate(errors.robots):
+        name = run.names[place] if len(errors.robots) <= 10 else None
+        axes.plot(times, errors.mean[:, column] * run.step, color=colour(place), linewidth=1.2, label=name)
+    axes.set_ylabel("|believed - true| (s)")
+    axes.set_ylim(bottom=0.0)
+    _key(axes, rows)
+    return made
+
+
+def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
+    """The delivered share of the robots' frames over time."""
+    made, axes, _ = _with_lanes(run, bands, 2.2)
+    width = max(1, run.ticks // 240)
+    delivered, dropped = (_summed(counts, width) for counts in (run.links.delivered_in, run.links.dropped_in))
+    share = np.where(delivered + dropped > 0, delivered / np.maximum(delivered + dropped, 1), np.nan)
+    times = (np.arange(len(share)) + 0.5) * width * run.step
+    axes.plot(times, 100.0 * share, color=ACCENT)
+    axes.set_ylabel("delivered (%)")
+    axes.set_ylim(-2.0, 104.0)
+    return made
+
+
+def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
+    """What each robot was doing, tick by tick, and where it bumped into somebody."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    count = len(run.names)
+    made, axes, _ = _with_lanes(run, bands, 0.8 + min(0.26 * count, 8.0), shade=False)
+    doing = state_codes(run)
+    width = max(1, run.ticks // 1600)
+    shown = doing[::width].T
+    extent = (0.0, run.ticks * run.step, count - 0.5, -0.5)
+    axes.imshow(
+        shown,
+        aspect="auto",
+        interpolation="none",
+        extent=extent,
+        cmap=ListedColormap([tone for _, tone in STATES]),
+        vmin=-0.5,
+        vmax=len(STATES) - 0.5,
+    )
+    ticks, places = np.nonzero(run.bumped)
+    few = count <= 40
+    if len(ticks):
+        axes.plot(ticks * run.step, places, linestyle="none", marker="|", markersize=7 if few else 3, color=INK)
+    axes.set_yticks(range(count) if few else range(0, count, 10))
+    axes.set_yticklabels([run.names[place] for place in (range(count) if few else range(0, count, 10))])
+    plain(axes, grid="none")
+    used = np.unique(doing)
+    keys = [Patch(facecolor=tone, label=name) for code, (name, tone) in enumerate(STATES[:-1]) if code in used]
+    keys.append(Line2D([], [], linestyle="none", marker="|", color=INK, markersize=8, label="bump"))  # type: ignore[arg-type]
+    made.legend(handles=keys, loc="outside lower left", ncols=7)
+    return made
+
+
+def state_codes(run: Run) -> NDArray[np.uint8]:
+    """uint8 (ticks, n): an index of `STATES` for each robot and tick."""
+    status, labels = run.status, run.labels
+    kinds = {"": _SILENT, DEAD_END: _DEAD_END}
+    kinds |= {"patrolling": _PATROLLING, "surrounding": _SURROUNDING, "holding": _HOLDING}
+    doing = np.array([kinds.get(label, _OTHER) for label in labels], dtype=np.uint8)[run.states]
+    doing[status == Status.PAUSED] = _PAUSED
+    doing[(status == Status.DEAD) | (status == Status.LOST)] = _GONE
+    doing[(status == Status.ABSENT) | (status == Status.LEFT)] = _AWAY
+    return doing
+
+
+def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
+    """How long points waited between two visits: the share of all waits, in bins. gaps: of `monitor.replay.visits`."""
+    made = figure(WIDTH, 2.9)
+    axes = made.add_subplot()
+    waits, weights = np.flatnonzero(gaps) * step, gaps[np.flatnonzero(gaps)].astype(np.float64)
+    if len(waits):
+        # All bins are of so many whole ticks, or even waits would look like a comb.
+        ends = int(np.flatnonzero(gaps)[-1]) + 1
+        width = -(-ends // MOST_BINS)
+        begins = np.arange(0, ends, width)
+        shares = 100.0 * np.add.reduceat(gaps[:ends], begins) / weights.sum()
+        edges = (begins - 0.5) * step
+        axes.bar(edges, shares, width * step, align="edge", color=ACCENT, edgecolor=GRID, linewidth=0.4)
+        order = np.cumsum(weights) / weights.sum()
+        for part, name in ((0.5, "median"), (0.95, "95 %")):
+            wait = float(waits[np.searchsorted(order, part)])
+            axes.axvline(wait, color=INK, linewidth=1.0, linestyle=(0, (4, 3)))
+            above = axes.get_xaxis_transform()
+            axes.annotate(f"{name} {wait:g} s", (wait, 1.0), (4, -9), xycoords=above, textcoords="offset points")
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel("time between two visits of a point (s)")
+    axes.set_ylabel("share of waits (%)")
+    plain(axes)
+    return made
+
+
+def links_chart(run: Run) -> Figure:
+    """The delivered share of each directed link."""
+    share, count = 100.0 * run.links.share(), len(run.names)
+    side = min(1.6 + 0.5 * count, 6.4)
+    made = figure(side + 1.2, side)
+    axes = made.add_subplot()
+    image = axes.imshow(share, cmap="cividis", vmin=0.0, vmax=100.0, interpolation="none")
+    places = range(count) if count <= MOST_CELLS else range(0, count, max(1, count // 10))
+    names = [run.names[place] for place in places]
+    axes.set_xticks(list(places), names, rotation=90 if max(map(len, names)) > 3 else 0)
+    axes.set_yticks(list(places), names)
+    axes.set_xlabel("to")
+    axes.set_ylabel("from")
+    if count <= MOST_CELLS:
+        for (row, column), value in np.ndenumerate(share):
+            if not np.isnan(value):
+                # Written on the colour itself, so it is the same on any page.
+                tone = "#ffffff" if value < 55.0 else "#000000"
+                axes.text(column, row, _percent(value), ha="center", va="center", fontsize=8, color=tone)
+    plain(axes, grid="none")
+    made.colorbar(image, ax=axes, label="delivered (%)", shrink=0.9)
+    return made
+
+
+def decisions_chart(run: Run) -> Figure:
+    """Decision times of each robot: the middle half, 1 to 99 %, median and longest."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    count = len(run.names)
+    made = figure(WIDTH, min(1.0 + 0.28 * count, 9.0))
+    axes = made.add_subplot()
+    for place in range(count):
+        times = run.decision_ms[:, place]
+        times = times[~np.isnan(times)]
+        if not len(times):
+            continue
+        low, quarter, median, three, high = np.percentile(times, (1, 25, 50, 75, 99))
+        axes.plot((low, high), (place, place), color=MUTED, linewidth=1.2, solid_capstyle="butt")
+        axes.plot((quarter, three), (place, place), color=ACCENT, linewidth=7.0, solid_capstyle="butt")
+        axes.plot(median, place, marker="|", markersize=11, markeredgewidth=2.0, color=INK)
+        axes.plot(times.max(), place, marker="x", markersize=5, color=ALERT)
+    few = count <= 40
+    axes.set_yticks(range(count) if few else range(0, count, 10))
+    axes.set_yticklabels([run.names[place] for place in (range(count) if few else range(0, count, 10))])
+    axes.set_ylim(count - 0.4, -0.6)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_xlabel("decision time (ms, logarithmic)")
+    plain(axes, grid="x")
+    return made
+
+
+def troubles_chart(run: Run) -> Figure:
+    """The share of each robot's decisions in dead ends, and how often it bumped."""
+    count = len(run.names)
+    made = figure(WIDTH, min(1.0 + 0.26 * count, 8.0))
+    left, right = made.subplots(1, 2, sharey=True)
+    left.barh(range(count), 100.0 * run.dead_end_share, height=0.62, color=STATES[_DEAD_END][1])
+    left.set_xlabel("decisions in dead ends (%)")
+    right.barh(range(count), run.bumped.sum(axis=0), height=0.62, color=ACCENT)
+    right.set_xlabel("moves cancelled by a collision")
+    few = count <= 40
+    left.set_yticks(range(count) if few else range(0, count, 10))
+    left.set_yticklabels([run.names[place] for place in (range(count) if few else range(0, count, 10))])
+    left.set_ylim(count - 0.4, -0.6)
+    for axes in (left, right):
+        plain(axes, grid="x")
+        axes.set_xlim(0.0, max(axes.get_xlim()[1], 1.0))
+    right.locator_params(axis="x", integer=True)
+    return made
+
+
+def stretched(
+    times: NDArray[np.float64], values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A line with at most `MOST_POINTS`: the largest value of each stretch, where it was."""
+    width = -(-len(values) // MOST_POINTS)
+    if width <= 1:
+        return times, values
+    begins = np.arange(0, len(values), width)
+    picked = np.array([begin + int(np.argmax(values[begin : begin + width])) for begin in begins])
+    return times[picked], values[picked]
+
+
+def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = True) -> tuple[Figure, Axes, int]:
+    """A chart over the run's time with the faults in a strip above it by name, and shaded in it."""
+    end = run.ticks * run.step
+    rows = lanes(bands, MOST_LANES)
+    if not rows:
+        made = figure(WIDTH, height)
+        axes = made.add_subplot()
+    else:
+        strip = 0.19 * len(rows) + 0.1
+        made = figure(WIDTH, height + strip)
+        top, axes = made.subplots(2, 1, sharex=True, height_ratios=(strip, height))
+        for row, (_, several) in enumerate(rows):
+            for band in several:
+                _mark(top, band, row, end)
+        top.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
+        top.set_ylim(len(rows) - 0.4, -0.6)
+        top.tick_params(length=0, labelbottom=False)
+        top.spines[:].set_visible(False)
+        plain(top, grid="none")
+        for band in bands if shade else ():
+            if band.lasts:
+                axes.axvspan(band.begin, band.end, color=ALERT, alpha=0.08, linewidth=0)
+            else:
+                axes.axvline(band.begin, color=ALERT, alpha=0.7, linewidth=0.9)
+    axes.set_xlim(0.0, end)
+    axes.set_xlabel("time (s)")
+    plain(axes)
+    return made, axes, len(rows)
+
+
+def _mark(axes: Axes, band: Band, row: int, end: float) -> None:
+    """A fault in its row: a bar, or a tick for a moment."""
+    if band.lasts:
+        axes.barh(row, max(band.end - band.begin, 0.003 * end), left=band.begin, height=0.62, color=ALERT, alpha=0.75)
+    else:
+        axes.plot(band.begin, row, marker="v", markersize=5, color=ALERT, clip_on=False)
+
+
+def _key(axes: Axes, rows: int) -> None:
+    """The legend above the drawing, out of the lines' way; below the faults' strip it goes into the corner."""
+    if not axes.get_legend_handles_labels()[0]:
+        return
+    if rows:
+        axes.legend(loc="upper left", ncols=10, borderaxespad=0.1)
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high * 1.12)
+    else:
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=10, borderaxespad=0.2)
+
+
+def _summed(counts: NDArray[np.int64], width: int) -> NDArray[np.int64]:
+    return np.add.reduceat(counts, np.arange(0, len(counts), width))
+
+
+def _percent(value: float) -> str:
+    """A share that is not quite everything never reads as 100."""
+    return f"{min(value, 99.9):.1f}" if 99.0 < value < 100.0 else f"{value:.0f}"

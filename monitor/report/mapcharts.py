@@ -1,0 +1,139 @@
+"""The maps of a report: mean and worst fog, and where each robot went."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.replay.run import Run
+from monitor.report.style import INK, MUTED, NEVER, UNCOUNTED, WALL, colour, figure, plain
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.journal.records import Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+MOST_PANELS = 12
+"""Robots with a panel of their own; more are drawn into one."""
+
+MOST_STEPS = 2500
+"""Points of a drawn path."""
+
+_LONGEST = 1600
+"""Points of the longer side of a map's picture; more are merged."""
+
+
+def fog_chart(
+    terrain: Terrain,
+    fog_s: NDArray[np.float64],
+    counted: BoolGrid,
+    never: BoolGrid,
+    label: str,
+    most: float | None = None,
+) -> Figure:
+    """A map of a fog in s; counted: the patrolled area; never: what nobody ever saw; most: the scale's end, s."""
+    made, axes = _map(terrain)
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    most = float(fog_s[counted].max(initial=0.0)) if most is None else most
+    scale = ScalarMappable(Normalize(0.0, max(most, 1e-9)), colormaps["cividis"].reversed())
+    every = -(-max(terrain.shape) // _LONGEST)
+    image = scale.to_rgba(_thinned(np.where(counted, fog_s, 0.0), every))
+    image[~_thinned(counted, every)] = UNCOUNTED
+    image[_thinned(counted & never, every)] = NEVER
+    image[_thinned(~terrain.passable, every)] = WALL
+    _lay(axes, terrain, image)
+    made.colorbar(scale, ax=axes, label=label, shrink=0.85, pad=0.02)
+    return made
+
+
+def paths_chart(run: Run) -> Figure:
+    """Where each robot went: a panel each, or all in one map for a large fleet."""
+    terrain, count = run.prepared.terrain, len(run.names)
+    if count > MOST_PANELS:
+        made, axes = _map(terrain)
+        _ground(axes, terrain)
+        for place in range(count):
+            _path(axes, run, place, 0.5)
+        return made
+    xmin, ymin, xmax, ymax = terrain.bounds
+    columns = min(count, 3 if xmax - xmin > 0.6 * (ymax - ymin) else 5)
+    rows = -(-count // columns)
+    width = 9.4 / columns
+    made = figure(9.4, rows * min(width * (ymax - ymin) / (xmax - xmin) + 0.3, 7.0))
+    panels = made.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for place, axes in enumerate(panels):
+        if place >= count:
+            axes.set_axis_off()
+            continue
+        _frame(axes, terrain)
+        axes.tick_params(labelbottom=False, labelleft=False, length=0)
+        _ground(axes, terrain)
+        _path(axes, run, place, 0.8)
+        axes.set_title(f"{run.names[place]}: {run.driven[place]:.0f} m", color=INK)
+    return made
+
+
+def _map(terrain: Terrain) -> tuple[Figure, Axes]:
+    xmin, ymin, xmax, ymax = terrain.bounds
+    width = 5.3
+    height = width * (ymax - ymin) / (xmax - xmin)
+    if height > 6.5:
+        width, height = width * 6.5 / height, 6.5
+    made = figure(width + 1.1, max(height, 1.6) + 0.5)
+    axes = made.add_subplot()
+    _frame(axes, terrain)
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    return made, axes
+
+
+def _frame(axes: Axes, terrain: Terrain) -> None:
+    xmin, ymin, xmax, ymax = terrain.bounds
+    axes.set_xlim(xmin, xmax)
+    axes.set_ylim(ymin, ymax)
+    axes.set_aspect("equal")
+    plain(axes, grid="none")
+
+
+def _ground(axes: Axes, terrain: Terrain) -> None:
+    every = -(-max(terrain.shape) // (_LONGEST // 2))
+    walls = _thinned(~terrain.passable, every)
+    image = np.zeros((*walls.shape, 4))
+    image[walls] = WALL
+    _lay(axes, terrain, image)
+
+
+def _lay(axes: Axes, terrain: Terrain, image: NDArray[np.float64]) -> None:
+    xmin, ymin, xmax, ymax = terrain.bounds
+    small: NDArray[np.uint8] = np.asarray(image * 255.0, dtype=np.uint8)
+    axes.imshow(small, origin="lower", extent=(xmin, xmax, ymin, ymax), interpolation="antialiased")
+
+
+def _path(axes: Axes, run: Run, place: int, width: float) -> None:
+    """The path, with a ring where it began and a dot, or a cross for a robot that is gone, where it ended."""
+    track = run.poses[:, place, :2].copy()
+    track[np.isin(run.status[:, place], (Status.ABSENT, Status.LEFT))] = np.nan
+    there = np.flatnonzero(~np.isnan(track[:, 0]))
+    if not len(there):
+        return
+    every = -(-len(track) // MOST_STEPS)
+    tone = colour(place)
+    axes.plot(*track[::every].T, color=tone, linewidth=width, alpha=0.85, rasterized=len(run.names) > MOST_PANELS)
+    begin, end = track[there[0]], track[there[-1]]
+    last = run.standing[place] if there[-1] == run.ticks - 1 else run.status[there[-1], place]
+    gone = last in (Status.DEAD, Status.LOST)
+    axes.plot(*begin, marker="o", markersize=5, markerfacecolor="none", markeredgecolor=MUTED)
+    axes.plot(*end, marker="X" if gone else "o", markersize=7 if gone else 5, color=tone, markeredgecolor=INK)
+
+
+def _thinned(grid: NDArray[_Scalar], every: int) -> NDArray[_Scalar]:
+    """Every so-manieth row and column."""
+    return grid[::every, ::every]

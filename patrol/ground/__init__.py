@@ -1,0 +1,1 @@
+"""The ground: terrains and maps, where a body fits, what it sees, and the fog over it."""

@@ -1,0 +1,190 @@
+"""Static fields of one body and sensor on one terrain: where it fits, where it gets to, what it can see from there.
+
+They depend on nothing that happens in a run, so they are computed once and shared, memory-mapped, by all processes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+from patrol.ground.kernels.clearance import nearest, square_clearance
+from patrol.ground.kernels.components import label_parts
+from patrol.ground.kernels.coverage import see_back, see_from_reach
+from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
+from patrol.pose import Pose
+
+IntGrid = NDArray[np.int32]
+
+TOLERANCE = 1e-9
+"""How much nearer than its planning radius (m) a body's centre may be to a wall."""
+
+GRIDS = ("cspace", "reach", "patrolled", "proxy")
+
+MARGIN = 2.0
+"""How far (points) beyond the planning radius's half point the way from a start to the C-space may be."""
+
+
+@dataclass(frozen=True, eq=False)
+class StaticFields:
+    """What one kind of robot can do on one terrain. All arrays are (height, width) and read-only.
+
+    cspace: bool, the body fits with its centre at the point's centre.
+    reach: bool, the parts of cspace that hold a start.
+    patrolled: bool, points that are seen from some place in reach.
+    proxy: int32, for a patrolled point outside reach the flat index of the nearest point of reach that sees it
+    (paper/NOTES 4: such points pull through it), else -1.
+    """
+
+    cspace: BoolGrid
+    reach: BoolGrid
+    patrolled: BoolGrid
+    proxy: IntGrid
+
+    def save(self, folder: Path) -> None:
+        """Write the four arrays as .npy files into `folder`, which is made when missing."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in GRIDS:
+            np.save(folder / f"{name}.npy", getattr(self, name))
+
+    @staticmethod
+    def load(folder: Path) -> StaticFields:
+        """What save() wrote, memory-mapped and read-only."""
+        cspace, reach, patrolled, proxy = (load_grid(folder / f"{name}.npy") for name in GRIDS)
+        return StaticFields(cspace, reach, patrolled, proxy)
+
+
+def load_grid(path: Path) -> NDArray[Any]:
+    """An array of a .npy file, memory-mapped and read-only."""
+    return np.asarray(np.load(path, mmap_mode="r"))
+
+
+def planning_radius(radius: float, point: float) -> float:
+    """Clearance in m that a body of `radius` m needs at the centres of points.
+
+    Half a point more than the body, so that a straight drive between neighbouring C-space points touches no wall.
+    """
+    return radius + 0.5 * point
+
+
+def needed_level(radius: float, point: float) -> int:
+    """Least squared clearance, in half points, at which a body of `radius` m has its planning radius."""
+    halves = min(2.0 * (planning_radius(radius, point) - TOLERANCE) / point, 46_000.0)  # its square fits int32
+    return max(math.ceil(halves * halves), 1)
+
+
+def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
+    """Squared distance, in half points, from each point's centre to the nearest blocked point or the grid's edge.
+
+    free: bool (h, w). cap: whole points beyond which a distance is not told apart; the cost grows with it.
+    Returns int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2.
+    """
+    cap = min(cap, min(free.shape) // 2 + 2)  # the edge is never further
+    along = np.empty(free.shape, dtype=np.int32)
+    levels = np.empty(free.shape, dtype=np.int32)
+    square_clearance(np.ascontiguousarray(free).view(np.uint8), cap, along, levels)
+    return levels
+
+
+def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
+    """bool (height, width), read-only: a body of `radius` m keeps its planning radius at the point's centre.
+
+    Distances are exact, from the centre to the nearest blocked or keep-out square and to the terrain's edge.
+    """
+    needed = needed_level(radius, terrain.point)
+    cap = math.ceil(math.sqrt(needed)) // 2 + 2
+    return frozen_grid(clearance_levels(terrain.free, cap) >= needed)
+
+
+def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
+    """The connected parts of a mask (8 neighbours, no corner cutting): int32 (h, w) labels from 1, and how many."""
+    labels = np.empty(mask.shape, dtype=np.int32)
+    work = np.empty(mask.size, dtype=np.int32)
+    return labels, int(label_parts(np.ascontiguousarray(mask).view(np.uint8), labels, work))
+
+
+def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int, int] | None:
+    """(row, col) of the C-space point through which a body at (x, y) in m joins the C-space, or None.
+
+    The nearest within two points and a half (the lowest index of several) that a straight line over free points leads
+    to, so that no start joins a room behind a wall.
+    """
+    row, col = terrain.point_at(x, y)
+    span = math.ceil(MARGIN + 0.5) + 1
+    found = []
+    for r in range(max(row - span, 0), min(row + span + 1, terrain.height)):
+        for c in range(max(col - span, 0), min(col + span + 1, terrain.width)):
+            if cspace[r, c]:
+                cx, cy = terrain.centre(r, c)
+                away = math.hypot(cx - x, cy - y) / terrain.point
+                if away <= MARGIN + 0.5 + TOLERANCE:
+                    found.append((away, r, c))
+    for _, r, c in sorted(found):
+        if _open_line(terrain, x, y, *terrain.centre(r, c)):
+            return r, c
+    return None
+
+
+def _open_line(terrain: Terrain, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Whether every tenth of a point along a short straight line lies on free points."""
+    steps = max(math.ceil(10.0 * math.hypot(x1 - x0, y1 - y0) / terrain.point), 1)
+    for i in range(steps + 1):
+        at = terrain.point_at(x0 + (x1 - x0) * i / steps, y0 + (y1 - y0) * i / steps)
+        if not terrain.inside(*at) or not terrain.free[at]:
+            return False
+    return True
+
+
+def compute_fields(
+    terrain: Terrain, radius: float, sensor_range: float, line_of_sight: bool, starts: Sequence[Pose]
+) -> StaticFields:
+    """The static fields of a body of `radius` m with a sensor of `sensor_range` m, for robots that start at `starts`.
+
+    Patrolled is what the whole disc around some place in reach sees, whatever the sensor's angle: a robot may turn.
+    Raises BadInput where a start lies in no part of the C-space.
+    """
+    cspace = cspace_of(terrain, radius)
+    labels, _ = parts_of(cspace)
+    held = []
+    for start in starts:
+        at = anchor(terrain, cspace, start.x, start.y)
+        if at is None:
+            raise BadInput(
+                f"robots.starts: a body of radius {radius:g} m does not fit at ({start.x:g}, {start.y:g}) on "
+                f"{terrain.name}; start it further from the walls"
+            )
+        held.append(int(labels[at]))
+    reach = frozen_grid(np.isin(labels, sorted(set(held))) & cspace)
+    proxy = _proxies(terrain, reach, sensor_range / terrain.point, line_of_sight)
+    proxy.flags.writeable = False
+    return StaticFields(cspace, reach, frozen_grid(reach | (proxy >= 0)), proxy)
+
+
+def _proxies(terrain: Terrain, reach: BoolGrid, radius: float, line_of_sight: bool) -> IntGrid:
+    """For each passable point outside reach the nearest point of reach that sees it, or -1; `radius` is in points."""
+    # No sensor reaches further than across the terrain, and squares must fit into 32 bits.
+    radius = min(radius, math.hypot(*terrain.shape), 32_000.0)
+    cap = math.floor(radius + TOLERANCE)
+    limit = math.floor(radius * radius + TOLERANCE)
+    shape = terrain.shape
+    reached = reach.view(np.uint8)
+    proxy = np.full(shape, -1, dtype=np.int32)
+    square = np.full(shape, limit + 1, dtype=np.int32)
+    if not line_of_sight:
+        wanted = (terrain.passable & ~reach).view(np.uint8)
+        nearest(reached, wanted, cap, limit, square, proxy)
+        return proxy
+    passable = terrain.passable.view(np.uint8)
+    now = np.empty((2 * cap + 8, 4), dtype=np.int64)
+    after = np.empty_like(now)
+    see_from_reach(passable, reached, limit, now, after, proxy, square)
+    work = np.empty(terrain.passable.size, dtype=np.int32)
+    see_back(passable, reached, limit, now, after, work, proxy, square)
+    return np.maximum(proxy, -1, out=proxy)

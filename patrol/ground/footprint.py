@@ -1,0 +1,110 @@
+"""The footprint: the points a robot observes from a pose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.kernels.footprint import cast, disc, keep_sector
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
+
+REMEMBERED = 64
+"""Footprints kept by a `Footprint`: in one tick every robot, and in one process every belief, asks for the same few."""
+
+Quality = float | Sequence[tuple[float, float]]
+"""Share of a point's age that an observation takes away: one number in (0, 1], or (distance in m, share) corners with
+straight lines between them and the nearest corner's share beyond the first and last."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What is seen from one pose.
+
+    row0, col0: the point under the window's element (0, 0); may lie outside the terrain.
+    mask: uint8 (m, m), 1 where the point is seen; read-only.
+    quality: float64 (m, m) share of the age taken away, or None where a look makes a point fresh; read-only.
+    """
+
+    row0: int
+    col0: int
+    mask: NDArray[np.uint8]
+    quality: NDArray[np.float64] | None
+
+    def shows(self, row: int, col: int) -> bool:
+        """Whether the terrain's point (row, col) is seen."""
+        up, across = row - self.row0, col - self.col0
+        rows, cols = self.mask.shape
+        return 0 <= up < rows and 0 <= across < cols and bool(self.mask[up, across])
+
+
+class Footprint:
+    """A sensor on a terrain: from a pose to the points it observes.
+
+    The sensor sits at the centre of the point that holds the pose; a disc of ``range_m``, or the sector of
+    ``angle_deg`` around the heading, in sight by symmetric shadow casting unless ``line_of_sight`` is False (the
+    paper does not say whether its sensor sees through obstacles). Only impassable points block sight; keep-out zones
+    do not.
+    """
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        range_m: float,
+        angle_deg: float = 360.0,
+        line_of_sight: bool = True,
+        quality: Quality = 1.0,
+    ) -> None:
+        self.terrain = terrain
+        # No sensor reaches farther than across the terrain.
+        self.radius = min(range_m / terrain.point, math.hypot(*terrain.shape))
+        self.reach = math.floor(self.radius + 1e-9)
+        self.angle = math.radians(angle_deg)
+        self.line_of_sight = line_of_sight
+        self._whole = angle_deg >= 360.0
+        self._passable = np.ascontiguousarray(terrain.passable).view(np.uint8)
+        self._quality = _quality_window(quality, self.reach, terrain.point)
+        self._remembered = lru_cache(maxsize=REMEMBERED)(self._look)
+
+    def visible(self, pose: Pose) -> View:
+        """The points seen from ``pose``; pass the pose as encoded on the wire, so that all who hear it agree."""
+        row, col = self.terrain.point_at(pose.x, pose.y)
+        return self._remembered(row, col, 0.0 if self._whole else pose.heading)
+
+    def _look(self, row: int, col: int, heading: float) -> View:
+        mask = np.empty((2 * self.reach + 1, 2 * self.reach + 1), dtype=np.uint8)
+        look = cast if self.line_of_sight else disc
+        look(self._passable, row, col, self.radius, mask, row - self.reach, col - self.reach)
+        if not self._whole:
+            keep_sector(mask, heading, self.angle)
+        mask.flags.writeable = False
+        return View(row - self.reach, col - self.reach, mask, self._quality)
+
+
+def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
+    """The scenario's sensor on its terrain."""
+    sensor = scenario.sensor
+    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
+
+
+def _quality_window(quality: Quality, reach: int, point: float) -> NDArray[np.float64] | None:
+    if isinstance(quality, (int, float)):
+        corners: Sequence[tuple[float, float]] = [(0.0, float(quality))]
+    else:
+        corners = quality
+    if all(share == 1.0 for _, share in corners):
+        return None
+    offsets = np.arange(-reach, reach + 1, dtype=np.float64)
+    distance = point * np.sqrt(offsets[:, None] ** 2 + offsets[None, :] ** 2)
+    window = np.interp(distance, [at for at, _ in corners], [share for _, share in corners])
+    window.flags.writeable = False
+    return np.ascontiguousarray(window)

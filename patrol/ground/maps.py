@@ -1,0 +1,266 @@
+"""Maps in ROS map_server's format, read as nav2's map server reads them and resampled without shrinking an obstacle.
+
+A map is a YAML file with the keys image, resolution, origin, negate, occupied_thresh, free_thresh and, if wanted, mode,
+and the image that it names, whose pixels are the map's cells, the upper row at the highest y.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from patrol.errors import BadInput
+from patrol.ground.builtins import builtin_terrain
+from patrol.ground.shapes import cover
+from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
+from patrol.scenario.explain import did_you_mean, show
+from patrol.scenario.yaml_text import parse_yaml, read_text
+
+if TYPE_CHECKING:
+    from patrol.scenario.model import TerrainSpec
+
+Mode = Literal["trinary", "scale", "raw"]
+MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
+
+FORMATS = ("PPM", "PNG", "BMP", "JPEG")
+MAX_CELLS = 100_000_000
+TOLERANCE = 1e-6
+"""Overlaps thinner than this (in cells) are rounding and do not count."""
+
+QUANTA = 65535
+"""The scale on which the map server adds a pixel's channels."""
+
+BLOCK = 256
+"""Rows of an image that are judged at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapFile:
+    """What a map's YAML says. resolution: m per cell. origin: (x, y) in m of the lower left corner."""
+
+    path: Path
+    image: Path
+    resolution: float
+    origin: tuple[float, float]
+    negate: bool
+    occupied_thresh: float
+    free_thresh: float
+    mode: Mode
+
+
+def load_terrain(spec: TerrainSpec, point: float, base: Path) -> Terrain:
+    """The terrain that a scenario asks for, on points of `point` m; its map's path is relative to `base`.
+
+    Raises BadInput when there is no such map or no free space.
+    """
+    if spec.builtin is not None:
+        terrain = builtin_terrain(spec.builtin, point)
+    else:
+        terrain = read_terrain(base / str(spec.map), point)
+    if not spec.keep_out:
+        return terrain
+    keep_out = np.zeros(terrain.shape, dtype=np.bool_)
+    for polygon in spec.keep_out:
+        keep_out |= cover(polygon, terrain.shape, point, terrain.origin)
+    kept = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out)
+    if not kept.free.any():
+        raise BadInput(f"terrain.keep_out: covers all free space of {terrain.name}; leave some for the robots")
+    return kept
+
+
+def read_terrain(path: Path, point: float) -> Terrain:
+    """The terrain of a map's YAML file on points of `point` m.
+
+    The grid begins at the map's origin; what is left of the map beyond the last whole point is dropped.
+    Raises BadInput for whatever is wrong with the two files or leaves no free space.
+    """
+    says = read_map_file(path)
+    cells = free_cells(says)
+    if not cells.any():
+        raise BadInput(
+            f"{path}: free_thresh = {says.free_thresh:g}: no cell of {says.image.name} is free by it; check "
+            f"free_thresh, negate ({str(says.negate).lower()}) and mode ({says.mode})"
+        )
+    shape = tuple(whole_points(count * says.resolution, point) for count in cells.shape)
+    extent = f"{cells.shape[1] * says.resolution:g} x {cells.shape[0] * says.resolution:g} m"
+    if min(shape) < 1:
+        raise BadInput(f"{path}: resolution = {says.resolution:g}: makes {extent}, less than one point of {point:g} m")
+    if shape[0] * shape[1] > MAX_POINTS:
+        raise BadInput(
+            f"{path}: resolution = {says.resolution:g}: makes {extent}, more than {MAX_POINTS} points of {point:g} m; "
+            "correct it or choose a larger point"
+        )
+    passable = resample(cells, says.resolution, point)
+    if not passable.any():
+        raise BadInput(f"{path}: no free point of {point:g} m; the free space is too narrow, choose a smaller point")
+    return Terrain(path.stem, passable, point, says.origin)
+
+
+def read_map_file(path: Path) -> MapFile:
+    """What a map's YAML file says; BadInput names the key, its value and what is wrong with it."""
+    says = parse_yaml(read_text(path), str(path))
+    if not isinstance(says, dict):
+        raise BadInput(f"{path}: is no map; expected keys and values such as 'image: map.pgm'")
+    image = _value(path, says, "image", "the image's file name")
+    if not isinstance(image, str) or not image or "\0" in image:
+        raise BadInput(f"{path}: image = {show(image)}: expected the image's file name")
+    resolution = _number(path, says, "resolution", "a finite number above 0 (m per cell)")
+    if resolution <= 0.0:
+        raise BadInput(f"{path}: resolution = {resolution:g}: expected a finite number above 0 (m per cell)")
+    mode = says.get("mode", "trinary")
+    if mode not in MODES:
+        raise BadInput(f"{path}: mode = {show(mode)}: unknown; {did_you_mean(str(mode), MODES)}")
+    occupied, free = (_number(path, says, f"{name}_thresh", "a number from 0 to 1") for name in ("occupied", "free"))
+    if not 0.0 <= free < occupied <= 1.0:
+        raise BadInput(
+            f"{path}: free_thresh = {free:g}, occupied_thresh = {occupied:g}: expected 0 <= free_thresh < "
+            "occupied_thresh <= 1"
+        )
+    return MapFile(
+        path=path,
+        image=path.parent / image,
+        resolution=resolution,
+        origin=_origin(path, says),
+        negate=_negate(path, says),
+        occupied_thresh=occupied,
+        free_thresh=free,
+        mode=mode,
+    )
+
+
+def free_cells(says: MapFile) -> BoolGrid:
+    """bool (rows, columns), the lowest y first: the cells that are free, that is neither occupied nor unknown.
+
+    As nav2: a pixel's shade is the mean of its channels (with alpha in mode trinary) and its occupancy 1 - shade, or
+    shade where negate is set; free is what lies below free_thresh. In mode scale a pixel that is not opaque is unknown.
+    In mode raw the pixel itself, 0 to 100, is the occupancy in percent, and more is unknown.
+    """
+    levels, has_alpha = _pixels(says)
+    free = np.empty(levels.shape[:2], dtype=np.bool_)
+    for first in range(0, levels.shape[0], BLOCK):
+        block = levels[first : first + BLOCK].astype(np.float64)
+        alpha = block[..., -1] if has_alpha else np.float64(QUANTA)
+        colours = block[..., :-1] if has_alpha and says.mode != "trinary" else block
+        shade = colours.sum(axis=-1) / colours.shape[-1] / QUANTA
+        if says.mode == "raw":
+            percent = np.floor(shade * 255.0 + 0.5)
+            free[first : first + BLOCK] = (percent <= 100.0) & (percent / 100.0 < says.free_thresh)
+            continue
+        occupancy = shade if says.negate else 1.0 - shade
+        opaque = (alpha == QUANTA) | (says.mode == "trinary")
+        free[first : first + BLOCK] = opaque & (occupancy < says.free_thresh)
+    return free[::-1]
+
+
+def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
+    """bool (height, width): the points of `point` m on which every cell that they share some area with is free.
+
+    cells: bool (rows, columns) of `resolution` m, from the same corner. Finer and coarser points both work.
+    """
+    # blocked[r, c] counts the blocked cells below row r and left of column c.
+    blocked = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)
+    np.cumsum(~cells, axis=0, dtype=np.int32, out=blocked[1:, 1:])
+    np.cumsum(blocked[1:, 1:], axis=1, out=blocked[1:, 1:])
+    low_row, high_row = _overlaps(cells.shape[0], resolution, point)
+    low_col, high_col = _overlaps(cells.shape[1], resolution, point)
+    count = blocked[np.ix_(high_row, high_col)] - blocked[np.ix_(low_row, high_col)]
+    count += blocked[np.ix_(low_row, low_col)] - blocked[np.ix_(high_row, low_col)]
+    passable: BoolGrid = count == 0
+    return passable
+
+
+def _overlaps(cells: int, resolution: float, point: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First cell, and the one after the last, that each whole point along one side shares some area with."""
+    count = whole_points(cells * resolution, point)
+    index = np.arange(count, dtype=np.float64)
+    first = np.floor(index * point / resolution + TOLERANCE).astype(np.int64)
+    after = np.ceil((index + 1.0) * point / resolution - TOLERANCE).astype(np.int64)
+    return first, np.minimum(after, cells)
+
+
+def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
+    """The image as uint16 (rows, columns, channels), 0 to QUANTA, and whether the last channel is opacity."""
+    where = f"{says.path}: image = {says.image}"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of sizes, which MAX_CELLS judges, and of oddities in what can be read
+            with Image.open(says.image, formats=FORMATS) as image:
+                if image.width * image.height > MAX_CELLS:
+                    raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {MAX_CELLS}; crop it")
+                image.load()
+                return _channels(image, where)
+    except FileNotFoundError:
+        raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
+    except UnidentifiedImageError:
+        raise BadInput(f"{where}: is no PGM, PNG, BMP or JPEG image; give one") from None
+    except Image.DecompressionBombError:
+        raise BadInput(f"{where}: more than {MAX_CELLS} pixels; crop it") from None
+    except BadInput:
+        raise
+    except Exception as error:  # noqa: BLE001 - a broken file can make an image decoder raise anything
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise BadInput(f"{where}: cannot be read ({reason}); give a whole PGM, PNG, BMP or JPEG image") from None
+
+
+def _channels(image: Image.Image, where: str) -> tuple[NDArray[np.uint16], bool]:
+    if image.mode.startswith("I"):
+        return np.clip(np.asarray(image), 0, QUANTA).astype(np.uint16)[..., None], False
+    if image.mode == "F":
+        raise BadInput(f"{where}: holds fractions; give a grey or colour image of 8 or 16 bits")
+    has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
+    if has_alpha:
+        image = image.convert("RGBA")
+    elif image.mode in ("1", "L"):
+        image = image.convert("L")
+    else:
+        image = image.convert("RGB")
+    levels = np.asarray(image, dtype=np.uint16) * np.uint16(QUANTA // 255)
+    return (levels[..., None] if levels.ndim == 2 else levels), has_alpha
+
+
+def _value(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:
+    if key not in says:
+        raise BadInput(f"{path}: {key}: missing; give {what}")
+    return says[key]
+
+
+def _number(path: Path, says: Mapping[str, Any], key: str, what: str) -> float:
+    return _finite(path, key, _value(path, says, key, what), what)
+
+
+def _finite(path: Path, key: str, value: Any, what: str) -> float:
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise BadInput(f"{path}: {key} = {show(value)}: expected {what}")
+    return number
+
+
+def _origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
+    what = "[x, y, yaw] in m and rad of the lower left corner"
+    value = _value(path, says, "origin", what)
+    if not isinstance(value, list) or len(value) != 3:
+        raise BadInput(f"{path}: origin = {show(value)}: expected {what}")
+    x, y, yaw = (_finite(path, "origin", part, what) for part in value)
+    if yaw != 0.0:
+        raise BadInput(f"{path}: origin = {show(value)}: yaw must be 0; turn the image instead")
+    return x, y
+
+
+def _negate(path: Path, says: Mapping[str, Any]) -> bool:
+    value = _value(path, says, "negate", "0 or 1")
+    words = {"0": False, "false": False, "no": False, "1": True, "true": True, "yes": True}
+    word = str(value).lower()
+    if word not in words:
+        raise BadInput(f"{path}: negate = {show(value)}: expected 0, 1, true or false")
+    return words[word]

@@ -1,0 +1,49 @@
+"""Narrow passages: where two robots get into each other's way (paper, "Semaphores")."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from patrol.ground.fields import clearance_levels, parts_of
+from patrol.ground.terrain import BoolGrid, Terrain
+
+SMALLEST_M2 = 1.0
+"""Area below which a narrow part is an irregularity of a wall."""
+
+
+def narrow_passages(terrain: Terrain, reach: BoolGrid, width: float) -> list[BoolGrid]:
+    """The critical areas of a terrain: connected reachable parts narrower than ``width`` m that join wider ground.
+
+    Narrow is what no disc of that diameter, lying on free ground, covers. A narrow part counts when it meets wider
+    ground in two places or more, so that corners and dead ends do not. Returns bool (h, w) masks, lowest point first.
+    """
+    half = width / (2.0 * terrain.point)
+    cap = math.ceil(half) + 2
+    fits = clearance_levels(terrain.free, cap) >= (2.0 * half) ** 2
+    # A point is covered when a disc's centre is within half a width of it; beyond the edge there is none.
+    apart = np.pad(~fits, cap, constant_values=True)
+    covered = fits | (clearance_levels(apart, cap)[cap:-cap, cap:-cap] <= (2.0 * half) ** 2)
+    labels, count = parts_of(reach & ~covered)
+    wide = reach & covered
+    found = []
+    for label in range(1, count + 1):
+        part = labels == label
+        if np.count_nonzero(part) * terrain.point_area < SMALLEST_M2:
+            continue
+        _, mouths = parts_of(_grown(part) & wide)
+        if mouths >= 2:
+            found.append(part)
+    return found
+
+
+def _grown(mask: BoolGrid) -> BoolGrid:
+    """A mask and its eight neighbours."""
+    framed = np.pad(mask, 1)
+    rows, cols = mask.shape
+    grown = mask.copy()
+    for up in range(3):
+        for across in range(3):
+            grown |= framed[up : up + rows, across : across + cols]
+    return grown

@@ -1,0 +1,51 @@
+"""Where a command takes a body, and whether the way there is free: wrappers of the swept-motion kernels.
+
+The world moves bodies by these functions and a mind predicts with them, so both agree to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, assert_never
+
+from patrol.ground.kernels import swept_path as kernels
+from patrol.pose import Command, Drive, Pose, Velocity
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
+
+
+def advance(pose: Pose, command: Command, step: float) -> Pose:
+    """The pose after obeying `command` for `step` seconds with nothing in the way.
+
+    A holonomic robot faces the way it moves and keeps its heading when it stands; a car follows an exact arc.
+    """
+    match command:
+        case Velocity(vx, vy):
+            if vx == 0.0 and vy == 0.0:
+                return pose
+            return Pose(pose.x + vx * step, pose.y + vy * step, math.atan2(vy, vx))
+        case Drive(speed, curvature):
+            return Pose(*kernels.arc_end(pose.x, pose.y, pose.heading, speed * step, curvature))
+        case _:
+            assert_never(command)
+
+
+def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, radius: float) -> bool:
+    """Whether a disc of `radius` (m) can obey `command` for `step` seconds; touching a wall is free."""
+    match command:
+        case Velocity():
+            return free_fraction(terrain, pose, advance(pose, command, step), radius) >= 1.0
+        case Drive(speed, curvature):
+            x, y = terrain.origin
+            place = (terrain.blocked, terrain.point, x, y, pose.x, pose.y, pose.heading)
+            return bool(kernels.free_arc(*place, speed * step, curvature, radius))
+        case _:
+            assert_never(command)
+
+
+def free_fraction(terrain: Terrain, pose: Pose, target: Pose, radius: float) -> float:
+    """Largest fraction in [0, 1] of the line from `pose` to `target` free for a disc of `radius` (m)."""
+    x, y = terrain.origin
+    line = (pose.x, pose.y, target.x, target.y)
+    return float(kernels.free_fraction_line(terrain.blocked, terrain.point, x, y, *line, radius))

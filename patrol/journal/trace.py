@@ -1,0 +1,57 @@
+"""The trace hash: one number for everything that happened in a run, and nothing that a clock decides."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Collection, Iterable
+from itertools import chain
+
+from patrol.journal.records import Status, TickRecord
+
+_COUNTED = struct.Struct("<qI")
+_ROBOT = struct.Struct("<HB5d")
+_LAST = struct.Struct("<Iq")
+_SHORT = 2**32 - 1
+
+
+class TraceHash:
+    """SHA-256 over the ticks of a run.
+
+    Each tick, little-endian: k (i64), number of robots (u32); per robot in roster order its number (u16), status (u8),
+    x, y, heading and the command's two numbers (f64 each); the deliveries sorted, as source (u16), destination (u16)
+    and sequence (u32, or u64 where 32 bits do not hold it); how many there were (u32) and the true MFoW in ticks (i64).
+    Diagnostics and wall times have no part in it. A spare robot is no robot of a tick before it has joined, so that
+    robots that might have joined leave the hash as it is without them.
+    """
+
+    def __init__(self, spares: Collection[int] = ()) -> None:
+        """spares: numbers of the scenario's spare robots."""
+        self._hash = hashlib.sha256()
+        self._spares = frozenset(spares)
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        robots = [one for one in record.robots if one.status is not Status.ABSENT or one.number not in self._spares]
+        parts = [_COUNTED.pack(record.k, len(robots))]
+        parts += [
+            _ROBOT.pack(robot.number, robot.status, robot.x, robot.y, robot.heading, robot.c0, robot.c1)
+            for robot in robots
+        ]
+        deliveries = sorted(record.deliveries)
+        shape = "".join("HHI" if sequence <= _SHORT else "HHQ" for _, _, sequence in deliveries)
+        parts.append(struct.Struct("<" + shape).pack(*chain.from_iterable(deliveries)))
+        parts.append(_LAST.pack(len(record.deliveries), record.mfow))
+        self._hash.update(b"".join(parts))
+
+    def hexdigest(self) -> str:
+        """The hash of the ticks so far, 64 hex digits."""
+        return self._hash.hexdigest()
+
+
+def trace_hash(ticks: Iterable[TickRecord], spares: Collection[int] = ()) -> str:
+    """The trace hash of a whole run. spares: numbers of the scenario's spare robots."""
+    trace = TraceHash(spares)
+    for record in ticks:
+        trace.tick(record)
+    return trace.hexdigest()

@@ -1,0 +1,1 @@
+"""What goes over the network: keys, links, and the messages between processes."""

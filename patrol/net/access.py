@@ -1,0 +1,58 @@
+"""The file that says where a running fleet is met, and holds the token without which its world obeys nobody.
+
+A launcher writes one into the run's folder, readable by its user alone, and takes it away when the run is over. For
+processes that are started by hand it is made by hand: a JSON object with "fleet", "router" and "token".
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from patrol.errors import BadInput
+from patrol.net.keys import check_locator, fleet_keys
+
+FILE = "control.json"
+LEAST = 16
+"""Characters of the shortest token."""
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """fleet: its name. router: its locator. token: the right to control it."""
+
+    fleet: str
+    router: str
+    token: str
+
+    def __repr__(self) -> str:
+        return f"Access({self.fleet!r}, {self.router!r})"
+
+
+def write_access(path: Path, access: Access) -> None:
+    """Write a new file that nobody else may read; OSError where that cannot be."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        json.dump(asdict(access), file)
+
+
+def read_access(path: Path, option: str) -> Access:
+    """The access in a file, or in a run's folder; BadInput where there is none."""
+    file = path / FILE if path.is_dir() else path
+    try:
+        says = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        gone = " (a run's is gone when the run is over)" if path.is_dir() else ""
+        raise BadInput(f"{option}: {file} cannot be read: {error.strerror}{gone}") from None
+    except (ValueError, RecursionError):
+        says = None
+    fields = [says.get(name) for name in ("fleet", "router", "token")] if isinstance(says, dict) else []
+    texts = [field for field in fields if isinstance(field, str)]
+    if len(texts) != 3:
+        raise BadInput(f'{option}: {file}: expected a JSON object with "fleet", "router" and "token", all texts')
+    fleet, router, token = texts
+    if len(token) < LEAST:
+        raise BadInput(f"{option}: {file}: the token has {len(token)} characters; give {LEAST} or more, drawn by lot")
+    return Access(fleet_keys(fleet).fleet, check_locator(router, f"{option}: router"), token)

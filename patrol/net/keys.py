@@ -1,0 +1,131 @@
+"""Where messages go: the key expressions of a fleet.
+
+    fogwatch/<fleet>/position/<robot>            positions, when robots talk directly
+    fogwatch/<fleet>/robot/<robot>/tick|reply    phases A and B of a simulated robot
+    fogwatch/<fleet>/telemetry/<robot>           what a robot decided, for eyes; agents never read it
+    fogwatch/<fleet>/truth/<topic>               what the world knows, for eyes; may be dropped
+    fogwatch/<fleet>/control/<what>              what an operator asks of the world
+    fogwatch/<fleet>/alive/<robot>               liveliness tokens
+
+A robot's name has no dot (`patrol.scenario.load`), so that `WORLD` can never be one.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from dataclasses import dataclass
+
+from patrol.errors import BadInput
+
+ROOT = "fogwatch"
+WORLD = ".world"
+_FLEET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
+_LOCATOR = re.compile(r"(?:tcp|udp|tls|quic|ws)/[^\s/#]+:\d{1,5}")
+_GROUP = re.compile(r"udp/(\S+):\d{1,5}(?:#iface=[^\s/#;]{1,15})?")
+
+
+@dataclass(frozen=True, slots=True)
+class FleetKeys:
+    """The keys of one fleet; fleets of different names share a router and never meet."""
+
+    fleet: str
+
+    def tick(self, robot: str) -> str:
+        """Phases A and B, world to robot."""
+        return f"{ROOT}/{self.fleet}/robot/{robot}/tick"
+
+    def reply(self, robot: str) -> str:
+        """The answers, robot to world; ``*`` for those of all robots."""
+        return f"{ROOT}/{self.fleet}/robot/{robot}/reply"
+
+    def position(self, robot: str) -> str:
+        """Position frames, robot to robots."""
+        return f"{ROOT}/{self.fleet}/position/{robot}"
+
+    def telemetry(self, robot: str) -> str:
+        """Diagnostics, robot to eyes."""
+        return f"{ROOT}/{self.fleet}/telemetry/{robot}"
+
+    def truth(self, topic: str) -> str:
+        """What the world knows, world to eyes."""
+        return f"{ROOT}/{self.fleet}/truth/{topic}"
+
+    def control(self, what: str) -> str:
+        """What an operator asks for, and the world answers."""
+        return f"{ROOT}/{self.fleet}/control/{what}"
+
+    def alive(self, who: str) -> str:
+        """The liveliness token of a robot or of `WORLD`; ``*`` for all of them."""
+        return f"{ROOT}/{self.fleet}/alive/{who}"
+
+
+def fleet_keys(fleet: str) -> FleetKeys:
+    """The keys of the fleet of that name; BadInput when it cannot be a part of a key."""
+    if not _FLEET.fullmatch(fleet):
+        raise BadInput(
+            f"--fleet {fleet!r}: no name of a fleet; give at most 128 letters, digits, '.', '_' and '-', "
+            "the first a letter or digit"
+        )
+    return FleetKeys(fleet)
+
+
+def robot_of(key: str) -> str:
+    """The name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key."""
+    parts = key.split("/")
+    if len(parts) == 5 and parts[2] == "robot":
+        return parts[3]
+    return parts[3] if len(parts) == 4 else ""
+
+
+def check_locator(locator: str, option: str) -> str:
+    """A router's address as Zenoh writes it, ``tcp/HOST:PORT``; BadInput for anything else."""
+    port = locator.rpartition(":")[2]
+    if not _LOCATOR.fullmatch(locator) or not 0 < int(port) < 65536:
+        raise BadInput(f"{option} {locator!r}: no address of a router; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
+    return locator
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine alone."""
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def is_local(locator: str) -> bool:
+    """Whether a router's address is on this machine alone."""
+    return is_loopback(locator.partition("/")[2].rpartition(":")[0])
+
+
+def is_group(locator: str) -> bool:
+    """Whether a locator is an IPv4 multicast group, ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``."""
+    found = _GROUP.fullmatch(locator)
+    try:
+        return found is not None and ipaddress.IPv4Address(found[1]).is_multicast
+    except ValueError:
+        return False
+
+
+def check_radio(locator: str | None, option: str, via: str) -> str | None:
+    """Where robots hear each other: a multicast group or a router's address, or None; BadInput for anything else.
+
+    A router is not to be reached over udp: who listens to what is said once, and where that is lost, a robot is never
+    heard. In a group nobody needs to be told.
+
+    via: the scenario's radio.via.
+    """
+    if locator is None:
+        return None
+    if via != "direct":
+        raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or drop the option")
+    address = locator.partition("#")[0]
+    port = address.rpartition(":")[2]
+    reliable = _LOCATOR.fullmatch(locator) and not locator.startswith("udp/")
+    if not (is_group(locator) or reliable) or not 0 < int(port) < 65536:
+        raise BadInput(
+            f"{option} {locator!r}: nothing that robots could hear each other by; write a multicast group, such as "
+            "udp/224.0.0.225:7448#iface=wlan0, or the address of a router, tcp/HOST:PORT"
+        )
+    return locator

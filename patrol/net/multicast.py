@@ -1,0 +1,122 @@
+"""Positions by multicast, without Zenoh: one datagram each, to all who can hear it.
+
+A datagram is the key, a zero byte, and the frame. Nobody is told who listens, so nothing needs to arrive before a frame
+does, and nothing but frames is ever sent. Zenoh's own multicast needs no router either, but its members pass on to each
+other who listens to what: where four of them started on a busy machine, that filled the network for ten seconds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+_LONGEST = 2048
+_POLL_S = 0.2
+
+
+class GroupDown(Exception):
+    """There can be no such group here; one line says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Datagram:
+    """A payload that is there already (`patrol.net.link.Payload`)."""
+
+    data: bytes
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    def to_bytes(self) -> bytes:
+        """The bytes."""
+        return self.data
+
+
+class Taker(Protocol):
+    """What takes what arrives: a `patrol.net.link.Mailbox`."""
+
+    def deliver(self, key: str, payload: Datagram) -> None:
+        """Take one message."""
+        ...
+
+
+class Group:
+    """A member of a multicast group (`patrol.net.link.Air`). What it sends it does not hear itself.
+
+    out: sends to the group. into: hears it. address: the group's, and the port.
+    """
+
+    def __init__(self, out: socket.socket, into: socket.socket, address: tuple[str, int]) -> None:
+        self._out = out
+        self._into = into
+        self._address = address
+        self._own: set[str] = set()
+        self._takers: list[tuple[str, Taker]] = []
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._hear, daemon=True)
+        self._thread.start()
+
+    def broadcast(self, key: str) -> Callable[[bytes], None]:
+        """What sends under a key; what the network does not take at once is lost."""
+        self._own.add(key)
+        head = key.encode() + b"\0"
+
+        def post(frame: bytes) -> None:
+            with contextlib.suppress(OSError):  # the network is down, or full
+                self._out.sendto(head + frame, self._address)
+
+        return post
+
+    def subscribe(self, key: str, mailbox: Taker) -> None:
+        """Let messages under a key, or under all that begin alike with ``*`` for the end, into a mailbox."""
+        self._takers.append((key, mailbox))
+
+    def close(self) -> bool:
+        """Leave the group."""
+        if not self._over.is_set():
+            self._over.set()
+            self._thread.join()
+            self._out.close()
+            self._into.close()
+        return True
+
+    def _hear(self) -> None:
+        while not self._over.is_set():
+            try:
+                datagram = self._into.recv(_LONGEST)
+            except OSError:  # nothing came, or the network is down
+                continue
+            head, _, frame = datagram.partition(b"\0")
+            key = head.decode(errors="replace")
+            if key in self._own:
+                continue
+            for wanted, mailbox in list(self._takers):
+                if key == wanted or (wanted.endswith("*") and key.startswith(wanted[:-1])):
+                    mailbox.deliver(key, Datagram(frame))
+
+
+def open_group(locator: str) -> Group:
+    """Join a group at ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``; GroupDown, in one line, when it cannot be."""
+    address, _, iface = locator.removeprefix("udp/").partition("#iface=")
+    group, _, port = address.partition(":")
+    out, into = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    try:
+        index = socket.if_nametoindex(iface) if iface else 0
+        out.setblocking(False)
+        out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
+        out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, struct.pack("4s4si", bytes(4), bytes(4), index))
+        into.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        into.bind((group, int(port)))
+        member = struct.pack("4s4si", socket.inet_aton(group), bytes(4), index)
+        into.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+        into.settimeout(_POLL_S)
+    except OSError as error:
+        out.close()
+        into.close()
+        raise GroupDown(f"no group at {locator} ({error.strerror or error})") from None
+    return Group(out, into, (group, int(port)))

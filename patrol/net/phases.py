@@ -1,0 +1,313 @@
+"""The protocol between the world and a simulated robot, as bytes: two phases a tick, a greeting and a farewell.
+
+    world to robot     Hello      who is there?              robot to world   HelloReply
+                       PhaseA     your pose at tick k                         ReplyA    its frames: position, contacts
+                       PhaseB     what you hear at tick k                     ReplyB    the command
+                       Stop       leave, and why
+
+Every message is one msgpack array ``[kind, incarnation, instance, k, ...]``. The incarnation counts a robot's processes
+(1 for the first); the instance is a random number of one process, by which a second process under the same name is told
+from the first; k is the tick. Decoding is strict and pure: any bytes at all give a message or raise `Malformed`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import msgpack
+
+from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
+
+PROTOCOL = 3
+FIRST_INCARNATION = 1
+ANYONE = 0
+"""The instance in a message that is meant for whoever listens."""
+
+NO_RUN = 0
+"""The run in the answer of a robot that no world has greeted yet: it asks to be."""
+
+MAX_REPLY = 2048
+"""Bytes of the longest message from a robot."""
+
+_MAX_COUNT = 2**31 - 1
+_MAX_ID = 2**63 - 1
+_MAX_STATE = 32
+_MAX_REASON = 400
+_HASH = 64
+_HEAD = 4
+_HELLO, _PHASE_A, _PHASE_B, _STOP = 0, 1, 2, 3
+_VELOCITY, _DRIVE = 0, 1
+
+
+class Malformed(ValueError):
+    """Bytes that are no message of this protocol."""
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What every message begins with."""
+
+    incarnation: int
+    instance: int
+    k: int
+
+
+@dataclass(frozen=True, slots=True)
+class Hello(Head):
+    """The world, of run `run`, asks who is there."""
+
+    run: int
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseA(Head):
+    """What the robot senses at tick k.
+
+    pose: where it takes itself to be. bumped: its last move was cancelled. contacts: the intruders (x, y in m) that it
+    sees. clock_s: what its own clock shows, s.
+    """
+
+    pose: Pose
+    bumped: bool
+    contacts: tuple[tuple[float, float], ...] = ()
+    clock_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseB(Head):
+    """The frames that reach the robot in tick k, by sender and sequence."""
+
+    frames: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Stop(Head):
+    """Leave. orderly: the run is over; otherwise this process is not, or no longer, part of it."""
+
+    orderly: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class HelloReply(Head):
+    """Here I am. run: which the robot answers. scenario: its hash, by which the world knows that both mean the same."""
+
+    run: int
+    scenario: str
+    protocol: int = PROTOCOL
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyA(Head):
+    """What the robot sends in tick k: its position frame, then those of its contacts; or nothing at all."""
+
+    frames: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyB(Head):
+    """The command for tick k, and diagnostics.
+
+    state: what the robot is doing. goal: x and y in m, or None. decision_ms: wall time. rejected: messages and frames
+    refused so far.
+    """
+
+    command: Command
+    state: str
+    goal: tuple[float, float] | None
+    decision_ms: float
+    rejected: int
+
+
+ToRobot = Hello | PhaseA | PhaseB | Stop
+ToWorld = HelloReply | ReplyA | ReplyB
+
+
+def max_to_robot(robots: int) -> int:
+    """Bytes of the longest message to a robot in a fleet of so many."""
+    return MAX_REPLY + robots * MAX_FRAMES * (MAX_FRAME + 2)
+
+
+def encode(message: ToRobot | ToWorld) -> bytes:
+    """A message as bytes; raises ValueError for one that could not be decoded."""
+    kind, body = _body(message)
+    packed: bytes = msgpack.packb([kind, message.incarnation, message.instance, message.k, *body])
+    return packed
+
+
+def decode_to_robot(payload: bytes) -> ToRobot:
+    """A message from the world. Raises Malformed, and nothing else, for any bytes at all."""
+    message: ToRobot = _decode(payload, _TO_ROBOT)
+    return message
+
+
+def decode_to_world(payload: bytes) -> ToWorld:
+    """A message from a robot. Raises Malformed, and nothing else, for any bytes at all."""
+    if len(payload) > MAX_REPLY:
+        raise Malformed(f"{len(payload)} bytes, at most {MAX_REPLY} are allowed")
+    message: ToWorld = _decode(payload, _TO_WORLD)
+    return message
+
+
+def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
+    kind: int
+    body: list[Any]
+    match message:
+        case Hello():
+            kind, body = _HELLO, [message.run]
+        case HelloReply():
+            kind, body = _HELLO, [message.run, message.scenario, message.protocol]
+        case PhaseA():
+            pose = message.pose
+            seen = [float(value) for contact in message.contacts for value in contact]
+            where = [float(pose.x), float(pose.y), float(pose.heading)]
+            kind, body = _PHASE_A, [*where, bool(message.bumped), seen, float(message.clock_s)]
+        case ReplyA():
+            kind, body = _PHASE_A, [list(message.frames)]
+        case PhaseB():
+            kind, body = _PHASE_B, [list(message.frames)]
+        case ReplyB():
+            goal = None if message.goal is None else [float(message.goal[0]), float(message.goal[1])]
+            diagnostics = [str(message.state), goal, float(message.decision_ms), int(message.rejected)]
+            kind, body = _PHASE_B, [*_command_out(message.command), *diagnostics]
+        case Stop():
+            kind, body = _STOP, [message.orderly, message.reason[:_MAX_REASON]]
+    return kind, body
+
+
+def _command_out(command: Command) -> list[float]:
+    if isinstance(command, Drive):
+        return [_DRIVE, float(command.speed), float(command.curvature)]
+    return [_VELOCITY, float(command.vx), float(command.vy)]
+
+
+# --- decoding --------------------------------------------------------------------------------------------------------
+
+
+def _decode(payload: bytes, kinds: Mapping[int, tuple[int, Callable[[Any], Any]]]) -> Any:
+    try:
+        values = msgpack.unpackb(payload, raw=False, use_list=True, ext_hook=_no_extension)
+    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
+        raise Malformed(f"no msgpack ({type(error).__name__})") from None
+    if type(values) is not list or len(values) < _HEAD or type(values[0]) is not int or values[0] not in kinds:
+        raise Malformed("no array that begins with a known kind")
+    length, build = kinds[values[0]]
+    if len(values) != _HEAD + length:
+        raise Malformed(f"{len(values)} values, {_HEAD + length} belong there")
+    return build(values[1:])
+
+
+def _no_extension(code: int, _data: bytes) -> object:
+    raise ValueError(f"extension type {code}")
+
+
+def _head(values: list[Any]) -> tuple[int, int, int]:
+    return _whole(values[0], _MAX_COUNT), _whole(values[1], _MAX_ID), _whole(values[2], _MAX_COUNT)
+
+
+def _hello(values: list[Any]) -> Hello:
+    return Hello(*_head(values), _whole(values[3], _MAX_ID))
+
+
+def _hello_reply(values: list[Any]) -> HelloReply:
+    return HelloReply(
+        *_head(values), _whole(values[3], _MAX_ID), _text(values[4], _HASH), _whole(values[5], _MAX_COUNT)
+    )
+
+
+def _phase_a(values: list[Any]) -> PhaseA:
+    pose = Pose(_finite(values[3]), _finite(values[4]), _finite(values[5]))
+    flat = values[7]
+    if type(flat) is not list or len(flat) % 2 or len(flat) > 2 * MAX_CONTACTS:
+        raise Malformed(f"contacts are an array of at most {MAX_CONTACTS} pairs")
+    seen = [_finite(value) for value in flat]
+    contacts = tuple(zip(seen[::2], seen[1::2], strict=True))
+    return PhaseA(*_head(values), pose, _flag(values[6]), contacts, _finite(values[8]))
+
+
+def _reply_a(values: list[Any]) -> ReplyA:
+    # A frame that is too long is the ether's to drop and count, so that it fares the same without a wire in between.
+    frames = values[3]
+    if type(frames) is not list or len(frames) > MAX_FRAMES or any(type(frame) is not bytes for frame in frames):
+        raise Malformed(f"frames are an array of at most {MAX_FRAMES} times bytes")
+    return ReplyA(*_head(values), tuple(frames))
+
+
+def _phase_b(values: list[Any]) -> PhaseB:
+    frames = values[3]
+    if type(frames) is not list or any(type(frame) is not bytes or len(frame) > MAX_FRAME for frame in frames):
+        raise Malformed(f"frames are an array of at most {MAX_FRAME} bytes each")
+    return PhaseB(*_head(values), tuple(frames))
+
+
+def _reply_b(values: list[Any]) -> ReplyB:
+    goal = values[7]
+    if goal is not None and (type(goal) is not list or len(goal) != 2):
+        raise Malformed("a goal is a pair or nothing")
+    return ReplyB(
+        *_head(values),
+        command=_command_in(values[3], _real(values[4]), _real(values[5])),
+        state=_text(values[6], _MAX_STATE),
+        goal=None if goal is None else (_finite(goal[0]), _finite(goal[1])),
+        decision_ms=_finite(values[8]),
+        rejected=_whole(values[9], _MAX_ID),
+    )
+
+
+def _command_in(model: object, first: float, second: float) -> Command:
+    # A command that is not finite is the world's to refuse, so that it fares the same without a wire in between.
+    if type(model) is not int or model not in (_VELOCITY, _DRIVE):
+        raise Malformed("unknown kind of command")
+    return Drive(first, second) if model == _DRIVE else Velocity(first, second)
+
+
+def _stop(values: list[Any]) -> Stop:
+    return Stop(*_head(values), _flag(values[3]), _text(values[4], _MAX_REASON))
+
+
+def _whole(value: object, most: int) -> int:
+    if type(value) is not int or not 0 <= value <= most:
+        raise Malformed(f"no whole number from 0 to {most}")
+    return value
+
+
+def _real(value: object) -> float:
+    if type(value) is not float:
+        raise Malformed("no float")
+    return value
+
+
+def _finite(value: object) -> float:
+    number = _real(value)
+    if not math.isfinite(number):
+        raise Malformed("no finite float")
+    return number
+
+
+def _flag(value: object) -> bool:
+    if type(value) is not bool:
+        raise Malformed("neither true nor false")
+    return value
+
+
+def _text(value: object, most: int) -> str:
+    if type(value) is not str or len(value) > most or not value.isprintable():
+        raise Malformed(f"no printable text of at most {most} characters")
+    return value
+
+
+_TO_ROBOT: Mapping[int, tuple[int, Callable[[Any], ToRobot]]] = {
+    _HELLO: (1, _hello),
+    _PHASE_A: (6, _phase_a),
+    _PHASE_B: (1, _phase_b),
+    _STOP: (2, _stop),
+}
+_TO_WORLD: Mapping[int, tuple[int, Callable[[Any], ToWorld]]] = {
+    _HELLO: (3, _hello_reply),
+    _PHASE_A: (1, _reply_a),
+    _PHASE_B: (7, _reply_b),
+}

@@ -1,0 +1,288 @@
+"""What is shown to eyes while a run goes on: live tables, pages, recordings. Nothing that decides anything reads it.
+
+    truth/metrics        `Metrics`    the world, at most about ten times a second
+    truth/events         `Notice`     the world, when something happens
+    telemetry/<robot>    `Telemetry`  an agent, at most about five times a second
+
+Each is one msgpack map by field names, so that more can be added; readers skip what they do not know.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import msgpack
+
+from patrol.journal import Event, Status, TickRecord
+from patrol.scenario.controls import told
+
+METRICS = "metrics"
+EVENTS = "events"
+SHOW_S = 0.1
+"""Wall time between two metrics."""
+MAX_VIEW = 1 << 22
+"""Bytes of the longest view that a reader looks at: a fleet of tens of thousands."""
+
+_RATE_S = 3.0
+MAX_TEXT = 500
+"""Characters of the longest text in a view."""
+_STATUSES = frozenset(int(status) for status in Status)
+
+
+class Unreadable(ValueError):
+    """Bytes that are no such view."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotView:
+    """One robot: where it truly is (m, rad), its standing, and what its mind says it is doing."""
+
+    name: str
+    status: int
+    state: str
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True)
+class Metrics:
+    """The run so far.
+
+    k: ticks done, of `ticks`. time_s: simulated. mfow_s: now; mfow_mean_s, mfow_max_s: over all ticks. seen_share: of
+    the patrolled area. ticks_per_s: by the wall clock, lately.
+    """
+
+    k: int
+    ticks: int
+    time_s: float
+    mfow_s: float
+    mfow_mean_s: float
+    mfow_max_s: float
+    seen_share: float
+    ticks_per_s: float
+    robots: tuple[RobotView, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """Something that happened before tick k, to a robot (or empty) or to the run."""
+
+    k: int
+    kind: str
+    robot: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """What one process of a robot, its incarnation, has sent and heard by direct radio so far, in frames.
+
+    heard: by the sender's name. refused: dropped unread. final: this process is about to leave.
+    """
+
+    incarnation: int
+    sent: int
+    heard: Mapping[str, int]
+    refused: int
+    final: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """What a robot decided at tick k: goals before and after refinement (m), believed MFoW (ticks), times (ms).
+
+    traffic: of a direct radio, or None.
+    """
+
+    k: int
+    state: str
+    goal: tuple[float, float] | None
+    refined: tuple[float, float] | None
+    direction: float | None
+    mfow: int
+    decision_ms: float
+    rejected: int
+    traffic: Traffic | None = None
+
+
+class Watcher:
+    """Turns tick records into metrics, at most one each `SHOW_S` of wall time.
+
+    names: by robot number. points: of the patrolled area. step: s. ticks: of the whole run. now: wall clock, s.
+    """
+
+    def __init__(
+        self, names: Mapping[int, str], points: int, step: float, ticks: int, now: Callable[[], float]
+    ) -> None:
+        self._names = names
+        self._points = max(points, 1)
+        self._step = step
+        self._ticks = ticks
+        self._now = now
+        self._sum = 0
+        self._max = 0
+        self._due = 0.0
+        self._shown: deque[tuple[float, int]] = deque([(now(), 0)])
+
+    def take(self, record: TickRecord) -> Metrics | None:
+        """The next tick is done; the metrics, when it is time to show them. The last tick's are always shown."""
+        self._sum += record.mfow
+        self._max = max(self._max, record.mfow)
+        now = self._now()
+        done = record.k + 1
+        if now < self._due and done < self._ticks:
+            return None
+        self._due = now + SHOW_S
+        return Metrics(
+            k=done,
+            ticks=self._ticks,
+            time_s=done * self._step,
+            mfow_s=record.mfow * self._step,
+            mfow_mean_s=self._sum / done * self._step,
+            mfow_max_s=self._max * self._step,
+            seen_share=record.seen / self._points,
+            ticks_per_s=self._rate(now, done),
+            robots=tuple(
+                RobotView(self._names[row.number], int(row.status), row.state, row.x, row.y, row.heading)
+                for row in record.robots
+            ),
+        )
+
+    def notice(self, event: Event) -> Notice:
+        """An event of the journal, for eyes."""
+        name = "" if event.robot is None else self._names[event.robot]
+        return Notice(event.k, event.kind, name, told(event)[:MAX_TEXT])
+
+    def _rate(self, now: float, done: int) -> float:
+        """Ticks per wall second over the last `_RATE_S`."""
+        while len(self._shown) > 1 and self._shown[1][0] <= now - _RATE_S:
+            self._shown.popleft()
+        since, before = self._shown[0]
+        self._shown.append((now, done))
+        return (done - before) / (now - since) if now > since else 0.0
+
+
+def show(view: Metrics | Notice | Telemetry) -> bytes:
+    """A view as bytes."""
+    packed: bytes = msgpack.packb(asdict(view))
+    return packed
+
+
+def read_metrics(payload: bytes) -> Metrics:
+    """The metrics in a payload; Unreadable for anything else."""
+    says = _map(payload)
+    robots = says.get("robots")
+    if type(robots) is not list:
+        raise Unreadable("no robots")
+    return Metrics(
+        k=_whole(says, "k"),
+        ticks=_whole(says, "ticks"),
+        time_s=_number(says, "time_s"),
+        mfow_s=_number(says, "mfow_s"),
+        mfow_mean_s=_number(says, "mfow_mean_s"),
+        mfow_max_s=_number(says, "mfow_max_s"),
+        seen_share=_number(says, "seen_share"),
+        ticks_per_s=_number(says, "ticks_per_s"),
+        robots=tuple(map(_robot, robots)),
+    )
+
+
+def read_notice(payload: bytes) -> Notice:
+    """The notice in a payload; Unreadable for anything else."""
+    says = _map(payload)
+    return Notice(_whole(says, "k"), _text(says, "kind"), _text(says, "robot"), _text(says, "detail"))
+
+
+def read_traffic(payload: bytes) -> Traffic:
+    """The traffic in a robot's telemetry; Unreadable for anything else."""
+    says = _map(payload).get("traffic")
+    if type(says) is not dict:
+        raise Unreadable("no traffic")
+    heard = says.get("heard")
+    if type(heard) is not dict or type(says.get("final")) is not bool:
+        raise Unreadable("no counts")
+    return Traffic(
+        incarnation=_whole(says, "incarnation"),
+        sent=_whole(says, "sent"),
+        heard={sender: _whole(heard, sender) for sender in heard},
+        refused=_whole(says, "refused"),
+        final=says["final"],
+    )
+
+
+def read_telemetry(payload: bytes) -> Telemetry:
+    """What a robot decided, less what its radio has carried; Unreadable for anything else."""
+    says = _map(payload)
+    direction = says.get("direction")
+    return Telemetry(
+        k=_whole(says, "k"),
+        state=_text(says, "state"),
+        goal=_place(says, "goal"),
+        refined=_place(says, "refined"),
+        direction=None if direction is None else _number(says, "direction"),
+        mfow=_whole(says, "mfow"),
+        decision_ms=_number(says, "decision_ms"),
+        rejected=_whole(says, "rejected"),
+    )
+
+
+def _place(says: Mapping[str, Any], field: str) -> tuple[float, float] | None:
+    place = says.get(field)
+    if place is None:
+        return None
+    if type(place) is not list or len(place) != 2:
+        raise Unreadable(f"{field} is no place")
+    x, y = (_number({field: value}, field) for value in place)
+    return x, y
+
+
+def _robot(says: object) -> RobotView:
+    if type(says) is not dict:
+        raise Unreadable("a robot is a map")
+    status = _whole(says, "status")
+    if status not in _STATUSES:
+        raise Unreadable("unknown status")
+    return RobotView(
+        name=_text(says, "name"),
+        status=status,
+        state=_text(says, "state"),
+        x=_number(says, "x"),
+        y=_number(says, "y"),
+        heading=_number(says, "heading"),
+    )
+
+
+def _map(payload: bytes) -> dict[str, Any]:
+    try:
+        says = msgpack.unpackb(payload, raw=False, strict_map_key=True)
+    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
+        raise Unreadable(f"no msgpack ({type(error).__name__})") from None
+    if type(says) is not dict:
+        raise Unreadable("no map")
+    return says
+
+
+def _whole(says: Mapping[str, Any], field: str) -> int:
+    value = says.get(field)
+    if type(value) is not int or not 0 <= value < 2**63:
+        raise Unreadable(f"{field} is no whole number")
+    return value
+
+
+def _number(says: Mapping[str, Any], field: str) -> float:
+    value = says.get(field)
+    if type(value) is not float or not math.isfinite(value):
+        raise Unreadable(f"{field} is no finite number")
+    return value
+
+
+def _text(says: Mapping[str, Any], field: str) -> str:
+    value = says.get(field)
+    if type(value) is not str or len(value) > MAX_TEXT or not value.isprintable():
+        raise Unreadable(f"{field} is no printable text")
+    return value

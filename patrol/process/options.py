@@ -1,0 +1,61 @@
+"""What the processes of a fleet, its world and its robots, are told alike on their command lines."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+from patrol.process.lifeline import Ending
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
+
+TOGETHER = """All processes are given the same scenario file and the same
+name for the fleet:
+
+  python -m fogwatch.router --listen tcp/0.0.0.0:7447
+  python -m worldsim --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
+  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r1
+  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r2"""
+"""For the help of each: how a fleet is started by hand."""
+
+
+def fleet_parser(package: str, description: str, epilog: str, others: str) -> argparse.ArgumentParser:
+    """A parser of the options that all have; the caller adds its own. others: whom a process waits for."""
+    parser = argparse.ArgumentParser(
+        prog=f"python -m {package}",
+        description=description,
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--router", required=True, metavar="tcp/HOST:PORT", help="the router that the fleet meets at")
+    add("--fleet", required=True, metavar="NAME", help="the fleet's name, the same for all its processes")
+    add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
+    add("--radio", metavar="LOCATOR", help="direct radio: a multicast group or a router (default: the fleet's router)")
+    add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
+    add("--wait", type=float, default=60.0, metavar="S", help=f"how long to wait for {others} (%(default)g s)")
+    add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
+    return parser
+
+
+def prepared_as_told(scenario: Scenario, options: argparse.Namespace, ending: Ending) -> Prepared | None:
+    """The scenario with the launcher's static fields or ones of its own making; None when told to leave.
+
+    Raises BadInput when the launcher's do not come.
+    """
+    from patrol.prepare import Prepared, prepare
+
+    static: Path | None = options.static
+    if static is None:
+        return prepare(scenario)
+    limit_s = options.wait if options.lifeline is None else math.inf  # a launcher may have a large map to work on
+    if ending.wait_for(static, limit_s):
+        return Prepared.load(scenario, static)
+    if ending:
+        return None
+    raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")

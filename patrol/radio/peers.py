@@ -1,0 +1,50 @@
+"""Where others have looked from, as the positions heard of them tell: the same for all who listen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from patrol.pose import Pose
+from patrol.radio.message import Position
+from patrol.radio.replay_window import SPAN, Window
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Another robot: its newest sequence, its pose (m, rad) there, and the tick at which that was heard."""
+
+    sequence: int
+    pose: Pose
+    tick: int
+
+
+class Hearsay:
+    """The looks that accepted positions tell of, each of them once. peers: by robot number, the newest heard."""
+
+    def __init__(self) -> None:
+        self.peers: dict[int, Peer] = {}
+        self._looks: dict[int, Window] = {}
+
+    def hear(self, position: Position, tick: int) -> Iterator[tuple[int, Pose]]:
+        """(tick, pose) of each look that is news, from a position accepted at ``tick``.
+
+        A position counts at the tick it arrives: robots' clocks need not agree. A late one, which is older than the
+        newest of its sender's, counts as many ticks before that one's as their sequences are apart, and moves nobody.
+        One that is older than any window corrects its sender's sequence, and all begins anew.
+        """
+        newest = self.peers.get(position.robot)
+        ago = 0 if newest is None else newest.sequence - position.sequence
+        if newest is not None and 0 < ago < SPAN:
+            tick = newest.tick - ago
+        else:
+            if ago >= SPAN:
+                del self._looks[position.robot]
+            self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
+        # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
+        places = [(position.pose.x, position.pose.y), *position.past]
+        looks = self._looks.setdefault(position.robot, Window())
+        for ago, (x, y) in enumerate(places):
+            # One look counts once, however often it is told of: with a quality below 1 it leaves a rest of age.
+            if ago <= min(tick, position.sequence) and looks.use(position.sequence - ago):
+                yield tick - ago, Pose(x, y, position.pose.heading)

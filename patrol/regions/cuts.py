@@ -1,0 +1,238 @@
+"""Straight cuts that leave only convex pieces of the free ground, as few and as fat as can be had.
+
+Every concave corner of the outline needs a cut. One that joins two concave corners serves both, so as many such cuts
+as fit beside each other are taken, short ones first; the other corners are cut off along the shortest way to a wall or
+to another cut. Coordinates are in points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.regions.convex import FLAT, Floats, cross
+from patrol.regions.kernels.cuts import partners, shorten
+from patrol.regions.outline import Ring
+
+Ints = NDArray[np.int64]
+
+SLACK = 1.0
+"""How far, in points, a cut between two corners may miss a convex angle."""
+
+DENT = 0.25
+"""How far, in points, a corner may jut into a piece."""
+
+MARGIN = 0.5
+"""Least distance, in points, of a cut from corners that it passes, and of its end from one that it might end in."""
+
+LONGEST = 2.0
+"""A cut that serves two corners may be so many times as long as the two cuts that it saves."""
+
+
+@dataclass(slots=True)
+class Plan:
+    """Corners and sides of the outline, and the cuts.
+
+    corners: float64 (n, 2). before, after: int64 (n,), each corner's neighbours. concave: int64 (m,), indices.
+    ends: places (x, y) where cuts end on a side or on another cut; they are numbered from n on.
+    cuts: pairs of numbers. stops: by line, the ends that lie on it, as (share of the way, number); lines are the sides,
+    numbered as their first corners, then the cuts.
+    """
+
+    corners: Floats
+    before: Ints
+    after: Ints
+    concave: Ints
+    ends: list[tuple[float, float]] = field(default_factory=list)
+    cuts: list[tuple[int, int]] = field(default_factory=list)
+    stops: dict[int, list[tuple[float, int]]] = field(default_factory=dict)
+
+    def place(self, number: int) -> tuple[float, float]:
+        """(x, y) of a corner or of a cut's end."""
+        n = len(self.corners)
+        if number >= n:
+            return self.ends[number - n]
+        x, y = self.corners[number]
+        return float(x), float(y)
+
+    def shorten(self, concave: Ints, begin: Floats, end: Floats, first: int, ways: Floats) -> None:
+        """See `patrol.regions.kernels.cuts.shorten`."""
+        shorten(self.corners, self.before, self.after, concave, begin, end, first, ways)
+
+    def no_ways(self) -> Floats:
+        """float64 (n, 5): ways of infinite length from all corners."""
+        ways = np.full((len(self.corners), 5), -1.0)
+        ways[:, 0] = math.inf
+        return ways
+
+
+def convex_pieces(rings: Sequence[Ring]) -> list[Floats]:
+    """The pieces, float64 (k, 2) counter-clockwise, into which cuts divide the ground inside the rings.
+
+    Angles exceed 180 degrees by no more than SLACK allows.
+    """
+    if not rings:
+        return []
+    plan = _plan(rings)
+    for v, w in best_set(*_shared_cuts(plan)):
+        plan.cuts.append((v, w))
+    _cut_off_the_rest(plan)
+    return list(_faces(plan))
+
+
+def _plan(rings: Sequence[Ring]) -> Plan:
+    corners = np.concatenate([np.array(ring.corners) for ring in rings])
+    before = np.empty(len(corners), dtype=np.int64)
+    after = np.empty(len(corners), dtype=np.int64)
+    first = 0
+    for ring in rings:
+        own = np.arange(first, first + len(ring.corners))
+        before[own], after[own] = np.roll(own, 1), np.roll(own, -1)
+        first += len(own)
+    to, onward = corners - corners[before], corners[after] - corners
+    longer = np.maximum(np.hypot(*to.T), np.hypot(*onward.T))
+    turn, ahead = cross(to, onward), np.einsum("ij,ij->i", to, onward) > 0.0
+    return Plan(corners, before, after, np.flatnonzero(turn < np.where(ahead, -DENT * longer, -FLAT)))
+
+
+def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
+    """The cuts that serve two concave corners, shortest first, and their two ends, float64 (k, 2) each."""
+    begin, end = plan.corners, np.ascontiguousarray(plan.corners[plan.after])
+    ways = plan.no_ways()
+    plan.shorten(plan.concave, begin, end, 0, ways)
+    reach = np.ascontiguousarray(ways[:, 0])
+    found = np.empty(plan.concave.size, dtype=np.uint8)
+    cuts: list[tuple[int, int]] = []
+    for v in plan.concave:
+        partners(plan.corners, plan.before, plan.after, plan.concave, reach, int(v), LONGEST, SLACK, MARGIN, found)
+        cuts += [(int(v), int(w)) for w in plan.concave[found != 0]]
+    at = np.array(cuts, dtype=np.int64).reshape(-1, 2)
+    first, second = plan.corners[at[:, 0]], plan.corners[at[:, 1]]
+    order = np.argsort(np.hypot(*(second - first).T), kind="stable")
+    return [cuts[i] for i in order], first[order], second[order]
+
+
+def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> list[tuple[int, int]]:
+    """As many of the cuts as neither cross nor share a corner, and of as many the shorter ones.
+
+    cuts: pairs of corners, shortest first. first, second: float64 (k, 2), their ends. A local optimum: no cut can be
+    changed for two others, nor for a shorter one.
+    """
+    at = np.array(cuts, dtype=np.int64).reshape(-1, 2)
+    rivals = [set(map(int, np.flatnonzero(_conflicts(i, at, first, second)))) for i in range(len(cuts))]
+    taken: set[int] = set()
+    for i in range(len(cuts)):
+        if not rivals[i] & taken:
+            taken.add(i)
+    improved = True
+    while improved:
+        improved = False
+        for i in sorted(taken):
+            # Cuts that nothing but this one keeps out: two for one, or a shorter one for a longer.
+            waiting = sorted(j for j in rivals[i] if len(rivals[j] & taken) == 1)
+            pair = next((pair for pair in combinations(waiting, 2) if pair[1] not in rivals[pair[0]]), None)
+            better = pair or tuple(j for j in waiting[:1] if j < i)
+            if not better:
+                continue
+            taken = taken - {i} | set(better)
+            for j in sorted(rivals[i]):
+                if not rivals[j] & taken:
+                    taken.add(j)
+            improved = True
+    return [cuts[i] for i in sorted(taken)]
+
+
+def _conflicts(i: int, at: Ints, first: Floats, second: Floats) -> NDArray[np.bool_]:
+    """bool (k,): which cuts cannot be made beside cut i. at: int64 (k, 2), their corners."""
+    way, ways = second[i] - first[i], second - first
+    apart = cross(way, first - first[i]) * cross(way, second - first[i])
+    across = cross(ways, first[i] - first) * cross(ways, second[i] - first)
+    crossing = (apart < -FLAT) & (across < -FLAT)
+    sharing = (at == at[i, 0]).any(axis=1) | (at == at[i, 1]).any(axis=1)
+    clash: NDArray[np.bool_] = crossing | sharing
+    clash[i] = False
+    return clash
+
+
+def _cut_off_the_rest(plan: Plan) -> None:
+    """Cut off the corners that no cut serves yet, always along the shortest way that is left to any."""
+    n = len(plan.corners)
+    served = {corner for cut in plan.cuts for corner in cut}
+    waiting = np.array([v for v in plan.concave if int(v) not in served], dtype=np.int64)
+    begin = np.array([plan.corners[v] for v in (*range(n), *(v for v, _ in plan.cuts))])
+    end = np.array([plan.corners[w] for w in (*plan.after, *(w for _, w in plan.cuts))])
+    ways = plan.no_ways()
+    plan.shorten(waiting, begin, end, 0, ways)
+    while waiting.size:
+        v = int(waiting[np.argmin(ways[waiting, 0])])
+        waiting = waiting[waiting != v]
+        if ways[v, 4] < 0.0:
+            continue
+        to = _ending(plan, v, ways[v])
+        plan.cuts.append((v, to))
+        if to in waiting and _serves(plan, to, v):
+            waiting = waiting[waiting != to]
+        start, stop = np.array([plan.place(v)]), np.array([plan.place(to)])
+        plan.shorten(waiting, start, stop, n + len(plan.cuts) - 1, ways)
+
+
+def _ending(plan: Plan, v: int, way: Floats) -> int:
+    """The number of the place where a cut from corner v ends: an end of the line that it meets, when that is near."""
+    n = len(plan.corners)
+    share, x, y, line = float(way[1]), float(way[2]), float(way[3]), int(way[4])
+    ends = (line, int(plan.after[line])) if line < n else plan.cuts[line - n]
+    for number in (*ends, *(stop for _, stop in plan.stops.get(line, ()))):
+        if number != v and math.dist(plan.place(number), (x, y)) < MARGIN and _serves(plan, v, number):
+            return number
+    plan.ends.append((x, y))
+    number = n + len(plan.ends) - 1
+    plan.stops.setdefault(line, []).append((share, number))
+    return number
+
+
+def _serves(plan: Plan, corner: int, other: int) -> bool:
+    """Whether a cut from a corner to another place leaves convex angles at the corner."""
+    place = np.array([plan.place(other)])
+    ways = plan.no_ways()
+    plan.shorten(np.array([corner]), place, place, 0, ways)
+    return bool(ways[corner, 4] == 0.0)
+
+
+def _faces(plan: Plan) -> Iterator[Floats]:
+    """The pieces between sides and cuts: walk along each with the piece on the left, turning left as much as can be."""
+    n = len(plan.corners)
+    lines = [(v, int(plan.after[v])) for v in range(n)] + plan.cuts
+    onward: dict[int, list[int]] = {}
+    for number, (v, w) in enumerate(lines):
+        stops = [stop for _, stop in sorted(plan.stops.get(number, ()))]
+        for here, there in pairwise([v, *stops, w]):
+            onward.setdefault(here, []).append(there)
+            if number >= n:
+                onward.setdefault(there, []).append(here)
+    bearing = {(here, there): _bearing(plan, here, there) for here, ways in onward.items() for there in ways}
+    walked: set[tuple[int, int]] = set()
+    for here, ways in sorted(onward.items()):
+        for there in ways:
+            if (here, there) in walked:
+                continue
+            piece: list[tuple[float, float]] = []
+            step = (here, there)
+            while step not in walked:
+                walked.add(step)
+                piece.append(plan.place(step[0]))
+                at = step[1]
+                back = _bearing(plan, at, step[0])
+                # The first way clockwise from the one back, which itself comes last.
+                turns = [((back - bearing[at, to]) % math.tau or math.tau, to) for to in onward[at]]
+                step = (at, min(turns)[1])
+            yield np.array(piece)
+
+
+def _bearing(plan: Plan, here: int, there: int) -> float:
+    (x0, y0), (x1, y1) = plan.place(here), plan.place(there)
+    return math.atan2(y1 - y0, x1 - x0)

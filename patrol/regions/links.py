@@ -1,0 +1,92 @@
+"""Where a body passes from one region to the next (paper, "The region method": connecting points)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.regions.kernels.pieces import split_parts
+
+Ints = NDArray[np.int32]
+
+GAP = 2.0
+"""Places on a border further apart than this, in points, belong to separate stretches."""
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """A place where a body passes from one region to another.
+
+    x, y: m, the centre of a point of the first region. regions: their numbers. parts: the same as parts of regions.
+    points: flat indices of the neighbouring points on either side; (x, y) is the centre of the first.
+    """
+
+    x: float
+    y: float
+    regions: tuple[int, int]
+    parts: tuple[int, int]
+    points: tuple[int, int]
+
+
+def connect(terrain: Terrain, labels: Ints, body: BoolGrid) -> tuple[Ints, tuple[Connection, ...]]:
+    """The parts of regions in which a body's centre may be, and the connections between them.
+
+    labels: int32 (h, w), region numbers, -1 none. body: bool (h, w). Returns int32 (h, w), each point's part, -1 where
+    the centre may not be, and a connection in the middle of each stretch of border that the body can pass, in the order
+    of the parts.
+    """
+    parts = np.empty(labels.shape, dtype=np.int32)
+    work = np.empty(labels.size, dtype=np.int32)
+    split_parts(np.ascontiguousarray(body).view(np.uint8), np.ascontiguousarray(labels), parts, work)
+    low, high = _borders(parts)
+    flat = parts.ravel()
+    pairs = np.stack([flat[low], flat[high]], axis=1)
+    order = np.lexsort((high, low, pairs[:, 1], pairs[:, 0]))
+    low, high, pairs = low[order], high[order], pairs[order]
+    starts = np.flatnonzero((np.diff(pairs, axis=0, prepend=-1) != 0).any(axis=1))
+    found = []
+    for start, stop in pairwise([*map(int, starts), low.size]):
+        for index in _middles(low[start:stop], high[start:stop], terrain.width):
+            first, second = int(low[start + index]), int(high[start + index])
+            x, y = terrain.centre(*divmod(first, terrain.width))
+            regions = (int(labels.flat[first]), int(labels.flat[second]))
+            found.append(Connection(x, y, regions, (int(flat[first]), int(flat[second])), (first, second)))
+    parts.flags.writeable = False
+    return parts, tuple(found)
+
+
+def _borders(parts: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Flat indices of the neighbouring points that lie in two parts, that of the lower part first."""
+    index = np.arange(parts.size, dtype=np.int64).reshape(parts.shape)
+    sides = [
+        (parts[:, :-1], parts[:, 1:], index[:, :-1], index[:, 1:]),
+        (parts[:-1], parts[1:], index[:-1], index[1:]),
+    ]
+    ends = []
+    for one, two, at_one, at_two in sides:
+        apart = (one >= 0) & (two >= 0) & (one != two)
+        ends.append(np.stack([at_one[apart], at_two[apart]], axis=1))
+    joined = np.concatenate(ends)
+    swapped = parts.ravel()[joined[:, 0]] > parts.ravel()[joined[:, 1]]
+    joined[swapped] = joined[swapped][:, ::-1]
+    return joined[:, 0], joined[:, 1]
+
+
+def _middles(first: NDArray[np.int64], second: NDArray[np.int64], width: int) -> list[int]:
+    """The index of the middle pair of points of each stretch of the border between two parts."""
+    places = 0.5 * (np.stack(np.divmod(first, width), axis=1) + np.stack(np.divmod(second, width), axis=1))
+    # Two convex regions meet along a straight line, so places are in order along the way from one end to the other.
+    end = places[np.argmax(np.hypot(*(places - places[0]).T))]
+    way = places[np.argmax(np.hypot(*(places - end).T))] - end
+    along = (places - end) @ (way / max(float(np.hypot(*way)), 1.0))
+    order = np.argsort(along, kind="stable")
+    stretches = np.split(order, np.flatnonzero(np.diff(along[order]) > GAP) + 1)
+    middles = []
+    for stretch in stretches:
+        middle = 0.5 * (along[stretch[0]] + along[stretch[-1]])
+        middles.append(int(stretch[np.argmin(np.abs(along[stretch] - middle))]))
+    return middles

@@ -1,0 +1,212 @@
+"""Regions: the ground as a few convex pieces and the points that connect them (paper, "The region method").
+
+Within a region a robot may go straight from anywhere to anywhere, so that a path is a sequence of connecting points.
+The paper splits terrains by hand; `split_regions` does it for any terrain. The ground's outline is drawn with few
+corners (region_outline), cut so that no concave corner is left (region_cuts), and what remains of steps and slivers is
+merged (region_patchwork).
+
+Polygons are convex and disjoint to a millionth of a point. Every point where bodies may be belongs to one; its centre
+lies in that polygon or, rarely, up to about a point beside it. Polygons may reach into walls by up to 2.5 points, which
+is where the stairs of slanted walls, the ends of thin walls and small poles go.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+from patrol.ground.fields import load_grid, parts_of
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.regions.convex import Floats, area, circumference, depths, hull, overlap
+from patrol.regions.cuts import convex_pieces
+from patrol.regions.kernels.pieces import fill, spread
+from patrol.regions.links import Connection, connect
+from patrol.regions.outline import loops_of, simplified
+from patrol.regions.patchwork import made_convex, merged, stretched
+
+__all__ = ["Connection", "Polygon", "RegionSplit", "regions_by_hand", "split_regions"]
+
+Polygon = tuple[tuple[float, float], ...]
+"""Corners (x, y) in m, counter-clockwise."""
+
+FILL = 1.5
+"""Steps, thin walls' ends and poles of up to so many points are drawn into the free ground."""
+
+BY_HAND = 0.25
+"""By so much (m), or a point where that is more, may polygons given by hand overlap, miss the walls and be dented."""
+
+MOST_CORNERS = 10_000
+"""Corners of an outline that make about 3000 regions; the method is for terrains with far fewer."""
+
+FACTS = "regions.json"
+GRIDS = ("labels", "parts")
+
+
+@dataclass(frozen=True, eq=False)
+class RegionSplit:
+    """A terrain's regions, and how a body gets from one to another.
+
+    polygons: by region number. labels: int32 (h, w), the region of every point where bodies may be, -1 elsewhere.
+    parts: int32 (h, w), -1 where the body's centre may not be; regions that walls or the body's width divide have
+    several parts. connections: ways between parts, one for each stretch of border that the body can pass.
+    Arrays are read-only.
+    """
+
+    polygons: tuple[Polygon, ...]
+    labels: NDArray[np.int32]
+    parts: NDArray[np.int32]
+    connections: tuple[Connection, ...]
+
+    def for_body(self, terrain: Terrain, body: BoolGrid) -> RegionSplit:
+        """The same regions, connected for another body, whose centre may be where bool (h, w) `body` says."""
+        parts, connections = connect(terrain, self.labels, body & terrain.free)
+        return replace(self, parts=parts, connections=connections)
+
+    def save(self, folder: Path) -> None:
+        """Write the arrays as .npy files and the rest as JSON into `folder`, which is made when missing."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in GRIDS:
+            np.save(folder / f"{name}.npy", getattr(self, name))
+        links = [[link.x, link.y, link.regions, link.parts, link.points] for link in self.connections]
+        facts = {"polygons": self.polygons, "connections": links}
+        (folder / FACTS).write_text(json.dumps(facts), encoding="utf-8")
+
+    @staticmethod
+    def load(folder: Path) -> RegionSplit:
+        """What save() wrote, memory-mapped and read-only."""
+        facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
+        labels, parts = (load_grid(folder / f"{name}.npy") for name in GRIDS)
+        links = tuple(
+            Connection(x, y, (regions[0], regions[1]), (ends[0], ends[1]), (points[0], points[1]))
+            for x, y, regions, ends, points in facts["connections"]
+        )
+        polygons = tuple(tuple((x, y) for x, y in polygon) for polygon in facts["polygons"])
+        return RegionSplit(polygons, labels, parts, links)
+
+
+def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit:
+    """Split a terrain's free ground into convex regions.
+
+    body: bool (h, w), where the centre of a body may be, on which connections lie; all free points when None. Raises
+    BadInput for a terrain whose outline has more than MOST_CORNERS corners.
+    """
+    loops = loops_of(terrain.free, FILL)
+    rings = simplified(loops, FILL) if 3 * len(loops) <= MOST_CORNERS else []
+    corners = sum(len(ring.corners) for ring in rings) or 3 * len(loops)
+    if corners > MOST_CORNERS:
+        raise BadInput(
+            f"patrol.paths = regions: {terrain.name} is too broken up, its outline has {corners} corners or more and "
+            f"the most is {MOST_CORNERS}; choose wave, or a larger point"
+        )
+    polygons = merged(made_convex(convex_pieces(rings)))
+    bare = np.argwhere(terrain.free & (_laid(terrain, polygons) < 0))
+    if bare.size:
+        polygons = stretched(polygons, np.asarray(bare[:, ::-1] + 0.5, dtype=np.float64))
+    return _split(terrain, polygons, _laid(terrain, polygons), body)
+
+
+def regions_by_hand(
+    terrain: Terrain, polygons: Sequence[Sequence[tuple[float, float]]], body: BoolGrid | None = None
+) -> RegionSplit:
+    """The split that polygons with corners (x, y) in m, either way round, describe.
+
+    They need not follow walls closely: what they cover of them does not count, and free points up to BY_HAND beside a
+    region belong to it. body: as in `split_regions`; ground to which it has no access need not be covered. Raises
+    BadInput for polygons that are not convex, hold no free point or overlap, and for gaps between them.
+    """
+    slack = _slack(terrain)
+    corners = [_checked(terrain, number, polygon) for number, polygon in enumerate(polygons)]
+    for number, polygon in enumerate(corners):
+        for other in range(number):
+            if (depth := overlap(polygon, corners[other])) > slack:
+                raise BadInput(
+                    f"patrol.regions.{number}: overlaps region {other} by {depth * terrain.point:.2f} m; move their "
+                    "common border"
+                )
+    labels = _laid(terrain, corners)
+    for number in range(len(corners)):
+        if not (labels == number).any():
+            raise BadInput(f"patrol.regions.{number}: holds no free point of {terrain.name}; correct or drop it")
+    _check_gaps(terrain, labels, body)
+    return _split(terrain, corners, labels, body)
+
+
+def _laid(terrain: Terrain, polygons: Sequence[Floats]) -> NDArray[np.int32]:
+    """int32 (h, w): the polygon that each free point's centre lies in, the first of several, -1 in none."""
+    labels = np.full(terrain.shape, -1, dtype=np.int32)
+    for number, polygon in enumerate(polygons):
+        fill(np.ascontiguousarray(polygon), number, terrain.free.view(np.uint8), labels)
+    return labels
+
+
+def _split(
+    terrain: Terrain, polygons: Sequence[Floats], labels: NDArray[np.int32], body: BoolGrid | None
+) -> RegionSplit:
+    """Number regions by their first points, give what no polygon holds to a neighbour, and connect."""
+    free = terrain.free.view(np.uint8)
+    spread(free, labels.size, labels, np.empty(labels.size, dtype=np.int32))
+    numbers, first = np.unique(labels, return_index=True)
+    kept = [int(number) for number in numbers[np.argsort(first)] if number >= 0]
+    renumbered = np.full(len(polygons) + 1, -1, dtype=np.int32)
+    renumbered[kept] = np.arange(len(kept), dtype=np.int32)
+    labels = renumbered[labels]
+    labels.flags.writeable = False
+    split = RegionSplit(tuple(_in_metres(terrain, polygons[number]) for number in kept), labels, labels, ())
+    return split.for_body(terrain, terrain.free if body is None else body)
+
+
+def _in_metres(terrain: Terrain, polygon: Floats) -> Polygon:
+    ox, oy = terrain.origin
+    return tuple((ox + float(x) * terrain.point, oy + float(y) * terrain.point) for x, y in polygon)
+
+
+def _checked(terrain: Terrain, number: int, polygon: Sequence[tuple[float, float]]) -> Floats:
+    """A polygon given by hand, in points, convex and counter-clockwise."""
+    where = f"patrol.regions.{number}"
+    if len(polygon) < 3:
+        raise BadInput(f"{where}: has {len(polygon)} corners; give at least 3")
+    corners = (np.array(polygon, dtype=np.float64) - terrain.origin) / terrain.point
+    whole = hull(corners)
+    if len(whole) < 3 or area(whole) < 1.0:
+        raise BadInput(f"{where}: covers less than one point; give corners that do not lie on one line")
+    deepest = int(np.argmax(depths(whole, corners)))
+    if depths(whole, corners)[deepest] > _slack(terrain):
+        x, y = polygon[deepest]
+        raise BadInput(f"{where}: is not convex at ({x:g}, {y:g}); split it there into two regions")
+    if area(whole) - abs(area(corners)) > _slack(terrain) * circumference(whole):
+        raise BadInput(f"{where}: its sides cross; list the corners in order along the border")
+    return whole
+
+
+def _slack(terrain: Terrain) -> float:
+    """How far, in points, polygons given by hand may be off."""
+    return max(BY_HAND / terrain.point, 1.0)
+
+
+def _check_gaps(terrain: Terrain, labels: NDArray[np.int32], body: BoolGrid | None) -> None:
+    """Give free points beside a region to it; BadInput when points that matter are still in none."""
+    bare = terrain.free & (labels < 0)
+    spread(terrain.free.view(np.uint8), math.ceil(_slack(terrain)), labels, np.empty(labels.size, dtype=np.int32))
+    if body is not None:
+        rooms, _ = parts_of(terrain.free)
+        bare &= np.isin(rooms, np.unique(rooms[body & terrain.free]))
+    gaps, count = parts_of(bare)
+    is_gap = np.bincount(gaps.ravel(), weights=(labels < 0).ravel(), minlength=count + 1) > 0
+    is_gap[0] = False
+    if not is_gap.any():
+        return
+    areas = np.where(is_gap, np.bincount(gaps.ravel(), minlength=count + 1), 0) * terrain.point_area
+    row, col = np.argwhere(gaps == int(np.argmax(areas))).mean(axis=0)
+    ox, oy = terrain.origin
+    x, y = ox + (col + 0.5) * terrain.point, oy + (row + 0.5) * terrain.point
+    raise BadInput(
+        f"patrol.regions: {areas.sum():.2f} m2 of free ground lie in no region, {areas.max():.2f} m2 of them around "
+        f"({x:.2f}, {y:.2f}); widen the regions or add one"
+    )

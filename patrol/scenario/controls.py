@@ -1,0 +1,342 @@
+"""What an operator may ask of a running fleet, and what becomes of its scenario by that.
+
+    {"do": "pause"}  {"do": "go"}  {"do": "step", "ticks": 1}       hold the ticks, let them go on, do a few of them
+    {"do": "pace", "factor": 2.0}                                   of real time; null: as fast as it goes
+    {"do": "fault", "fault": {...}, "instead": "op1"}               an entry as in a scenario's faults
+    {"do": "heal", "id": "op1"}                                     a fault that lasts ends now
+    {"do": "intruder", "place": [x, y], "stay": 30.0}               somebody stands there from now on
+
+Times in a fault count from now: without `at` it begins with the next tick. `instead` names a fault that ends at the
+same moment, so that a value is changed without a gap.
+
+A control that changes what happens is written to the journal as an event of kind `OPERATOR`, and `operated` makes of a
+scenario and these events the scenario that has happened: run from its beginning, it gives the same trace.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, TypeAdapter, ValidationError
+
+from patrol.errors import BadInput
+from patrol.journal.records import Event
+from patrol.scenario import Scenario, load_scenario
+from patrol.scenario.explain import did_you_mean, show
+from patrol.scenario.faults.kinds import PROCESS_KINDS, Clock, Lasting, nothing
+from patrol.scenario.faults.roster import tick_of, ticks_of
+from patrol.scenario.section import Section
+from patrol.scenario.values import Corner, Name, Positive, expecting
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+
+OPERATOR = "operator"
+"""The kind of the journal's events that tell of controls; their detail is JSON, as `as_detail` makes it."""
+
+ASK = "ask"
+"""The last part of the key that controls are asked for under (`patrol.net.keys.FleetKeys.control`)."""
+
+MAX_CONTROL = 1 << 16
+"""Bytes of the longest request."""
+
+MOST_FAULTS = 2000
+"""Faults of a scenario beyond which an operator adds no more."""
+
+MOST_STEPS = 100_000
+FACTORS = (1e-3, 1e6)
+"""The least and the greatest pace that may be asked for, of real time."""
+
+
+class Pause(Section):
+    """No further tick until somebody says so."""
+
+    do: Literal["pause"]
+
+
+class Go(Section):
+    """The ticks go on by themselves."""
+
+    do: Literal["go"]
+
+
+class Step(Section):
+    """A few ticks, and no more."""
+
+    do: Literal["step"]
+    ticks: Annotated[
+        int, Field(ge=1, le=MOST_STEPS, strict=True), expecting(f"a whole number from 1 to {MOST_STEPS}")
+    ] = 1
+
+
+class Pace(Section):
+    """Ticks at a factor of real time, or as fast as they go."""
+
+    do: Literal["pace"]
+    factor: Annotated[
+        Annotated[float, Field(ge=FACTORS[0], le=FACTORS[1], strict=True)] | None,
+        expecting(f"a number from {FACTORS[0]:g} to {FACTORS[1]:g} (times real time), or max"),
+    ]
+
+
+class AddFault(Section):
+    """A fault, its times from now on."""
+
+    do: Literal["fault"]
+    fault: dict[str, Any]
+    instead: Name | None = None
+
+
+class Heal(Section):
+    """A lasting fault ends."""
+
+    do: Literal["heal"]
+    id: Name
+
+
+class AddIntruder(Section):
+    """An intruder stands at a place (m), from now on, for so long (s) or to the end."""
+
+    do: Literal["intruder"]
+    place: Corner
+    stay: Positive | None = None
+
+
+Control = Pause | Go | Step | Pace | AddFault | Heal | AddIntruder
+CONTROLS = ("pause", "go", "step", "pace", "fault", "heal", "intruder")
+"""What a control may do."""
+
+_CONTROL: TypeAdapter[Control] = TypeAdapter(Annotated[Control, Discriminator("do")])
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What became of a control. text: one line for the one who asked, why not where it was refused."""
+
+    done: bool
+    text: str = ""
+
+
+def read_control(says: object) -> Control:
+    """The control in a mapping; BadInput, one line, for anything else."""
+    do = says.get("do") if isinstance(says, Mapping) else None
+    if not isinstance(do, str) or do not in CONTROLS:
+        known = did_you_mean(do, CONTROLS) if isinstance(do, str) else f"known are {', '.join(CONTROLS)}"
+        raise BadInput(f"control: do = {show(do)}: {known}")
+    try:
+        return _CONTROL.validate_python(says)
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in problem["loc"][1:] if not str(part).startswith("=")) or do
+        what = problem.get("ctx", {}).get("what")
+        told = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]
+        raise BadInput(f"control: {field} = {show(problem['input'])}: {told}") from None
+
+
+# --- what has happened -----------------------------------------------------------------------------------------------
+
+
+def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str]:
+    """The scenario once a control has been obeyed before tick k, and one line that says what it does.
+
+    The same object where the control changes nothing that happens. BadInput where it cannot be obeyed.
+    """
+    match control:
+        case AddFault():
+            return _with_fault(scenario, k, control)
+        case Heal():
+            return _healed(scenario, k, control.id), f"{control.id} ends with tick {k}"
+        case AddIntruder():
+            entry = {"place": control.place, "at": _time_of(k, scenario.step), "for": control.stay}
+            mapping = _mapping(scenario)
+            mapping["intruders"] = [*mapping["intruders"], entry]
+            x, y = control.place
+            return _loaded(mapping, len(scenario.faults)), f"an intruder at ({x:g}, {y:g}) from tick {k} on"
+    return scenario, ""
+
+
+def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
+    """The scenario that has happened: with what operators have added to it, as the journal's events tell."""
+    for event in events:
+        if event.kind == OPERATOR:
+            scenario, _ = amended(scenario, event.k, read_control(json.loads(event.detail)))
+    return scenario
+
+
+def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
+    """The lasting faults of radio and senses that are active in tick k and change something, as a scenario's entries.
+
+    first: the place of the first that is looked at; operators' faults come behind the scenario's own.
+    """
+    return tuple(
+        fault.model_dump(mode="json", exclude_none=True)
+        for fault in scenario.faults[first:]
+        if isinstance(fault, Lasting)
+        and fault.kind not in PROCESS_KINDS
+        and not (isinstance(fault, Clock) and fault.offset == fault.rate == 0.0)
+        and tick_of(fault.at, scenario.step) <= k
+        and not _has_ended(fault, scenario.step, k)
+    )
+
+
+def prepared_as_operated(prepared: Prepared, events: Iterable[Event]) -> Prepared:
+    """The same of a prepared scenario: operators change neither terrain nor robots."""
+    scenario = operated(prepared.scenario, events)
+    return prepared if scenario is prepared.scenario else replace(prepared, scenario=scenario)
+
+
+def as_detail(control: Control) -> str:
+    """A control as the detail of an event."""
+    return json.dumps(control.model_dump(mode="json", exclude_defaults=True), separators=(",", ":"))
+
+
+def told(event: Event) -> str:
+    """An event's detail for people."""
+    if event.kind != OPERATOR:
+        return event.detail
+    try:
+        control = read_control(json.loads(event.detail))
+    except (ValueError, BadInput):
+        return event.detail
+    match control:
+        case AddFault():
+            asked = dict(control.fault)
+            values = ", ".join(f"{name} {value}" for name, value in asked.items() if name != "kind")
+            text = f"{asked.get('kind')} {values}" + (f", instead of {control.instead}" if control.instead else "")
+        case Heal():
+            text = f"heals {control.id}"
+        case AddIntruder():
+            text = f"places an intruder at ({control.place[0]:g}, {control.place[1]:g})"
+        case Pace():
+            text = "as fast as it goes" if control.factor is None else f"pace {control.factor:g}"
+        case Step():
+            text = f"step {control.ticks}"
+        case _:
+            text = control.do
+    return text
+
+
+def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario, str]:
+    if len(scenario.faults) >= MOST_FAULTS:
+        raise BadInput(f"control: fault: this run has had {MOST_FAULTS} faults already; it takes no more")
+    if control.instead is not None and not _is_over(scenario, k, control.instead):
+        scenario = _healed(scenario, k, control.instead)
+    entry = dict(control.fault)
+    at = entry.get("at", 0.0)
+    if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < math.inf:
+        raise BadInput(f"control: fault.at = {show(at)}: expected seconds from now, 0 or more")
+    begin = k + tick_of(at, scenario.step)
+    entry["at"] = _time_of(begin, scenario.step)
+    entry.setdefault("id", _fresh([fault.id for fault in scenario.faults]))
+    mapping = _mapping(scenario)
+    mapping["faults"] = [*mapping["faults"], entry]
+    more = _loaded(mapping, len(scenario.faults))
+    fault = more.faults[-1]
+    return more, f"{fault.id} {fault.kind} from tick {begin} on"
+
+
+def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
+    """The scenario in which a lasting fault ends before tick k; of one that begins then only its place remains."""
+    place, fault = _find(scenario, name)
+    if not isinstance(fault, Lasting):
+        raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")
+    begin = tick_of(fault.at, scenario.step)
+    if begin > k:
+        raise BadInput(f"control: id = {name}: it has not begun yet; it does at {fault.at:g} s")
+    if _is_over(scenario, k, name):
+        raise BadInput(f"control: id = {name}: it is over already")
+    mapping = _mapping(scenario)
+    if begin == k:
+        mapping["faults"][place] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
+    else:
+        mapping["faults"][place]["for"] = (k - begin) * scenario.step
+    return _loaded(mapping, place)
+
+
+def _is_over(scenario: Scenario, k: int, name: str) -> bool:
+    """Whether a lasting fault has ended before tick k or does so anyway."""
+    _, fault = _find(scenario, name)
+    return isinstance(fault, Lasting) and _has_ended(fault, scenario.step, k)
+
+
+def _has_ended(fault: Lasting, step: float, k: int) -> bool:
+    return fault.lasts is not None and tick_of(fault.at, step) + ticks_of(fault.lasts, step) <= k
+
+
+def _find(scenario: Scenario, name: str) -> tuple[int, Any]:
+    for place, fault in enumerate(scenario.faults):
+        if fault.id == name:
+            return place, fault
+    known = ", ".join(str(fault.id) for fault in scenario.faults[-8:]) or "none"
+    raise BadInput(f"control: id = {name}: there is no such fault; the latest are {known}")
+
+
+def _fresh(taken: Iterable[str | None]) -> str:
+    names = set(taken)
+    return next(name for n in range(1, MOST_FAULTS + 2) if (name := f"op{n}") not in names)
+
+
+def _time_of(k: int, step: float) -> float:
+    """The time of a tick in s, rounded for people where that is the same tick."""
+    exact = k * step
+    for time_s in (round(exact, 9), exact):
+        if time_s <= exact and tick_of(time_s, step) == k:
+            return time_s
+    while tick_of(exact, step) > k:
+        exact = math.nextafter(exact, 0.0)
+    return exact
+
+
+def _mapping(scenario: Scenario) -> dict[str, Any]:
+    return scenario.model_dump(mode="json", exclude_none=True)
+
+
+def _loaded(mapping: Mapping[str, Any], place: int) -> Scenario:
+    """The scenario in a mapping, whose entry of `faults` at a place is the one that an operator asks for."""
+    try:
+        return load_scenario(mapping, called="control")
+    except BadInput as bad:
+        raise BadInput(str(bad).replace(f"faults.{place}", "fault")) from None
+
+
+# --- on the wire -----------------------------------------------------------------------------------------------------
+
+
+def request(token: str, control: Mapping[str, Any]) -> bytes:
+    """A control as it is sent to a world. token: the fleet's, without which nothing is obeyed."""
+    return json.dumps({"token": token, "control": dict(control)}).encode()
+
+
+def read_request(payload: bytes, token: str) -> Control:
+    """The control in a request; BadInput when it is none, or when its sender lacks the fleet's token."""
+    try:
+        says = json.loads(payload)
+    except (ValueError, RecursionError):
+        raise BadInput("control: is no JSON") from None
+    given = says.get("token") if isinstance(says, dict) else None
+    if not isinstance(given, str) or not hmac.compare_digest(_utf8(given), _utf8(token)):
+        raise BadInput("control: refused; whoever controls this fleet needs the token that its launcher made")
+    return read_control(says.get("control"))
+
+
+def answer_bytes(answer: Answer) -> bytes:
+    """An answer as it is sent back."""
+    return json.dumps({"done": answer.done, "text": answer.text}).encode()
+
+
+def read_answer(payload: bytes) -> Answer:
+    """The answer in a payload; ValueError for anything else."""
+    says = json.loads(payload)
+    if not isinstance(says, dict) or type(says.get("done")) is not bool or not isinstance(says.get("text"), str):
+        raise ValueError("no answer")
+    return Answer(says["done"], says["text"][:2000])
+
+
+def _utf8(text: str) -> bytes:
+    """A text as bytes, also one that JSON allows and UTF-8 does not: half of a surrogate pair."""
+    return text.encode("utf-8", "surrogatepass")

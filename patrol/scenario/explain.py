@@ -1,0 +1,182 @@
+"""What is wrong with a scenario, in one line that a person can act on."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Collection, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jump, Wait
+from patrol.scenario.faults.nemesis_spec import NemesisSpec
+from patrol.scenario.faults.targets import Some
+from patrol.scenario.model import (
+    IntruderSpec,
+    PatrolSpec,
+    RadioSpec,
+    RobotEntry,
+    RobotGroup,
+    Scenario,
+    SensorSpec,
+    TerrainSpec,
+)
+from patrol.scenario.section import Section
+
+_SECTIONS: dict[str, type[Section]] = {
+    "terrain": TerrainSpec,
+    "sensor": SensorSpec,
+    "patrol": PatrolSpec,
+    "radio": RadioSpec,
+    "intruders": IntruderSpec,
+    "faults": Fault,
+    "nemesis": NemesisSpec,
+}
+_OF_FAULTS: dict[str, type[Section]] = {
+    **dict.fromkeys(("who", "from", "to", "as"), Some),
+    "delay": Wait,
+    "payload": Forgery,
+    "jump": Jump,
+}
+_UNKNOWN = ("extra_forbidden", "invalid_key")
+_LONGEST = 60
+
+
+LineOf = Callable[[Sequence[int | str]], int | None]
+"""Path of keys and indices -> the line of the source where it stands, None when it does not."""
+
+
+def one_line(error: ValidationError, source: str, overridden: Collection[str], line_of: LineOf) -> str:
+    """The first problem as ``source: line 3: field = value: problem``, unknown keys first, and how many more there are.
+
+    overridden: dotted fields that were given as overrides and not by the source.
+    """
+    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] not in _UNKNOWN)
+    line = _describe(problems[0], source, overridden, line_of)
+    more = len(problems) - 1
+    return f"{line} (and {more} more {'problem' if more == 1 else 'problems'})" if more else line
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """'did you mean X?' for the nearest known word, otherwise the list of them."""
+    near = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+
+
+def show(value: Any) -> str:
+    """A value as a scenario file would spell it, cut to a readable length."""
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=repr)
+    except (ValueError, TypeError, RecursionError):
+        text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def _describe(problem: ErrorDetails, source: str, overridden: Collection[str], line_of: LineOf) -> str:
+    context = problem.get("ctx", {})
+    location = [part for part in problem["loc"] if not str(part).startswith("=")]
+    if problem["type"] == "crossed" and context["field"]:
+        location += [int(part) if part.isdecimal() else part for part in context["field"].split(".")]
+    field = ".".join(str(part) for part in location)
+    if _is_overridden(field, overridden):
+        where = f"override {field}"
+    else:
+        line = line_of(location)
+        where = f"{source}: {field}" if line is None else f"{source}: line {line}: {field}"
+    section, note = _known_at(problem["loc"])
+    match problem["type"]:
+        case "extra_forbidden" | "invalid_key":
+            return f"{where}: unknown key; {_nearest_key(str(location[-1]), section)}"
+        case "missing":
+            return f"{where}: missing; give {note or 'it'}"
+        case "crossed":
+            return f"{where}{context['value']}: {context['problem']}"
+    what = _expected(problem, section)
+    if context.get("bare") and note:
+        what = f"{what} ({note})"
+    return f"{where} = {show(problem['input'])}: {what}"
+
+
+def _expected(problem: ErrorDetails, section: type[Section]) -> str:
+    context = problem.get("ctx", {})
+    match problem["type"]:
+        case "expected":
+            return f"expected {context['what']}"
+        case "literal_error":
+            known = context["expected"].replace("'", "")
+            near = get_close_matches(str(problem["input"]).lower(), re.split(r", | or ", known), n=1, cutoff=0.6)
+            return f"expected {known}{f'; did you mean {near[0]}?' if near else ''}"
+        case "model_type":
+            return f"expected keys and values ({', '.join(_keys(section))})"
+        case "too_long":
+            return f"expected at most {context['max_length']} of them"
+        case "tuple_type":
+            return "expected a list"
+        case _:
+            return problem["msg"]
+
+
+def _is_overridden(field: str, overridden: Collection[str]) -> bool:
+    """Whether an override gave the field, what it lies in or something in it; robots.speed gave robots.0.speed too."""
+    everywhere = ".".join(part for part in field.split(".") if not part.isdecimal())
+    return any(
+        spelled == name or spelled.startswith(f"{name}.") or name.startswith(f"{spelled}.")
+        for name in overridden
+        for spelled in (field, everywhere)
+    )
+
+
+def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
+    """The innermost section on the way to a location, and the description of the field that leads to the location."""
+    section: type[Section] = Scenario
+    note = ""
+    top = ""
+    for part in location:
+        if not isinstance(part, str):
+            continue
+        if part.startswith("="):
+            section = _alternative(top, part, section)
+            continue
+        known = _fields(section).get(part)
+        note = (known.description or "") if known else ""
+        if section is Scenario:
+            top = part
+            section = _SECTIONS.get(part, Scenario)
+        elif top == "faults":
+            section = _OF_FAULTS.get(part, section)
+    return section, note
+
+
+def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
+    """The section behind one of a field's alternatives."""
+    if top == "robots" and tag in ("=mapping", "=list"):
+        return RobotGroup if tag == "=mapping" else RobotEntry
+    if top == "faults" and section is Fault:
+        return KINDS.get(tag.removeprefix("="), section)
+    return section
+
+
+def _nearest_key(key: str, section: type[Section]) -> str:
+    """The known key that is nearest, of this section or with the section that it belongs under; or this section's."""
+    everywhere: dict[str, type[Section]] = {"robots": RobotGroup, **_SECTIONS, "": Scenario}
+    spelled = {
+        name: f"{home}.{name}" if home else f"{name} at the top level"
+        for home, other in everywhere.items()
+        for name in _keys(other)
+    }
+    spelled |= {name: name for name in _keys(section)}
+    near = get_close_matches(key.lower(), spelled, n=1, cutoff=0.6)
+    return f"did you mean {spelled[near[0]]}?" if near else did_you_mean(key, _keys(section))
+
+
+def _keys(section: type[Section]) -> list[str]:
+    return list(_fields(section))
+
+
+def _fields(section: type[Section]) -> dict[str, FieldInfo]:
+    """A section's fields by the names that a file uses."""
+    return {field.alias or name: field for name, field in section.model_fields.items()}

@@ -1,0 +1,1 @@
+"""Faults: their kinds, whom they befall, and the random ones."""

@@ -1,0 +1,387 @@
+"""The vocabulary of faults: what may be done to robots, their radio, their positions and their clocks, and when.
+
+`worldsim.timeline` says which robots and ticks a scenario's faults mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from typing import Annotated, Any, Literal, Self, get_args
+
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from patrol.scenario.faults.targets import WHO, WORDS, Who
+from patrol.scenario.section import Section, wrong
+from patrol.scenario.values import (
+    Burst,
+    Corner,
+    Count,
+    Flag,
+    Growth,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Probability,
+    RobotName,
+    Ticks,
+    at_least,
+    by_shape,
+    expecting,
+)
+
+KIND = "what happens"
+STRANGER = "stranger"
+"""Who forges messages when it is no robot of the fleet."""
+
+# --- how long a frame takes ------------------------------------------------------------------------------------------
+
+
+class Wait(Section):
+    """How long frames are held up: one of four distributions; what is below zero counts as zero."""
+
+    constant: NotNegative | None = Field(None, description="s")
+    uniform: Annotated[tuple[NotNegative, NotNegative], expecting("[least, most] in s")] | None = Field(
+        None, description="s, [least, most]"
+    )
+    normal: Annotated[tuple[NotNegative, NotNegative], expecting("[mean, standard deviation] in s")] | None = Field(
+        None, description="s, [mean, standard deviation]"
+    )
+    exponential: NotNegative | None = Field(None, description="s, mean")
+
+    @property
+    def shape(self) -> str:
+        """Which of the four it is."""
+        return next(name for name in type(self).model_fields if getattr(self, name) is not None)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Its one or two parameters, in s."""
+        given = getattr(self, self.shape)
+        return given if isinstance(given, tuple) else (given,)
+
+    @model_validator(mode="after")
+    def _one_of_four(self) -> Self:
+        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
+            choice = "{constant: S}, {uniform: [S, S]}, {normal: [MEAN, SD]} or {exponential: MEAN}"
+            raise wrong("", f"exactly one is needed: {choice}")
+        if self.uniform is not None and self.uniform[0] > self.uniform[1]:
+            raise wrong("uniform", "the least comes first; swap the two")
+        return self
+
+
+# --- the kinds -------------------------------------------------------------------------------------------------------
+
+
+class Fault(Section):
+    """What all faults have."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    kind: str = Field(description=KIND)
+    id: Name | None = Field(None, description="its name in journal and verdict; f1, f2, ... by place unless given")
+    at: NotNegative = Field(0.0, description="s, when it happens or begins")
+
+
+class Lasting(Fault):
+    """A fault that has an end."""
+
+    lasts: Positive | None = Field(None, alias="for", description="s, how long; null: to the end")
+
+
+class OnRobots(Fault):
+    """A fault of some robots."""
+
+    who: Who = Field(description=WHO)
+
+
+class Kill(OnRobots):
+    """A robot's process is gone at once; its body stays in the way, or is carried off."""
+
+    kind: Literal["kill"] = Field(description=KIND)
+    wreck: Literal["stays", "removed"] = Field("stays", description="stays | removed")
+
+
+class Restart(OnRobots):
+    """A dead robot's process is started anew, with an empty memory; a living or paused one is killed first."""
+
+    kind: Literal["restart"] = Field(description=KIND)
+
+
+class Pause(OnRobots, Lasting):
+    """A robot's process is stopped, and goes on after a while."""
+
+    kind: Literal["pause"] = Field(description=KIND)
+
+
+class Resume(OnRobots):
+    """A paused robot's process goes on."""
+
+    kind: Literal["resume"] = Field(description=KIND)
+
+
+class Join(OnRobots):
+    """Robots that are not there, or have left, appear at their starts; who joins first of all is absent until then."""
+
+    kind: Literal["join"] = Field(description=KIND)
+
+
+class Leave(OnRobots):
+    """Robots end their patrol in good order and are taken off the terrain."""
+
+    kind: Literal["leave"] = Field(description=KIND)
+
+
+class OnLinks(Lasting):
+    """A fault of the directed links from some robots to some."""
+
+    sources: Who = Field("all", alias="from", description=f"senders: {WHO}")
+    targets: Who = Field("all", alias="to", description=f"receivers: {WHO}")
+
+    @model_validator(mode="after")
+    def _between_two(self) -> Self:
+        names = [(side,) if isinstance(side, str) else side for side in (self.sources, self.targets)]
+        if names[0] == names[1] and isinstance(names[0], tuple) and len(names[0]) == 1 and self.sources not in WORDS:
+            raise wrong("to", f"{names[0][0]} hears nothing from itself; name another robot")
+        return self
+
+
+class Loss(OnLinks):
+    """Frames are lost, each by itself or in bursts (Gilbert-Elliott)."""
+
+    kind: Literal["loss"] = Field(description=KIND)
+    rate: Probability = Field(description="share of the frames")
+    mean_burst: Burst | None = Field(None, description="ticks, mean length of a burst; null: each frame by itself")
+
+    @model_validator(mode="after")
+    def _bursts_can_be_that_long(self) -> Self:
+        if self.mean_burst is not None and self.rate * (1.0 + self.mean_burst) > self.mean_burst * (1.0 + 1e-12):
+            most = self.mean_burst / (1.0 + self.mean_burst)
+            limit = f"bursts of {self.mean_burst:g} on average cannot lose more than {most:.4g} of the frames"
+            raise wrong("rate", f"{limit}; give less, or a longer mean_burst", self.rate)
+        return self
+
+
+class Delay(OnLinks):
+    """Frames arrive late."""
+
+    kind: Literal["delay"] = Field(description=KIND)
+    delay: Wait = Field(description="s, {constant: S}, {uniform: [S, S]}, {normal: [MEAN, SD]} or {exponential: MEAN}")
+
+
+class Duplicate(OnLinks):
+    """Frames arrive twice."""
+
+    kind: Literal["duplicate"] = Field(description=KIND)
+    rate: Probability = Field(description="share of the frames")
+    delay: Wait | None = Field(None, description="s, of the copy, as in a delay; null: none of its own")
+
+
+class Reorder(OnLinks):
+    """Frames are held back, so that later ones overtake them."""
+
+    kind: Literal["reorder"] = Field(description=KIND)
+    rate: Probability = Field(description="share of the frames")
+    hold: Positive | None = Field(None, description="s, how long a frame is held back; null: one step")
+
+
+Group = Annotated[tuple[RobotName, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "names in a group")]
+_GROUPS = "halves, one (against the rest) or a list of groups, each a list of names"
+Groups = Annotated[
+    Annotated[Literal["halves", "one"], expecting(_GROUPS), Tag("=single")]
+    | Annotated[tuple[Group, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "groups"), Tag("=list")],
+    by_shape(_GROUPS),
+]
+
+
+class Partition(Lasting):
+    """Groups of robots cannot hear each other; robots in no group form one more."""
+
+    kind: Literal["partition"] = Field(description=KIND)
+    groups: Groups = Field(description=_GROUPS)
+    direction: Literal["both", "one-way"] = Field(
+        "both", description="both | one-way (an earlier group is not heard by a later one)"
+    )
+
+
+class Silence(OnRobots, Lasting):
+    """Robots hear nothing, are not heard, or both."""
+
+    kind: Literal["silence"] = Field(description=KIND)
+    direction: Literal["in", "out", "both"] = Field("both", description="in (hears nothing) | out (not heard) | both")
+
+
+class Range(Lasting):
+    """Robots are heard only so far."""
+
+    kind: Literal["range"] = Field(description=KIND)
+    who: Who = Field("all", description=f"senders: {WHO}")
+    reach: Positive = Field(description="m, between true places")
+    through_walls: Flag = Field(True, description="false: only along a line of sight")
+
+
+class Bandwidth(Lasting):
+    """Robots can send only so much."""
+
+    kind: Literal["bandwidth"] = Field(description=KIND)
+    who: Who = Field("all", description=f"senders: {WHO}")
+    bytes_per_s: Positive = Field(description="bytes/s of each of them")
+
+
+class Forgery(Section):
+    """What a forged message says, beyond freeze and random."""
+
+    offset: Corner | None = Field(None, description="m, [dx, dy] added to the true position")
+    replay: Positive | None = Field(None, description="s, how old the victim's frame is that is sent again")
+    invented: Count | None = Field(None, description="how many robots that do not exist are made up")
+    ahead: Ticks | None = Field(None, description="ticks by which the sequence is ahead; the position is the true one")
+
+    @model_validator(mode="after")
+    def _only_one(self) -> Self:
+        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
+            raise wrong("", "exactly one is needed: {offset: [DX, DY]}, {replay: S}, {invented: N} or {ahead: N}")
+        return self
+
+
+_PAYLOAD = "{offset: [DX, DY]}, freeze, {replay: S}, random, {invented: N} or {ahead: N}"
+Payload = Annotated[
+    Annotated[Literal["freeze", "random"], expecting(_PAYLOAD), Tag("=single")] | Annotated[Forgery, Tag("=mapping")],
+    by_shape(_PAYLOAD),
+]
+
+
+class Spoof(Lasting):
+    """Somebody sends positions in others' names."""
+
+    kind: Literal["spoof"] = Field(description=KIND)
+    by: RobotName = Field(STRANGER, description="stranger (has no key) or a robot's name (has the fleet's key)")
+    victims: Who = Field("one", alias="as", description=f"in whose name: {WHO}")
+    payload: Payload = Field(description=_PAYLOAD)
+
+
+class Jump(Section):
+    """A localisation that jumps from time to time."""
+
+    every: Positive = Field(description="s, from one jump to the next")
+    size: NotNegative = Field(description="m, of each jump, in a direction that is drawn")
+
+
+class Drift(OnRobots, Lasting):
+    """Robots are wrong about where they are."""
+
+    kind: Literal["drift"] = Field(description=KIND)
+    bias: Corner = Field((0.0, 0.0), description="m, [dx, dy] from the beginning on")
+    growth: Corner = Field((0.0, 0.0), description="m/s, [dx, dy] by which the bias grows")
+    noise: NotNegative = Field(0.0, description="m, standard deviation in x and in y, new in each tick")
+    jump: Jump | None = Field(None, description="{every: s, size: m}, jumps that add up")
+
+
+class Clock(OnRobots, Lasting):
+    """Robots' clocks are wrong."""
+
+    kind: Literal["clock"] = Field(description=KIND)
+    offset: Number = Field(0.0, description="s, by which the clock is ahead")
+    rate: Growth = Field(0.0, description="s/s, by which it gains")
+
+
+def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
+    """An entry that changes nothing, for a place in the list that others' draws go by: a clock that is not wrong.
+
+    at, step: s; it lasts for a step. who: any robot's name.
+    """
+    return {"kind": "clock", "id": name, "at": at, "for": step, "who": [who]}
+
+
+AnyFault = (
+    Kill
+    | Restart
+    | Pause
+    | Resume
+    | Join
+    | Leave
+    | Loss
+    | Delay
+    | Duplicate
+    | Reorder
+    | Partition
+    | Silence
+    | Range
+    | Bandwidth
+    | Spoof
+    | Drift
+    | Clock
+)
+KINDS: Mapping[str, type[Fault]] = {
+    get_args(model.model_fields["kind"].annotation)[0]: model for model in get_args(AnyFault)
+}
+"""The model of each kind of fault."""
+
+PROCESS_KINDS = ("kill", "restart", "pause", "resume", "join", "leave")
+"""The kinds that need somebody who can start and stop robots."""
+
+SENSE_KINDS = ("drift", "clock")
+"""The kinds that bend what a robot senses. All that remain befall frames, and so need an ether."""
+
+
+def _kind_of(fault: Any) -> str:
+    kind = fault.get("kind") if isinstance(fault, Mapping) else getattr(fault, "kind", None)
+    return f"={kind}"
+
+
+def _has_a_kind(fault: Any) -> Any:
+    """Refuse what no kind's model would take, in words that name the key `kind`."""
+    if isinstance(fault, Fault):
+        return fault
+    known = ", ".join(KINDS)
+    if not isinstance(fault, Mapping):
+        raise wrong("", f"expected a fault such as {{kind: kill, at: 60, who: one}}, with kind one of {known}")
+    kind = fault.get("kind")
+    if kind is None:
+        raise wrong("kind", f"missing; give one of {known}")
+    if not isinstance(kind, str) or kind not in KINDS:
+        near = get_close_matches(str(kind).lower(), KINDS, n=1, cutoff=0.6)
+        raise wrong(
+            "kind", f"{kind} is no kind of fault; {f'did you mean {near[0]}?' if near else f'known are {known}'}"
+        )
+    if kind in INSTANT and "for" in fault:
+        raise wrong("for", f"a {kind} happens at once; leave 'for' out")
+    return fault
+
+
+INSTANT = tuple(kind for kind, model in KINDS.items() if not issubclass(model, Lasting))
+"""The kinds that happen at once and have no `for`."""
+
+
+def _named(faults: Sequence[Fault]) -> tuple[Fault, ...]:
+    """Give those without an id one by their place; no two may have the same."""
+    named = [f if f.id is not None else f.model_copy(update={"id": f"f{i}"}) for i, f in enumerate(faults, start=1)]
+    places: dict[str | None, int] = {}
+    for place, fault in enumerate(named):
+        if (other := places.setdefault(fault.id, place)) != place:
+            raise wrong(f"{place}.id", f"faults.{other} is called {fault.id} too; rename one")
+    return tuple(named)
+
+
+OneFault = Annotated[
+    Annotated[Kill, Tag("=kill")]
+    | Annotated[Restart, Tag("=restart")]
+    | Annotated[Pause, Tag("=pause")]
+    | Annotated[Resume, Tag("=resume")]
+    | Annotated[Join, Tag("=join")]
+    | Annotated[Leave, Tag("=leave")]
+    | Annotated[Loss, Tag("=loss")]
+    | Annotated[Delay, Tag("=delay")]
+    | Annotated[Duplicate, Tag("=duplicate")]
+    | Annotated[Reorder, Tag("=reorder")]
+    | Annotated[Partition, Tag("=partition")]
+    | Annotated[Silence, Tag("=silence")]
+    | Annotated[Range, Tag("=range")]
+    | Annotated[Bandwidth, Tag("=bandwidth")]
+    | Annotated[Spoof, Tag("=spoof")]
+    | Annotated[Drift, Tag("=drift")]
+    | Annotated[Clock, Tag("=clock")],
+    Discriminator(_kind_of),
+    BeforeValidator(_has_a_kind),
+]
+Faults = Annotated[tuple[OneFault, ...], AfterValidator(_named)]

@@ -1,0 +1,290 @@
+"""The nemesis: random faults, drawn into a concrete timeline when a scenario is loaded.
+
+In each interval one fault begins, at a drawn tick and of a drawn kind, and lasts for 0.3 to 2 intervals. All have ended
+before the quiet window at the end of the run: who was killed is started again, who was paused goes on, and who left
+joins again. A robot suffers one process fault at a time, and there is always one that suffers none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from patrol.random import Purpose
+from patrol.scenario.faults.delays import Dice
+from patrol.scenario.faults.kinds import KINDS, STRANGER
+from patrol.scenario.faults.nemesis_spec import room_for
+from patrol.scenario.faults.roster import tick_of
+from patrol.scenario.model import Scenario
+
+SHORTEST, LONGEST = 0.3, 2.0
+"""How long a fault lasts, in intervals."""
+
+
+def written_out(scenario: Scenario) -> Scenario:
+    """The same scenario with concrete faults in the place of its nemesis, after those that it has."""
+    if scenario.nemesis is None:
+        return scenario
+    mapping = scenario.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
+    return Scenario.model_validate(mapping | {"faults": mapping["faults"] + unleash(scenario)})
+
+
+def unleash(scenario: Scenario) -> list[dict[str, Any]]:
+    """The concrete faults of a scenario's nemesis, as entries of its `faults`, by the intervals they begin in.
+
+    They depend on the nemesis, the roster, the seed, the step and the duration, and spare robots that the scenario's
+    own faults let join or leave.
+    """
+    spec, step = scenario.nemesis, scenario.step
+    if spec is None:
+        return []
+    end, width = room_for(spec, step, scenario.ticks)
+    seed = scenario.seed if spec.seed is None else spec.seed
+    kinds = tuple(KINDS) if spec.kinds == "all" else spec.kinds
+    robots = _Robots([robot.name for robot in scenario.roster if not robot.spare], _coming_and_going(scenario))
+    taken = {fault.id for fault in scenario.faults}
+    found: list[dict[str, Any]] = []
+    for slot in range(math.ceil(end / width)):
+        dice = Dice(seed, Purpose.NEMESIS, slot)
+        first = math.ceil(slot * width)
+        begin = dice.whole(first, max(first, min(end, math.ceil((slot + 1) * width)) - 1))
+        length = max(1, round(width * dice.between(SHORTEST, LONGEST)))
+        if begin < end:
+            when = _When(step, begin, min(end, begin + length))
+            found += _numbered(_fault(dice, kinds, robots, when), slot + 1, taken)
+    return found
+
+
+def _coming_and_going(scenario: Scenario) -> set[str]:
+    """Robots that the scenario's own faults may let join or leave."""
+    names = {robot.name for robot in scenario.roster}
+    found: set[str] = set()
+    for fault in scenario.faults:
+        if fault.kind in ("join", "leave"):
+            who = {fault.who} if isinstance(fault.who, str) else fault.who if isinstance(fault.who, tuple) else names
+            found |= names.intersection(who) or names
+    return found
+
+
+def _numbered(faults: list[dict[str, Any]], number: int, taken: set[str | None]) -> list[dict[str, Any]]:
+    """A fault and what heals it, with ids that no other fault has."""
+    name = f"n{number}"
+    while taken.intersection((name, f"{name}-heals")):
+        name = f"{name}x"
+    return [{"id": name if place == 0 else f"{name}-heals", **fault} for place, fault in enumerate(faults)]
+
+
+class _When:
+    """From when to when a fault lasts, in ticks."""
+
+    def __init__(self, step: float, begin: int, end: int) -> None:
+        self.step, self.begin, self.end = step, begin, end
+
+    @property
+    def at(self) -> dict[str, float]:
+        """When it begins, as a fault says it."""
+        return {"at": self._time(self.begin)}
+
+    @property
+    def healed(self) -> dict[str, float]:
+        """When what heals it happens."""
+        return {"at": self._time(self.end)}
+
+    @property
+    def lasting(self) -> dict[str, float]:
+        """When it begins, and how long it lasts."""
+        return {**self.at, "for": round((self.end - self.begin) * self.step, 6)}
+
+    def _time(self, k: int) -> float:
+        """A tick's time in s, with few digits where they say the same."""
+        time_s = round(k * self.step, 6)
+        return time_s if tick_of(time_s, self.step) == k else k * self.step
+
+
+class _Robots:
+    """Which robots suffer a process fault, and when."""
+
+    def __init__(self, names: Sequence[str], spared: set[str]) -> None:
+        self.names = list(names)
+        self._spared = spared
+        self._busy: list[tuple[str, int, int]] = []
+
+    def free(self, begin: int, end: int) -> list[str]:
+        """Those who suffer none from one tick to another, both included."""
+        busy = {name for name, first, last in self._busy if first <= end and begin <= last}
+        return [name for name in self.names if name not in busy and name not in self._spared]
+
+    def take(self, dice: Dice, begin: int, end: int, leave: int = 1) -> list[str]:
+        """Some who shall suffer one from one tick to another; none when none can.
+
+        leave: how many of those that are free then are left alone.
+        """
+        free = self.free(begin, end)
+        if len(free) <= leave:
+            return []
+        chosen = dice.some(free, len(free) - leave)
+        self._busy += [(name, begin, end) for name in chosen]
+        return chosen
+
+    def any(self, dice: Dice) -> str | list[str]:
+        """All, or some, whatever they suffer."""
+        some = dice.some(self.names, len(self.names))
+        return "all" if dice.share() < 0.5 else some
+
+
+# --- what is drawn for each kind -------------------------------------------------------------------------------------
+
+Found = list[dict[str, Any]]
+
+
+def _fault(dice: Dice, kinds: Sequence[str], robots: _Robots, when: _When) -> Found:
+    """A fault of a drawn kind, and what heals it; of the kinds, the first in a drawn order that can happen now."""
+    for kind in dice.shuffled(kinds):
+        if found := _OF_KIND[kind](dice, robots, when):
+            return [{"kind": kind} | found[0], *found[1:]]
+    return []
+
+
+def _kill(dice: Dice, robots: _Robots, when: _When) -> Found:
+    who = robots.take(dice, when.begin, when.end)
+    wreck = dice.choice("stays", "removed")
+    return [{**when.at, "who": who, "wreck": wreck}, {"kind": "restart", **when.healed, "who": who}] if who else []
+
+
+def _restart(dice: Dice, robots: _Robots, when: _When) -> Found:
+    who = robots.take(dice, when.begin, when.begin, leave=0)
+    return [{**when.at, "who": who}] if who else []
+
+
+def _pause(dice: Dice, robots: _Robots, when: _When) -> Found:
+    who = robots.take(dice, when.begin, when.end)
+    return [{**when.lasting, "who": who}] if who else []
+
+
+def _resume(dice: Dice, robots: _Robots, when: _When) -> Found:
+    """A pause without an end, which a resume ends."""
+    who = robots.take(dice, when.begin, when.end)
+    return [{**when.at, "kind": "pause", "who": who}, {"kind": "resume", **when.healed, "who": who}] if who else []
+
+
+def _join(dice: Dice, robots: _Robots, when: _When) -> Found:
+    who = robots.take(dice, 0, when.begin)
+    return [{**when.at, "who": who}] if who else []
+
+
+def _leave(dice: Dice, robots: _Robots, when: _When) -> Found:
+    who = robots.take(dice, when.begin, when.end)
+    return [{**when.at, "who": who}, {"kind": "join", **when.healed, "who": who}] if who else []
+
+
+def _links(dice: Dice, robots: _Robots) -> dict[str, Any]:
+    sources, targets = robots.any(dice), robots.any(dice)
+    return {"from": sources, "to": "all" if sources == targets else targets}
+
+
+def _wait(dice: Dice, when: _When) -> dict[str, Any]:
+    """Delays of some steps."""
+    long = 6.0 * when.step
+    shape = dice.choice("constant", "uniform", "normal", "exponential")
+    first, second = sorted((dice.between(0.0, long), dice.between(0.0, long)))
+    return {shape: [first, second] if shape in ("uniform", "normal") else second}
+
+
+def _loss(dice: Dice, robots: _Robots, when: _When) -> Found:
+    fault = {**when.lasting, **_links(dice, robots), "rate": dice.between(0.05, 1.0)}
+    burst = dice.between(1.0, 12.0)
+    if fault["rate"] * (1.0 + burst) <= burst and dice.share() < 0.5:
+        fault["mean_burst"] = burst
+    return [fault]
+
+
+def _delay(dice: Dice, robots: _Robots, when: _When) -> Found:
+    return [{**when.lasting, **_links(dice, robots), "delay": _wait(dice, when)}]
+
+
+def _duplicate(dice: Dice, robots: _Robots, when: _When) -> Found:
+    fault = {**when.lasting, **_links(dice, robots), "rate": dice.between(0.05, 1.0)}
+    return [fault | dice.choice({}, {"delay": _wait(dice, when)})]
+
+
+def _reorder(dice: Dice, robots: _Robots, when: _When) -> Found:
+    fault = {**when.lasting, **_links(dice, robots), "rate": dice.between(0.05, 1.0)}
+    return [fault | dice.choice({}, {"hold": dice.between(0.1 * when.step, 5.0 * when.step)})]
+
+
+def _partition(dice: Dice, robots: _Robots, when: _When) -> Found:
+    if len(robots.names) < 2:
+        return []
+    first = dice.some(robots.names, len(robots.names) - 1)
+    rest = [name for name in robots.names if name not in first]
+    more = [dice.some(rest, len(rest))] if dice.share() < 0.5 else []
+    groups: Any = dice.choice([first, *more], [first, *more], "halves", "one")
+    return [{**when.lasting, "groups": groups, "direction": dice.choice("both", "one-way")}]
+
+
+def _silence(dice: Dice, robots: _Robots, when: _When) -> Found:
+    return [{**when.lasting, "who": robots.any(dice), "direction": dice.choice("in", "out", "both")}]
+
+
+def _range(dice: Dice, robots: _Robots, when: _When) -> Found:
+    through = dice.choice(True, False)
+    return [{**when.lasting, "who": robots.any(dice), "reach": dice.between(5.0, 60.0), "through_walls": through}]
+
+
+def _bandwidth(dice: Dice, robots: _Robots, when: _When) -> Found:
+    return [{**when.lasting, "who": robots.any(dice), "bytes_per_s": dice.between(5.0, 100.0)}]
+
+
+def _spoof(dice: Dice, robots: _Robots, when: _When) -> Found:
+    by = dice.choice(STRANGER, dice.choice(*robots.names))
+    if by == robots.names[0] and len(robots.names) == 1:
+        by = STRANGER  # nobody else's name is there to forge
+    others = [name for name in robots.names if name != by]
+    offset = [dice.between(-20.0, 20.0), dice.between(-20.0, 20.0)]
+    payload: Any = dice.choice(
+        {"offset": offset},
+        "freeze",
+        {"replay": dice.between(when.step, 40.0 * when.step)},
+        "random",
+        {"invented": dice.whole(1, 3)},
+        {"ahead": dice.whole(1, 10_000)},
+    )
+    return [{**when.lasting, "by": by, "as": dice.some(others, len(others)), "payload": payload}]
+
+
+def _drift(dice: Dice, robots: _Robots, when: _When) -> Found:
+    fault = {
+        "who": robots.any(dice),
+        "bias": [dice.between(-2.0, 2.0), dice.between(-2.0, 2.0)],
+        "growth": [dice.between(-0.05, 0.05), dice.between(-0.05, 0.05)],
+        "noise": dice.between(0.0, 0.5),
+    }
+    jump = {"jump": {"every": dice.between(2.0 * when.step, 40.0 * when.step), "size": dice.between(0.5, 10.0)}}
+    return [{**when.lasting, **fault, **dice.choice({}, jump)}]
+
+
+def _clock(dice: Dice, robots: _Robots, when: _When) -> Found:
+    offset, rate = dice.between(-60.0, 60.0), dice.between(-0.2, 0.2)
+    return [{**when.lasting, "who": robots.any(dice), "offset": offset, "rate": rate}]
+
+
+_OF_KIND: Mapping[str, Callable[[Dice, _Robots, _When], Found]] = {
+    "kill": _kill,
+    "restart": _restart,
+    "pause": _pause,
+    "resume": _resume,
+    "join": _join,
+    "leave": _leave,
+    "loss": _loss,
+    "delay": _delay,
+    "duplicate": _duplicate,
+    "reorder": _reorder,
+    "partition": _partition,
+    "silence": _silence,
+    "range": _range,
+    "bandwidth": _bandwidth,
+    "spoof": _spoof,
+    "drift": _drift,
+    "clock": _clock,
+}

@@ -1,0 +1,71 @@
+"""What a scenario says of its nemesis, as `patrol.scenario.faults.nemesis` writes it out."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, Tag
+
+from patrol.scenario.faults.kinds import KINDS
+from patrol.scenario.section import Section, wrong
+from patrol.scenario.values import NotNegative, Positive, Seed, at_least, by_shape, expecting
+
+MOST_FAULTS = 1000
+"""A nemesis of more intervals than this is refused."""
+QUIET = 1.0 / 3.0
+"""Share of the run that is quiet at its end unless told."""
+
+KindName = Literal[
+    "kill",
+    "restart",
+    "pause",
+    "resume",
+    "join",
+    "leave",
+    "loss",
+    "delay",
+    "duplicate",
+    "reorder",
+    "partition",
+    "silence",
+    "range",
+    "bandwidth",
+    "spoof",
+    "drift",
+    "clock",
+]
+_KINDS = f"all, or a list of kinds of faults: {', '.join(KINDS)}"
+Kinds = Annotated[
+    Annotated[Literal["all"], expecting(_KINDS), Tag("=single")]
+    | Annotated[
+        tuple[Annotated[KindName, expecting(f"one of {', '.join(KINDS)}")], ...],
+        Field(json_schema_extra={"minItems": 1}),
+        at_least(1, "kinds of faults"),
+        Tag("=list"),
+    ],
+    by_shape(_KINDS),
+]
+
+
+class NemesisSpec(Section):
+    """Random faults, written out as concrete ones when the scenario is loaded."""
+
+    kinds: Kinds = Field("all", description="all, or a list of kinds of faults")
+    interval: Positive = Field(description="s, in each of which one fault begins")
+    seed: Seed | None = Field(None, description="of the faults; null: the scenario's")
+    quiet: NotNegative | None = Field(None, description="s without faults at the end; null: a third of the run")
+
+
+def room_for(spec: NemesisSpec, step: float, ticks: int) -> tuple[int, float]:
+    """The tick at which the quiet window begins, and the ticks of an interval. Raises when they do not fit in."""
+    quiet = ticks * QUIET if spec.quiet is None else spec.quiet / step
+    end = min(math.floor(ticks - quiet + 1e-9), ticks - 1)
+    if end < 1:
+        problem = f"leaves no room for faults in a run of {ticks * step:g} s; give less, or a longer run"
+        raise wrong("nemesis.quiet", problem, spec.quiet)
+    if spec.interval < step:
+        raise wrong("nemesis.interval", f"shorter than one step of {step:g} s; give more", spec.interval)
+    if (faults := math.ceil(end * step / spec.interval)) > MOST_FAULTS:
+        raise wrong("nemesis.interval", f"makes {faults} faults, at most {MOST_FAULTS} fit; give more", spec.interval)
+    return end, spec.interval / step

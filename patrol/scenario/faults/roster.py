@@ -1,0 +1,96 @@
+"""A scenario's faults against its roster and its duration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from patrol.scenario.faults.kinds import STRANGER, AnyFault, Forgery, OnLinks, Partition, Spoof
+from patrol.scenario.faults.targets import Drawing, Target, check_name, check_who, meant
+from patrol.scenario.section import wrong
+
+
+def tick_of(at: float, step: float) -> int:
+    """The first tick that is not before a time in s."""
+    return math.ceil(at / step - 1e-9)
+
+
+def ticks_of(lasts: float, step: float) -> int:
+    """How many ticks a time in s is, half a tick rounded up; at least one."""
+    return max(1, math.floor(lasts / step + 0.5 + 1e-9))
+
+
+def check_faults(
+    faults: Sequence[AnyFault], names: Sequence[str], spares: frozenset[int], step: float, ticks: int, seed: int
+) -> None:
+    """Raise for the first fault that the roster or the duration rules out.
+
+    It names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or comes
+    after the last tick. names: of the whole roster, in the order of the robots' numbers. spares: numbers of those that
+    are spare; sizes are of the others. step: s. seed: the scenario's, for who is drawn.
+    """
+    fleet = len(names) - len(spares)
+    for place, fault in enumerate(faults):
+        where = f"faults.{place}"
+        if tick_of(fault.at, step) >= ticks:
+            ends = f"the run ends at {ticks * step:g} s, so it would never happen; give less"
+            raise wrong(f"{where}.at", ends, fault.at)
+        for name, field in type(fault).model_fields.items():
+            if name in ("who", "sources", "targets", "victims"):
+                check_who(getattr(fault, name), names, fleet, f"{where}.{field.alias or name}")
+        if isinstance(fault, Partition):
+            _check_partition(fault, names, fleet, f"{where}.groups")
+        if isinstance(fault, Spoof) and fault.by != STRANGER:
+            _check_insider(fault, names, spares, (seed, place, Target.AS))
+        if isinstance(fault, OnLinks):
+            _check_links(fault, names, spares, seed, place)
+
+
+def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: str) -> None:
+    if not isinstance(fault.groups, str):
+        _check_groups(fault.groups, names, where)
+    elif fleet == 1:
+        raise wrong(where, "there is one robot, and nobody to cut it off from; leave the partition out")
+
+
+def _check_links(fault: OnLinks, names: Sequence[str], spares: frozenset[int], seed: int, place: int) -> None:
+    """Among several robots there is a link: nobody is left alone with itself by what is drawn."""
+    numbers = {name: number for number, name in enumerate(names, start=1)}
+    sources = meant(fault.sources, numbers, spares, (seed, place, Target.FROM))
+    if (
+        len(names) > 1
+        and sources == meant(fault.targets, numbers, spares, (seed, place, Target.TO))
+        and len(sources) == 1
+    ):
+        name = names[sources[0] - 1]
+        raise wrong(
+            f"faults.{place}.to", f"with seed {seed} both ends are {name}, which hears nothing from itself; name one"
+        )
+
+
+def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], drawing: Drawing) -> None:
+    """Who forges is a robot, and not in its own name alone. Robots that are made up are in nobody's name."""
+    seed, place, _ = drawing
+    where = f"faults.{place}"
+    check_name(fault.by, names, f"{where}.by")
+    if isinstance(fault.payload, Forgery) and fault.payload.invented is not None:
+        return
+    numbers = {name: number for number, name in enumerate(names, start=1)}
+    if meant(fault.victims, numbers, spares, drawing) != (numbers[fault.by],):
+        return
+    drawn = len(names) > 1 and fault.victims not in (fault.by, (fault.by,))
+    chance = f"with seed {seed} that is {fault.by} itself, which " if drawn else f"{fault.by} "
+    raise wrong(f"{where}.as", f"{chance}would forge in nobody's name but its own; name another, or another by")
+
+
+def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], where: str) -> None:
+    homes: dict[str, int] = {}
+    for index, group in enumerate(groups):
+        for place, name in enumerate(group):
+            check_name(name, names, f"{where}.{index}.{place}")
+            if name in homes:
+                twice = "twice" if homes[name] == index else f"in group {homes[name]} too"
+                raise wrong(f"{where}.{index}.{place}", f"{name} is {twice}; a robot is in one group")
+            homes[name] = index
+    if len(groups) == 1 and len(homes) == len(names):
+        raise wrong(where, "one group holds every robot, so nothing is cut; leave some out")

@@ -1,0 +1,261 @@
+"""The scenario: one file that says everything a run depends on.
+
+`load_scenario` reads a file or a mapping, applies overrides and checks every value; `open_scenario` also takes a map
+or the name of a built-in terrain. A loaded scenario is resolved: defaults are filled in, paths are absolute and a
+nemesis is written out as the faults that it drew, so it dumps to YAML that means the same anywhere on this machine.
+`scenario_hash` tells whether two scenarios mean the same.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from patrol.errors import BadInput
+from patrol.scenario.explain import did_you_mean, one_line, show
+from patrol.scenario.faults.nemesis import written_out
+from patrol.scenario.model import (
+    IntruderSpec,
+    PatrolSpec,
+    RadioSpec,
+    RobotEntry,
+    RobotGroup,
+    RobotSpec,
+    Scenario,
+    SensorSpec,
+    TerrainSpec,
+)
+from patrol.scenario.values import BUILTINS, MAX_ROBOTS
+from patrol.scenario.yaml_text import dump_section, line_of, parse_yaml, read_text
+
+__all__ = [
+    "BUILTINS",
+    "MAX_ROBOTS",
+    "IntruderSpec",
+    "PatrolSpec",
+    "RadioSpec",
+    "RobotEntry",
+    "RobotGroup",
+    "RobotSpec",
+    "Scenario",
+    "SensorSpec",
+    "TerrainSpec",
+    "as_mapping",
+    "dump_scenario",
+    "load_scenario",
+    "map_digest",
+    "open_scenario",
+    "parse_overrides",
+    "scenario_hash",
+    "scenario_schema",
+    "with_spares",
+]
+
+Overrides = Mapping[str, object]
+
+_HASH_FORMAT = "fogwatch-scenario/1"
+_ENTRIES = {
+    "faults": "{kind: kill, at: 60, who: one}",
+    "intruders": "{place: [10, 10], at: 60}",
+}
+"""The lists that are empty unless given, and what an entry looks like."""
+_IMAGES = (".pgm", ".png", ".jpg", ".jpeg", ".bmp")
+
+
+def load_scenario(
+    source: Path | str | Mapping[str, Any],
+    overrides: Overrides | None = None,
+    *,
+    base: Path | None = None,
+    called: str = "scenario",
+) -> Scenario:
+    """The scenario in a YAML file, or in a mapping of the same shape.
+
+    overrides: values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every entry
+    of a list); texts are read as YAML. Relative paths are relative to the file's folder, those of a mapping to `base`
+    or else the current folder. called: what errors call a mapping. Raises BadInput, one line that names the file, the
+    field, the value and the remedy.
+    """
+    if isinstance(source, Mapping):
+        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None, None)
+    path = Path(source)
+    raw, text = _read_mapping(path)
+    return _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
+
+
+def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
+    """The scenario that a command-line argument names: a scenario file, a map's YAML file or a built-in terrain."""
+    if what in BUILTINS:
+        return load_scenario({"terrain": {"builtin": what}}, overrides)
+    path = Path(what)
+    if path.suffix.lower() in _IMAGES:
+        raise BadInput(f"{what}: is an image; give the map's YAML file, which names the image and its resolution")
+    if not path.exists():
+        raise BadInput(f"{what}: no such scenario or map file, and no built-in terrain; {did_you_mean(what, BUILTINS)}")
+    raw, _ = _read_mapping(path)
+    if "image" in raw and "terrain" not in raw:
+        return load_scenario({"terrain": {"map": str(path)}}, overrides)
+    return load_scenario(path, overrides)
+
+
+def with_spares(scenario: Scenario, spare: int) -> Scenario:
+    """The same with so many spare robots, which are not there until they join. BadInput where it lists its robots."""
+    if not isinstance(scenario.robots, RobotGroup):
+        raise BadInput(f"--spare {spare}: {scenario.name} lists its robots; mark those that are to join as spare: true")
+    return load_scenario(as_mapping(scenario), {"robots.spare": spare}, called="--spare")
+
+
+def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
+    """Overrides for `load_scenario` from command-line texts ``FIELD=VALUE``, the later of two for one field winning."""
+    overrides: dict[str, object] = {}
+    for setting in settings:
+        field, equals, value = setting.partition("=")
+        if not equals or not field.strip():
+            raise BadInput(f"--set {setting}: expected FIELD=VALUE, for example patrol.dilatation=0")
+        overrides.pop(field.strip(), None)
+        overrides[field.strip()] = value
+    return overrides
+
+
+def as_mapping(scenario: Scenario) -> dict[str, Any]:
+    """The scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back."""
+    return scenario.model_dump(mode="json", exclude_none=True)
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """The resolved scenario as commented YAML; loading it gives an equal scenario back."""
+    return f"{dump_section(scenario)}\n"
+
+
+def scenario_schema() -> dict[str, Any]:
+    """The JSON schema of a scenario file."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+
+
+def scenario_hash(scenario: Scenario) -> str:
+    """SHA-256 (hex) of what the scenario means.
+
+    Left out are the name and where files lie: a map enters by its content, a tag key only by being there, robots one
+    by one. BadInput when the map cannot be read.
+    """
+    meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
+    if scenario.terrain.map is not None:
+        meaning["terrain"]["map"] = map_digest(scenario.base / scenario.terrain.map)
+    meaning["radio"]["key"] = scenario.radio.key is not None
+    meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
+    return _digest({"format": _HASH_FORMAT, **meaning})
+
+
+def map_digest(path: Path) -> str:
+    """SHA-256 (hex) of a map_server map: what its YAML means and its image's bytes, wherever the two files lie."""
+    from patrol.ground.maps import read_map_file  # here, so that a scenario without a map needs no image library
+
+    says = read_map_file(path)
+    try:
+        image = says.image.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path}: image = {says.image}: cannot be read ({error.strerror}); correct 'image'") from None
+    return _digest(
+        {
+            "image": hashlib.sha256(image).hexdigest(),
+            "resolution": says.resolution,
+            "origin": says.origin,
+            "negate": says.negate,
+            "occupied_thresh": says.occupied_thresh,
+            "free_thresh": says.free_thresh,
+            "mode": says.mode,
+        }
+    )
+
+
+def _resolve(
+    raw: dict[str, Any], overrides: Overrides, source: str, base: Path, name: str | None, text: str | None
+) -> Scenario:
+    """text: of the file that the mapping was read from, or None."""
+    for field, value in overrides.items():
+        _override(raw, field, value)
+    raw.setdefault("name", _default_name(raw, name))
+    try:
+        return written_out(Scenario.model_validate(raw, context={"base": base}))
+    except ValidationError as error:
+        places = (lambda _: None) if text is None else partial(line_of, text)
+        raise BadInput(one_line(error, source, tuple(overrides), places)) from None
+
+
+def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
+    """What a file says, and its text."""
+    text = read_text(path)
+    raw = parse_yaml(text, str(path))
+    if raw is None:
+        raise BadInput(f"{path}: is empty; give at least 'terrain: {{builtin: yards}}'")
+    if not isinstance(raw, dict):
+        raise BadInput(f"{path}: holds {show(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
+    return raw, text
+
+
+def _default_name(raw: Mapping[str, Any], stem: str | None) -> str:
+    terrain = raw.get("terrain")
+    if stem is None and isinstance(terrain, Mapping):
+        stem = str(terrain.get("builtin") or Path(str(terrain.get("map") or "")).stem)
+    fitting = re.sub(r"[^A-Za-z0-9._-]+", "-", stem or "").strip("._-")[:64]
+    return fitting or "scenario"
+
+
+def _override(raw: dict[str, Any], field: str, value: object) -> None:
+    """Set one dotted field of a scenario's raw mapping."""
+    if isinstance(value, str):
+        value = parse_yaml(value, f"override {field}")
+    parts = field.split(".")
+    if not all(parts):
+        raise BadInput(f"override {field!r}: names no field; write for example patrol.dilatation")
+    top = parts[0]
+    if top in _ENTRIES and parts[1:] and parts[1].isdecimal() and not raw.get(top):
+        raise BadInput(f"override {field}: {top} is an empty list; give entries: {top}=[{_ENTRIES[top]}]")
+    _set(raw, parts, copy.deepcopy(value), field)
+
+
+def _set(node: Any, parts: list[str], value: object, field: str) -> None:
+    head, rest = parts[0], parts[1:]
+    if isinstance(node, dict):
+        if head.isdecimal():
+            raise BadInput(f"override {field}: there is no list to take entry {head} of; leave .{head} out")
+        if not rest:
+            node[head] = value
+            return
+        if node.get(head) is None:
+            node[head] = {}
+        _set(node[head], rest, value, field)
+    elif isinstance(node, list) and head.isdecimal():
+        if int(head) >= len(node):
+            raise BadInput(f"override {field}: there is no entry {head}; the list has entries 0 to {len(node) - 1}")
+        if rest:
+            _set(node[int(head)], rest, value, field)
+        else:
+            node[int(head)] = value
+    elif isinstance(node, list) and field.startswith("robots.") and head in RobotEntry.model_fields:
+        for entry in node:
+            _set(entry, parts, value, field)
+    elif isinstance(node, list):
+        raise BadInput(f"override {field}: this is a list of {len(node)}; give an index, 0 to {len(node) - 1}")
+    else:
+        raise BadInput(f"override {field}: {show(node)} has no field {head}; leave .{'.'.join(parts)} out")
+
+
+def _robot_meaning(spec: RobotSpec) -> list[Any]:
+    start = None if spec.start is None else [spec.start.x, spec.start.y, spec.start.heading]
+    turning = spec.turning_radius if spec.model == "car" else None
+    meaning = [spec.name, spec.model, spec.speed, spec.radius, turning, start]
+    return [*meaning, "spare"] if spec.spare else meaning
+
+
+def _digest(meaning: Mapping[str, Any]) -> str:
+    text = json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()

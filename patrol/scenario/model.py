@@ -1,0 +1,369 @@
+"""The scenario's sections and fields, their units and defaults.
+
+Frozen pydantic models that refuse unknown keys. `patrol.scenario.load` reads and writes scenario files and is what
+other
+modules import.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
+
+from patrol.journal.records import MAX_TICKS
+from patrol.pose import Pose, wrap
+from patrol.radio.message import MAX_STEP_CM, MAX_TIME_MS
+from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Faults
+from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
+from patrol.scenario.faults.roster import check_faults
+from patrol.scenario.section import Section, wrong
+from patrol.scenario.values import (
+    MAX_ROBOTS,
+    SEPARATIONS,
+    Builtin,
+    Corner,
+    Count,
+    Degrees,
+    Exponent,
+    Flag,
+    Kind,
+    Name,
+    NotNegative,
+    Pace,
+    PathText,
+    Polygon,
+    Positive,
+    Probability,
+    Quality,
+    RobotName,
+    Sectors,
+    Seed,
+    Separation,
+    Spares,
+    Start,
+    Starts,
+    Tolerance,
+    Trail,
+    at_least,
+    by_shape,
+)
+
+
+class TerrainSpec(Section):
+    """Where the robots patrol: a built-in terrain by name, or a map_server YAML file."""
+
+    builtin: Builtin | None = Field(None, description="a built-in terrain, instead of a map")
+    map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
+    keep_out: tuple[Polygon, ...] = Field((), description="m, polygons [[x, y], ...] that no body may enter")
+
+    @field_validator("map")
+    @classmethod
+    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
+        return _absolute(value, info)
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.builtin is None) == (self.map is None):
+            raise wrong("", "exactly one is needed: {builtin: NAME} or {map: FILE.yaml}")
+        return self
+
+
+class Body(Section):
+    """What one kind of robot is."""
+
+    model: Kind = Field("car", description="car | holonomic")
+    speed: Positive = Field(4.4, description="m/s, top speed")
+    radius: Positive = Field(1.0, description="m, of the circle that a body is")
+    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (holonomic robots have none)")
+
+
+class RobotGroup(Body):
+    """Robots that are all alike."""
+
+    count: Count = Field(5, description="how many")
+    spare: Spares | None = Field(None, description="how many more there are that may join; null: none")
+    starts: Starts = Field("random", description="random, or [x, y] or [x, y, heading] (m, rad) of the first robots")
+
+    @model_validator(mode="after")
+    def _no_more_starts_than_robots(self) -> Self:
+        if self.starts != "random" and len(self.starts) > self.whole:
+            raise wrong("starts", f"{len(self.starts)} starts for {self.whole} robots; raise count or drop some")
+        return self
+
+    @model_validator(mode="after")
+    def _no_more_than_there_may_be(self) -> Self:
+        if self.whole > MAX_ROBOTS:
+            most = MAX_ROBOTS - self.count
+            raise wrong("spare", f"there may be {MAX_ROBOTS} robots in all; give at most {most}", self.spare)
+        return self
+
+    @property
+    def whole(self) -> int:
+        """How many there are with the spare ones, which come last."""
+        return self.count + (self.spare or 0)
+
+
+class RobotEntry(Body):
+    """One robot of a list."""
+
+    name: RobotName | None = Field(None, description="r1, r2, ... unless given")
+    start: Start = Field("random", description="random, [x, y] or [x, y, heading] (m, rad; heading 0 unless given)")
+    spare: Flag | None = Field(None, description="true: not there until it joins")
+
+
+RobotList = Annotated[
+    tuple[RobotEntry, ...],
+    Field(max_length=MAX_ROBOTS, json_schema_extra={"minItems": 1}),
+    at_least(1, "robots"),
+]
+_GROUP_OR_LIST = "robots alike, {count: 5, model: car, ...}, or a list with one entry a robot"
+Robots = Annotated[
+    Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")],
+    by_shape(_GROUP_OR_LIST),
+]
+
+
+class SensorSpec(Section):
+    """What a robot sees."""
+
+    range: Positive = Field(10.0, description="m")
+    angle: Degrees = Field(360.0, description="degrees, centred on the heading")
+    line_of_sight: Flag = Field(True, description="obstacles block the view")
+    quality: Quality = Field(1.0, description="share of a point's age that a look removes, or [[m, share], ...]")
+
+
+class PatrolSpec(Section):
+    """How a robot decides where to go."""
+
+    policy: Literal["potential-field"] = Field("potential-field", description="the rule that turns fog into a goal")
+    fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
+    distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
+    alpha: Exponent = Field(40.0, description="weight of staleness in f")
+    beta: Positive = Field(4000.0, description="spread of g4, in points of 0.1 m (squared) whatever the point is")
+    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m whatever the point is")
+    paths: Literal["wave", "straight", "regions"] = Field(
+        "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
+    )
+    regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: the ground is split")
+    direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
+    sectors: Sectors = Field(8, description="sectors that mode chooses from")
+    dilatation: NotNegative = Field(5.0, description="m, half-width of the window that spreads staleness; 0: none")
+    avoidance: Literal["none", "goal-refinement", "fuzzy"] = Field(
+        "goal-refinement", description="none | goal-refinement | fuzzy (mode only)"
+    )
+    separation: Separation = Field("none", description=SEPARATIONS)
+    random_move: Probability = Field(0.1, description="probability of a random step (holonomic robots only)")
+    give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
+    claim_width: Positive = Field(0.3, description="m, s of the claims")
+    obstacle_radius: Positive = Field(5.0, description="m, of the artificial obstacle at each other robot")
+    critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages, found")
+    critical_width: Positive = Field(8.0, description="m, below which a passage is a critical area when found")
+    repulsion: NotNegative = Field(0.5, description="push of a robot close by, as a share of all attraction")
+    repulsion_reach: Positive = Field(10.0, description="m, over which the push falls")
+    fuzzy_distance: Positive = Field(5.5, description="m, R_0: nearer obstacles weaken their sector")
+    goal_distance: Positive = Field(5.5, description="m, from the robot to its goal")
+    refine_side: Positive = Field(2.0, description="m, side of the square in which the goal is refined")
+    refine_reach: Positive = Field(10.0, description="m, reach of the obstacle field psi that refines the goal")
+    surround_distance: Positive = Field(8.0, description="m, from an intruder to the robots that surround it")
+    surround_repulsion: NotNegative = Field(0.3, description="push of a robot close by, as a share of the attraction")
+    contact_memory: NotNegative = Field(
+        5.0, description="s after the last report of an intruder until patrolling goes on"
+    )
+    tolerance: Tolerance = Field(1e-16, description="relative error at which far points are left out; 0: none are")
+
+    @property
+    def separations(self) -> tuple[str, ...]:
+        """The mechanisms in use, none when there are none."""
+        chosen = (self.separation,) if isinstance(self.separation, str) else self.separation
+        return tuple(name for name in chosen if name != "none")
+
+    @model_validator(mode="after")
+    def _fuzzy_weakens_sectors(self) -> Self:
+        if self.avoidance == "fuzzy" and self.direction != "mode":
+            raise wrong("avoidance", "fuzzy weakens sectors, and patrol.direction is vector; set it to mode")
+        return self
+
+    @model_validator(mode="after")
+    def _goal_stays_ahead(self) -> Self:
+        if self.refine_side > 2.0 * self.goal_distance:
+            limit = f"patrol.goal_distance is {self.goal_distance:g} m, so at most {2.0 * self.goal_distance:g}"
+            raise wrong("refine_side", f"the square must not reach behind the robot: {limit}", self.refine_side)
+        return self
+
+
+class RadioSpec(Section):
+    """How positions travel, what the radio adds to them, and when a silent robot's claim ends."""
+
+    via: Literal["ether", "direct"] = Field(
+        "ether",
+        description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)",
+    )
+    trail: Trail = Field(0, description="past positions sent along")
+    key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
+    forget_after: Positive = Field(10.0, description="s of silence after which a robot is no longer counted on")
+
+    @field_validator("key")
+    @classmethod
+    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
+        return _absolute(value, info)
+
+
+class IntruderSpec(Section):
+    """Somebody who stands on the terrain for a while, is seen by sensors, and is in nobody's way."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    place: Corner = Field(description="m, [x, y]")
+    at: NotNegative = Field(0.0, description="s, when it comes")
+    stay: Positive | None = Field(None, alias="for", description="s, how long it stays; null: to the end")
+
+    def is_there(self, time_s: float) -> bool:
+        """Whether it is on the terrain at a time in s."""
+        return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """One robot of the roster. number: 1..N. speed: m/s. radius, turning_radius: m. start: None for a random one.
+
+    spare: it is not there until it joins.
+    """
+
+    number: int
+    name: str
+    model: Kind
+    speed: float
+    radius: float
+    turning_radius: float
+    start: Pose | None
+    spare: bool = False
+
+
+class Scenario(Section):
+    """Everything that decides how a run goes."""
+
+    name: Name = Field("scenario", description="the file's or the terrain's name unless given")
+    terrain: TerrainSpec = Field(description="{builtin: open | yards | clutter | site} or {map: FILE.yaml}")
+    point: Positive = Field(0.1, description="m, side of one point of the grid")
+    step: Positive = Field(0.5, description="s per tick")
+    duration: Positive = Field(5000.0, description="simulated s")
+    seed: Seed = Field(7, description="of all randomness")
+    pace: Pace = Field("lockstep", description="lockstep | realtime | a factor of real time")
+    watchdog: Positive = Field(2.0, description="s without a command after which a robot stops")
+    robots: Robots = Field(default_factory=RobotGroup, description="robots alike, or a list with one entry a robot")
+    sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
+    patrol: PatrolSpec = Field(default_factory=PatrolSpec, description="how a robot decides where to go")
+    radio: RadioSpec = Field(default_factory=RadioSpec, description="what robots send")
+    intruders: tuple[IntruderSpec, ...] = Field(
+        (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
+    )
+    faults: Faults = Field((), description="what goes wrong, and when")
+    nemesis: NemesisSpec | None = Field(None, description="random faults besides, written out when this file is loaded")
+
+    @property
+    def roster(self) -> tuple[RobotSpec, ...]:
+        """The robots in the order of their numbers, 1..N."""
+        return tuple(_roster(self.robots))
+
+    @property
+    def spares(self) -> frozenset[int]:
+        """Numbers of the robots that are not there until they join."""
+        return frozenset(spec.number for spec in self.roster if spec.spare)
+
+    @property
+    def ticks(self) -> int:
+        """How many steps the run takes."""
+        return round(self.duration / self.step)
+
+    @property
+    def factor(self) -> float | None:
+        """Simulated seconds per wall second, or None in lockstep."""
+        if isinstance(self.pace, float):
+            return self.pace
+        return 1.0 if self.pace == "realtime" else None
+
+    @property
+    def base(self) -> Path:
+        """What relative paths are relative to: the current folder. A scenario read from a file has absolute ones."""
+        return Path()
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        if self.radio.via == "direct":
+            self._check_direct()
+        if self.step > self.duration:
+            raise wrong("duration", f"shorter than one step of {self.step:g} s; give at least that", self.duration)
+        if self.duration / self.step > MAX_TICKS or self.duration * 1000.0 > MAX_TIME_MS:
+            limit = f"too long: at most {MAX_TIME_MS // 1000} s and {MAX_TICKS} steps fit"
+            raise wrong("duration", limit, self.duration)
+        for field in ("watchdog", "radio.forget_after"):
+            if (value := _at(self, field)) < self.step:
+                limit = f"shorter than one step of {self.step:g} s, so it would end between two messages; give more"
+                raise wrong(field, limit, value)
+        for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
+            if (value := _at(self, field)) < self.point:
+                raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
+        self._check_roster()
+        names = [spec.name for spec in self.roster]
+        check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
+        if self.nemesis is not None:
+            room_for(self.nemesis, self.step, self.ticks)
+        return self
+
+    def _check_direct(self) -> None:
+        if self.factor is None:
+            limit = "direct radio knows no ticks, and pace is lockstep; set pace to realtime or a factor of it"
+            raise wrong("radio.via", limit)
+        for place, fault in enumerate(self.faults):
+            if fault.kind not in (*PROCESS_KINDS, *SENSE_KINDS):
+                limit = f"{fault.kind} befalls frames of an ether, and radio.via is direct; disturb the network itself"
+                raise wrong(f"faults.{place}", limit)
+
+    def _check_roster(self) -> None:
+        if all(spec.spare for spec in self.roster):
+            raise wrong("robots", "all of them are spare, so nobody patrols; take spare off one")
+        names: dict[str, int] = {}
+        for spec in self.roster:
+            field = "robots" if isinstance(self.robots, RobotGroup) else f"robots.{spec.number - 1}"
+            if names.setdefault(spec.name, spec.number) != spec.number:
+                raise wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
+            if self.radio.trail and spec.speed * self.step * 100.0 >= MAX_STEP_CM:
+                limit = f"a trail holds steps below {MAX_STEP_CM / 100:g} m per tick; set radio.trail to 0"
+                raise wrong(f"{field}.speed", limit, spec.speed)
+
+
+def _roster(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
+    if isinstance(robots, RobotGroup):
+        given = () if robots.starts == "random" else robots.starts
+        poses = [*map(_pose, given), *[None] * (robots.whole - len(given))]
+        return [_spec(number, None, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
+    return [
+        _spec(number, entry.name, entry, None if entry.start == "random" else _pose(entry.start), bool(entry.spare))
+        for number, entry in enumerate(robots, start=1)
+    ]
+
+
+def _spec(number: int, name: str | None, body: Body, start: Pose | None, spare: bool) -> RobotSpec:
+    name = name or f"r{number}"
+    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start, spare)
+
+
+def _pose(place: tuple[float, ...]) -> Pose:
+    x, y, heading = (*place, 0.0)[:3]
+    return Pose(x, y, wrap(heading))
+
+
+def _at(model: BaseModel, field: str) -> float:
+    value: Any = model
+    for part in field.split("."):
+        value = getattr(value, part)
+    return float(value)
+
+
+def _absolute(value: str | None, info: ValidationInfo) -> str | None:
+    """A path resolved against the folder that the validation's context names; unchanged without one."""
+    base = info.context.get("base") if isinstance(info.context, dict) else None
+    return value if value is None or base is None else str((Path(base) / value).absolute())

@@ -1,0 +1,164 @@
+"""Scenario files as text: strict reading, commented writing.
+
+Plain values are read by YAML 1.2's core rules, so 1e3 is a number, 1:30 and 2024-01-01 are texts and `yes` is not a
+boolean. A key that occurs twice in one mapping is an error.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from patrol.errors import BadInput
+from patrol.scenario.section import Section
+
+_COMMENT_COLUMN = 32
+_CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r")
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML's safe subset, with the core rules of 1.2 for plain values and no key twice."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012 - PyYAML's protocol
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[tuple[str, str]] = set()
+        for key, _ in node.value:
+            name = (key.tag, key.value) if isinstance(key, yaml.ScalarNode) else None
+            if name in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"{key.value} occurs twice", key.start_mark)
+            if name is not None:
+                seen.add(name)
+        return super().construct_mapping(node, deep)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes texts so that readers by YAML 1.1 and by 1.2 both see texts."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012 - PyYAML's protocol
+        first: list(rules) for first, rules in yaml.SafeDumper.yaml_implicit_resolvers.items()
+    }
+
+    def ignore_aliases(self, _data: Any) -> bool:
+        return True
+
+
+_INT = re.compile(r"^[-+]?[0-9]+$|^0o[0-7]+$|^0x[0-9a-fA-F]+$")
+_FLOAT = re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$")
+_BOOL = re.compile(r"^(true|True|TRUE|false|False|FALSE)$")
+_NULL = re.compile(r"^(~|null|Null|NULL|)$")
+_MERGE = re.compile(r"^<<$")
+
+for _class in (_Loader, _Dumper):
+    _class.add_implicit_resolver("tag:yaml.org,2002:int", _INT, list("-+0123456789"))
+    _class.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
+    _class.add_implicit_resolver("tag:yaml.org,2002:bool", _BOOL, list("tTfF"))
+    _class.add_implicit_resolver("tag:yaml.org,2002:null", _NULL, ["~", "n", "N", ""])
+    _class.add_implicit_resolver("tag:yaml.org,2002:merge", _MERGE, ["<"])
+
+
+def _int(_loader: _Loader, node: yaml.ScalarNode) -> int:
+    text = node.value
+    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _int)
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, or else in Latin-1, as old maps' comments are; BadInput when it cannot be read."""
+    try:
+        return _decode(path.read_bytes())
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise BadInput(f"{path}: is a folder; give a file") from None
+    except UnicodeDecodeError as error:
+        raise BadInput(f"{path}: no UTF-8 text (byte {error.start}); give a text file") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+
+
+def _decode(content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        if _CONTROLS.intersection(content):
+            raise
+        return content.decode("latin-1")
+
+
+def parse_yaml(text: str, source: str) -> Any:
+    """The one document in a YAML text; BadInput, with the line, when it is not well formed."""
+    try:
+        return yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain values only
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = "" if mark is None else f" line {mark.line + 1}, column {mark.column + 1}:"
+        raise BadInput(f"{source}:{where} {error.problem or error.context}; mend the YAML") from None
+    except yaml.reader.ReaderError as error:
+        raise BadInput(f"{source}: character {error.position}: {error.reason}; mend the YAML") from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise BadInput(f"{source}: {error}; mend the YAML") from None
+    except RecursionError:
+        raise BadInput(f"{source}: nested too deeply; a scenario needs few levels") from None
+
+
+def line_of(text: str, location: Sequence[int | str]) -> int | None:
+    """The line (from 1) where a YAML text, that can be parsed, has the entry at a path of keys and indices.
+
+    Of what is not there, the line of the innermost thing around it that is; None when not even the first key is there.
+    """
+    node = yaml.compose(text, Loader=_Loader)
+    line = None
+    for part in location:
+        if isinstance(node, yaml.MappingNode):
+            found = next(((key, value) for key, value in node.value if key.value == str(part)), None)
+        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
+            found = (node.value[part], node.value[part])
+        else:
+            found = None
+        if found is None:
+            break
+        line = found[0].start_mark.line + 1
+        node = found[1]
+    return line
+
+
+def dump_section(section: Section, indent: int = 0) -> str:
+    """A section as YAML, one field a line, with each field's description beside it; what is None is a comment."""
+    lines = []
+    for name, field in type(section).model_fields.items():
+        value = getattr(section, name)
+        start = f"{' ' * indent}{name}:"
+        note = field.description or ""
+        if value is None:
+            lines.append(_beside(f"{' ' * indent}# {field.alias or name}:", note))
+        elif isinstance(value, Section):
+            lines += [_beside(start, note), dump_section(value, indent + 2)]
+        elif isinstance(value, tuple) and value and isinstance(value[0], Section):
+            entries = [entry.model_dump(mode="json", exclude_none=True) for entry in value]
+            lines += [_beside(start, note), *(f"{' ' * indent}  - {_flow(entry)}" for entry in entries)]
+        else:
+            lines.append(_beside(f"{start} {_flow(value)}", note))
+    return "\n".join(lines)
+
+
+def _beside(text: str, note: str) -> str:
+    return f"{text:<{_COMMENT_COLUMN}} # {note}" if note else text
+
+
+def _flow(value: Any) -> str:
+    """A value on one line."""
+    text = yaml.dump(
+        _plain(value), Dumper=_Dumper, default_flow_style=True, sort_keys=False, width=2**31, allow_unicode=True
+    )
+    return text.removesuffix("...\n").strip()
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value

@@ -1,0 +1,125 @@
+"""The runs whose trace hashes a change must not move, and the tool that writes them down.
+
+    python tests/accept/trace_cases.py FILE.json            # run every case and write the hashes
+    python tests/accept/trace_cases.py --check FILE.json    # run every case and name those that moved
+
+Each terrain is patrolled by both bodies under every variant, at 1 m points, for 200 simulated seconds. A hash holds on
+one machine type and one lock file, so compare files that were written on the same machine.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+TERRAINS = ("open", "yards", "clutter", "site")
+BODIES = ("holonomic", "car")
+BASE: Mapping[str, Any] = {"point": 1.0, "duration": 200, "robots.count": 4}
+
+FAULTS: tuple[Mapping[str, Any], ...] = (
+    {"kind": "loss", "at": 5, "for": 40, "rate": 0.4, "mean_burst": 4},
+    {"kind": "delay", "at": 20, "for": 40, "delay": {"exponential": 0.6}},
+    {"kind": "partition", "at": 50, "for": 10, "groups": "halves"},
+    {"kind": "kill", "at": 20, "who": "r2"},
+    {"kind": "restart", "at": 45, "who": "r2"},
+    {"kind": "pause", "at": 30, "for": 10, "who": "r3"},
+    {"kind": "silence", "at": 65, "for": 10, "who": "half", "direction": "out"},
+    {"kind": "spoof", "at": 55, "for": 10, "by": "stranger", "as": "r4", "payload": {"offset": [15, 0]}},
+    {"kind": "drift", "at": 10, "for": 50, "who": "r1", "growth": [0.02, 0.01]},
+    {"kind": "clock", "at": 30, "for": 30, "who": "r4", "offset": 3},
+    {"kind": "duplicate", "at": 60, "for": 20, "rate": 0.3},
+)
+
+VARIANTS: Mapping[str, Mapping[str, Any]] = {
+    "default": {},
+    "faults": {"faults": FAULTS},
+    "straight": {"patrol.paths": "straight"},
+    "straight-vector": {"patrol.paths": "straight", "patrol.direction": "vector"},
+    "regions": {"patrol.paths": "regions"},
+    "vector": {"patrol.direction": "vector"},
+    "vector-claims": {"patrol.direction": "vector", "patrol.separation": "claims"},
+    "fuzzy": {"patrol.avoidance": "fuzzy"},
+    "no-avoidance": {"patrol.avoidance": "none"},
+    "no-dilatation": {"patrol.dilatation": 0},
+    "claims": {"patrol.separation": "claims"},
+    "claims-faults": {"patrol.separation": "claims", "faults": FAULTS},
+    "artificial-obstacles": {"patrol.separation": "artificial-obstacles"},
+    "semaphores": {"patrol.separation": "semaphores"},
+    "repulsion": {"patrol.separation": "repulsion"},
+    "claims-obstacles": {"patrol.separation": ["claims", "artificial-obstacles"]},
+    "every-separation": {"patrol.separation": ["claims", "artificial-obstacles", "semaphores", "repulsion"]},
+    "no-give-way": {"patrol.give_way": False},
+    "f1-g1": {"patrol.fow": "f1", "patrol.distance": "g1"},
+    "f5-g5": {"patrol.fow": "f5", "patrol.distance": "g5"},
+    "f4-g3-regions-claims": {
+        "patrol.fow": "f4",
+        "patrol.distance": "g3",
+        "patrol.paths": "regions",
+        "patrol.separation": "claims",
+    },
+    "sixteen-sectors": {"patrol.sectors": 16},
+    "no-random-move": {"patrol.random_move": 0},
+    "blind-angle": {"sensor.angle": 120, "sensor.range": 14},
+    "through-walls": {"sensor.line_of_sight": False},
+    "quality": {"sensor.quality": [[4, 1.0], [10, 0.5]]},
+    "trail": {"radio.trail": 2, "faults": FAULTS[:2]},
+    "silent-peers": {"radio.forget_after": 3, "faults": FAULTS[3:4]},
+    "spare": {"robots.spare": 1, "faults": [{"kind": "join", "at": 20, "who": "r5"}]},
+    "small": {"robots.radius": 0.4, "robots.speed": 1.5, "patrol.dilatation": 2},
+    "surround": {"intruders": "somewhere"},
+    "surround-faults": {"intruders": "somewhere", "faults": FAULTS[:5]},
+}
+
+PLACES = {"open": [45, 40], "yards": [40, 22], "clutter": [50, 50], "site": [230, 127]}
+"""Where an intruder stands, m; on passable ground of each terrain."""
+
+
+def cases() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Name and overrides of every run."""
+    for terrain in TERRAINS:
+        for body in BODIES:
+            for variant, settings in VARIANTS.items():
+                chosen = {**BASE, "robots.model": body, **settings}
+                if "intruders" in chosen:
+                    chosen["intruders"] = [{"place": PLACES[terrain], "at": 10, "for": 60}]
+                yield f"{terrain} {body} {variant}", {"terrain": terrain, **chosen}
+
+
+def trace_of(case: tuple[str, dict[str, Any]]) -> tuple[str, str]:
+    """Run one case in this process; its name and trace hash, or the error that it ended with."""
+    from experiments.inprocess import run_in_process
+    from patrol.scenario import open_scenario
+
+    name, settings = case
+    terrain = settings.pop("terrain")
+    try:
+        outcome = run_in_process(open_scenario(terrain, settings), verify_fog=False)
+    except Exception as error:  # noqa: BLE001 - a case that cannot run is an entry of the list as well
+        return name, f"{type(error).__name__}: {error}"[:200]
+    assert outcome.journal.end is not None
+    return name, outcome.journal.end.trace_hash + ("" if outcome.verdict.outcome == "valid" else " (not valid)")
+
+
+def main() -> int:
+    """Write or check a file of hashes."""
+    check = sys.argv[1] == "--check"
+    file = Path(sys.argv[-1])
+    with ProcessPoolExecutor(2) as pool:
+        found = dict(pool.map(trace_of, cases()))
+    if not check:
+        file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        return 0
+    expected = json.loads(file.read_text(encoding="utf-8"))
+    moved = [name for name in found if found[name] != expected.get(name)]
+    for name in moved:
+        print(f"moved: {name}: {expected.get(name)} -> {found[name]}")
+    print(f"{len(found)} cases, {len(moved)} moved")
+    return 1 if moved else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,220 @@
+"""The belief: fog from positions alone, its dilatation kept up to date, trails, and silent peers."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from agent.belief.believed import AGELESS, Belief
+from agent.belief.kernels.dilate import dilate
+from agent.belief.posts import Posts
+from patrol.ground.fields import StaticFields
+from patrol.ground.fog import Fog
+from patrol.ground.footprint import Footprint
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from patrol.radio.inbox import Inbox
+from patrol.radio.message import Position, RejectReason, encode
+
+STEP = 0.5
+
+
+def belief_on(
+    passable: NDArray[np.bool_], dilatation: int, sensor: float = 4.0, quality: float = 1.0
+) -> tuple[Belief, Footprint]:
+    terrain = Terrain("t", passable, 0.5)
+    fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
+    footprint = Footprint(terrain, sensor, quality=quality)
+    inbox = Inbox(1, (1, 2, 3), terrain.bounds, 10.0, None, STEP)
+    return Belief(fields.patrolled, fields.reach, Posts(fields.proxy), footprint, inbox, dilatation), footprint
+
+
+def frame(robot: int, k: int, x: float, y: float, trail: tuple[tuple[int, int], ...] = ()) -> bytes:
+    return encode(Position.of(robot, k, k * STEP, Pose(x, y, 0.0), trail))
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10**6), dilatation=st.integers(0, 4), walls=st.sampled_from([0.0, 0.1]))
+def test_the_dilated_fog_is_always_what_dilating_all_of_it_would_give(seed: int, dilatation: int, walls: float) -> None:
+    rng = np.random.default_rng(seed)
+    passable = rng.random((40, 50)) >= walls
+    passable[0, 0] = True
+    belief, _ = belief_on(passable, dilatation)
+    x, y = 10.0, 10.0
+    for k in range(12):
+        x, y = (float(np.clip(v + rng.normal(0, 2), 0, limit)) for v, limit in ((x, 24.9), (y, 19.9)))
+        heard = [frame(2, k, 24.0 - k, 5.0), frame(3, k, 3.0, 15.0 - k)]
+        belief.update(k, Pose(x, y, 0.0), heard, STEP)
+        whole = np.empty_like(belief.fog.last_seen)
+        grid = passable.view(np.uint8)
+        dilate(belief.fog.last_seen, grid, grid, whole, 0, 39, 0, 49, dilatation, k)
+        known = np.where(passable, np.maximum(belief.dilated, 0), 0)
+        assert np.array_equal(known, np.where(passable, whole, 0))
+
+
+def test_a_belief_that_hears_everything_equals_the_truth() -> None:
+    passable = np.ones((40, 50), dtype=np.bool_)
+    belief, footprint = belief_on(passable, 2)
+    truth = Fog(passable)
+    for k in range(20):
+        own, peer = Pose(2.0 + k * 0.5, 5.0, 0.0), Pose(20.0 - k * 0.5, 15.0, 0.0)
+        belief.update(k, own, [frame(2, k, peer.x, peer.y)], STEP)
+        for pose in (own, peer):
+            truth.observe(footprint.visible(pose), k)
+        assert np.array_equal(belief.fog.last_seen, truth.last_seen)
+        assert belief.fog.mfow(k) == truth.mfow(k)
+
+
+def test_without_communication_a_robot_knows_only_what_it_saw_itself() -> None:
+    belief, footprint = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    alone = Fog(np.ones((40, 50), dtype=np.bool_))
+    for k in range(5):
+        own = Pose(5.0 + k, 10.0, 0.0)
+        belief.update(k, own, [], STEP)
+        alone.observe(footprint.visible(own), k)
+    assert np.array_equal(belief.fog.last_seen, alone.last_seen)
+
+
+def test_a_trail_fills_in_what_was_missed_and_nothing_twice() -> None:
+    belief, footprint = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    expected = Fog(np.ones((40, 50), dtype=np.bool_))
+    own = Pose(1.0, 19.0, 0.0)
+    places = {0: (10.0, 5.0), 1: (12.0, 5.0), 2: (14.0, 5.0), 3: (16.0, 5.0)}
+    for k in range(4):
+        heard = []
+        if k in (0, 3):
+            trail = tuple((-200, 0) for _ in range(min(k, 2)))
+            heard = [frame(2, k, *places[k], trail=trail)]
+        belief.update(k, own, heard, STEP)
+    for k in (0, 1, 2, 3):
+        expected.observe(footprint.visible(own), k)
+        expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
+    assert np.array_equal(belief.fog.last_seen, expected.last_seen)
+
+
+def test_garbage_changes_nothing_and_is_counted() -> None:
+    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 2)
+    other, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 2)
+    own = Pose(5.0, 5.0, 0.0)
+    junk = [b"", b"\xc1", b"x" * 1000, frame(9, 0, 3.0, 3.0), frame(1, 0, 3.0, 3.0), frame(2, 0, 500.0, 3.0)]
+    belief.update(0, own, junk, STEP)
+    other.update(0, own, [], STEP)
+    assert np.array_equal(belief.dilated, other.dilated)
+    assert belief.inbox.rejected == len(junk)
+
+
+def test_a_peer_long_unheard_is_an_obstacle_where_it_was_last() -> None:
+    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    belief.update(0, Pose(5.0, 5.0, 0.0), [frame(2, 0, 15.0, 15.0), frame(3, 0, 20.0, 5.0)], STEP)
+    for k in range(1, 12):
+        belief.update(k, Pose(5.0, 5.0, 0.0), [frame(3, k, 20.0, 5.0)], STEP)
+    radii = {1: 1.0, 2: 0.7, 3: 1.0}
+    assert belief.silent(10, 10, radii, 1.25) == []
+    assert belief.silent(11, 10, radii, 1.25) == [(15.0, 15.0, 1.95)]
+
+
+@pytest.mark.parametrize("dilatation", [0, 2])
+def test_what_is_no_ground_has_no_age_where_there_are_no_posts(dilatation: int) -> None:
+    """Straight paths lead through walls, which nobody ever sees."""
+    passable = np.ones((20, 30), dtype=np.bool_)
+    passable[5:9, 10:20] = False
+    belief, _ = belief_on(passable, dilatation)
+    for k in range(4):
+        belief.update(k, Pose(3.0 + k, 5.0, 0.0), [], STEP)
+    assert (belief.dilated[~passable] == AGELESS).all()
+    assert (belief.dilated[passable] <= 3).all()
+
+
+def test_late_and_repeated_frames_count_at_their_own_tick_and_move_nobody() -> None:
+    open_ground = np.ones((40, 50), dtype=np.bool_)
+    belief, footprint = belief_on(open_ground, 2)
+    expected = Fog(open_ground)
+    own = Pose(1.0, 19.0, 0.0)
+    places = {k: (4.0 + 2.0 * k, 5.0) for k in range(6)}
+    arrivals = {0: [0], 1: [], 2: [2], 3: [1, 3, 3], 4: [], 5: [5, 0], 6: [4, 2]}
+    for k, numbers in arrivals.items():
+        belief.update(k, own, [frame(2, number, *places[number]) for number in numbers], STEP)
+        expected.observe(footprint.visible(own), k)
+    for k in range(6):
+        expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
+    assert np.array_equal(belief.fog.last_seen, expected.last_seen)
+    peer = belief.peers[2]
+    assert (peer.sequence, peer.pose.x, peer.tick) == (5, places[5][0], 5)
+    assert belief.inbox.counts[RejectReason.OLD] == 3
+
+
+def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
+    """With a quality of one half, two looks would leave a quarter of the age."""
+    open_ground = np.ones((40, 50), dtype=np.bool_)
+    own = Pose(1.0, 19.0, 0.0)
+
+    def heard(arrivals: dict[int, list[bytes]]) -> NDArray[np.int32]:
+        belief, _ = belief_on(open_ground, 0, quality=0.5)
+        for k in range(20):
+            belief.update(k, own, arrivals.get(k, []), STEP)
+        return belief.fog.last_seen
+
+    place = (15.0, 5.0)
+    trail = ((0, 0), (0, 0))
+    once = heard({10: [frame(2, 10, *place)], 11: [frame(2, 11, *place)], 12: [frame(2, 12, *place)]})
+    filled = heard({10: [frame(2, 10, *place)], 12: [frame(2, 12, *place, trail=trail), frame(2, 11, *place)]})
+    assert np.array_equal(heard({10: [frame(2, 10, *place)], 11: [], 12: [frame(2, 12, *place, trail=trail)]}), filled)
+    assert np.array_equal(
+        once,
+        heard({k: [frame(2, k, *place, trail=trail[: k - 10]), frame(2, k, *place)] for k in (10, 11, 12)}),
+    )
+    assert once[10, 30] > 0
+
+
+def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
+    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
+    belief.inbox = Inbox(1, (1, 2, 3), (0.0, 0.0, 25.0, 20.0), 10.0, None, STEP, ahead=60)
+    belief.update(0, Pose(1.0, 19.0, 0.0), [frame(2, 60, 15.0, 5.0), frame(2, 3, 15.0, 5.0)], STEP)
+    assert belief.fog.last_seen.min() == -1
+    assert belief.inbox.rejected == 0
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6), loss=st.sampled_from([0.0, 0.3, 0.6]), late=st.booleans(), length=st.integers(0, 4))
+def test_trails_and_late_frames_together_give_what_each_heard_look_gives(
+    seed: int, loss: float, late: bool, length: int
+) -> None:
+    """Whatever is lost, late or told twice, the fog is that of the looks that were told of at all, each at its tick."""
+    rng = np.random.default_rng(seed)
+    open_ground = np.ones((40, 50), dtype=np.bool_)
+    belief, footprint = belief_on(open_ground, 0)
+    expected = Fog(open_ground)
+    own = Pose(1.0, 19.0, 0.0)
+    places = [(4.0 + 0.5 * k, 5.0 + 3.0 * (k % 2)) for k in range(30)]
+    arrivals: dict[int, list[int]] = {}
+    for k in range(30):
+        # The first frame is the quickest, so that all others can be dated by it.
+        delay = int(rng.integers(0, 6)) if late and k else 0
+        if k == 0 or rng.random() >= loss:
+            arrivals.setdefault(k + delay, []).append(k)
+    looks: set[int] = set()
+    newest = heard_at = 0
+    for tick in range(40):
+        expected.observe(footprint.visible(own), tick)
+        frames = []
+        for k in sorted(arrivals.get(tick, [])):
+            past = [places[k - ago] for ago in range(min(length, k) + 1)]
+            trail = tuple(
+                (round(100 * (old[0] - new[0])), round(100 * (old[1] - new[1]))) for new, old in pairwise(past)
+            )
+            frames.append(frame(2, k, *places[k], trail=trail))
+            if k > newest:
+                newest, heard_at = k, tick
+            for ago in range(min(length, k) + 1):
+                if k - ago not in looks:
+                    looks.add(k - ago)
+                    at = heard_at - (newest - k) - ago
+                    expected.observe(footprint.visible(Pose(*places[k - ago], 0.0)), at)
+        belief.update(tick, own, frames, STEP)
+    assert belief.inbox.rejected == 0
+    assert np.array_equal(belief.fog.last_seen, expected.last_seen)

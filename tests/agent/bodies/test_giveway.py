@@ -1,0 +1,60 @@
+"""Giving way: the higher number goes round the lower, and nobody waits for ever."""
+
+from __future__ import annotations
+
+import pytest
+
+from agent.bodies.giveway import LONGEST_S, PATIENCE, SHORTEST_S, GiveWay
+from patrol.pose import Pose
+from patrol.radio.peers import Peer
+
+RADII = {1: 0.3, 2: 0.3, 3: 0.3}
+HERE = Pose(5.0, 5.0, 0.0)
+
+
+def peers(**places: tuple[float, float]) -> dict[int, Peer]:
+    return {int(name[1:]): Peer(0, Pose(x, y, 0.0), 0) for name, (x, y) in places.items()}
+
+
+def test_the_higher_number_gives_way_for_a_while() -> None:
+    others = peers(r1=(5.7, 5.0), r3=(9.0, 5.0))
+    rule = GiveWay(7, 2, 1, RADII, 0.5)
+    rule.update(10, HERE, True, others, 0.5)
+    ((x, y, radius),) = rule.discs(10, HERE, others, 0.1)
+    assert (x, y) == (5.7, 5.0)
+    assert radius == pytest.approx(0.6)
+    assert rule.discs(10 + round(SHORTEST_S / 0.5) - 1, HERE, others, 0.1)
+    assert rule.discs(10 + round(LONGEST_S / 0.5) + 1, HERE, others, 0.1) == []
+
+
+def test_the_lower_number_goes_on_until_its_patience_ends() -> None:
+    others = peers(r3=(5.7, 5.0))
+    rule = GiveWay(7, 2, 1, RADII, 0.5)
+    for tick in range(PATIENCE):
+        rule.update(tick, HERE, True, others, 0.5)
+        assert rule.discs(tick, HERE, others, 0.1) == []
+    rule.update(PATIENCE, HERE, True, others, 0.5)
+    assert len(rule.discs(PATIENCE, HERE, others, 0.1)) == 1
+
+
+def test_a_move_that_succeeds_restores_patience() -> None:
+    others = peers(r3=(5.7, 5.0))
+    rule = GiveWay(7, 2, 1, RADII, 0.5)
+    for tick in range(4 * PATIENCE):
+        rule.update(tick, HERE, tick % 4 != 0, others, 0.5)
+        assert rule.discs(tick, HERE, others, 0.1) == []
+
+
+def test_nobody_gives_way_to_a_distant_peer_or_to_none() -> None:
+    rule = GiveWay(7, 2, 1, RADII, 0.5)
+    rule.update(0, HERE, True, peers(r1=(8.0, 5.0)), 0.5)
+    assert rule.discs(0, HERE, peers(r1=(8.0, 5.0)), 0.1) == []
+    rule.update(1, HERE, True, {}, 0.5)
+
+
+def test_the_obstacle_never_covers_the_robot_itself() -> None:
+    others = peers(r1=(5.45, 5.0))
+    rule = GiveWay(7, 2, 1, RADII, 0.5)
+    rule.update(0, HERE, True, others, 0.5)
+    ((_, _, radius),) = rule.discs(0, HERE, others, 0.1)
+    assert radius < 0.45

@@ -1,0 +1,183 @@
+"""What keeps robots apart: claims, artificial obstacles, semaphores, repulsion; and the fuzzy sectors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agent.belief.posts import Posts
+from agent.policies.potential_field.claims import share_table
+from agent.policies.potential_field.field import Field
+from agent.policies.potential_field.fuzzy import FuzzySectors
+from agent.policies.potential_field.separation import (
+    artificial_obstacles,
+    critical_areas,
+    numbered,
+    occupied_areas,
+    repel,
+)
+from agent.routes.ground import Ground
+from agent.routes.path_window import FAR, Window
+from agent.routes.straight import Straight
+from agent.routes.wave import Wave
+from patrol.ground.fields import StaticFields
+from patrol.ground.passages import narrow_passages
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from patrol.radio.peers import Peer
+from patrol.scenario import PatrolSpec
+
+HERE = Pose(10.0, 10.0, 0.0)
+
+
+def peers(*places: tuple[float, float]) -> dict[int, Peer]:
+    return {number: Peer(0, Pose(x, y, 0.0), 0) for number, (x, y) in enumerate(places, start=2)}
+
+
+def open_field(side: int = 81) -> tuple[Terrain, StaticFields]:
+    passable = np.ones((side, side), dtype=np.bool_)
+    return Terrain("t", passable, 0.5), StaticFields(
+        passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32)
+    )
+
+
+def test_a_claim_leaves_half_of_a_force_halfway_and_nothing_at_the_rival() -> None:
+    table = share_table(0.3, 0.1)
+    middle = table.size // 2
+    assert table[middle] == 0.5
+    assert table[middle + 300] == pytest.approx(1 / (1 + math.e))
+    assert table[middle - 300] == pytest.approx(1 / (1 + math.exp(-1)))
+    assert table[0] == pytest.approx(1.0)
+    assert 0.0 < table[-1] < 1e-17
+
+
+@pytest.mark.parametrize("kind", [Wave, Straight])
+def test_lengths_from_several_starts_are_those_of_the_nearest(kind: type[Window]) -> None:
+    rng = np.random.default_rng(4)
+    passable = rng.random((40, 50)) < 0.9
+    starts = [(5, 6), (30, 40), (20, 20)]
+    for row, col in starts:
+        passable[row - 1, col - 1] = True
+    ground = Ground(Terrain("t", passable, 0.5), passable)
+    window = kind(40, 50, 60)
+    together = window.lengths_from(ground, 20, 20, starts, 6000)
+    alone = [window.lengths_from(ground, 20, 20, [start], 6000) for start in starts]
+    assert np.array_equal(together, np.minimum.reduce(alone))
+    assert together.min() == 0
+    assert (window.lengths_from(ground, 20, 20, [], 6000) == FAR).all()
+
+
+@pytest.mark.parametrize("direction", ["mode", "vector"])
+def test_with_claims_a_point_pulls_the_robot_that_is_nearest_to_it(direction: str) -> None:
+    terrain, fields = open_field()
+    ground = Ground(terrain, fields.reach)
+    seen = np.full(terrain.shape, 100, dtype=np.int32)
+    seen[40, 70] = 0
+    seen[40, 2] = 40
+    rival = [(41, 66)]
+    chosen = {}
+    for separation in ("none", "claims"):
+        patrol = PatrolSpec.model_validate({"direction": direction, "separation": separation})
+        field = Field(patrol, fields, Posts(fields.proxy), 0.5, {})
+        pull = field.pull(ground, 41, 41, seen, seen, 100, 100, rival)
+        chosen[separation] = pull.sums[0] > 0 if direction == "vector" else int(np.argmax(pull.sums)) in (0, 1, 7)
+    assert chosen["none"]
+    assert not chosen["claims"]
+
+
+def test_without_rivals_claims_change_nothing() -> None:
+    terrain, fields = open_field()
+    ground = Ground(terrain, fields.reach)
+    seen = np.random.default_rng(3).integers(0, 100, terrain.shape).astype(np.int32)
+    sums = [
+        Field(PatrolSpec.model_validate({"separation": separation}), fields, Posts(fields.proxy), 0.5, {})
+        .pull(ground, 30, 50, seen, seen, 100, 100)
+        .sums
+        for separation in ("none", "claims")
+    ]
+    assert np.array_equal(sums[0], sums[1])
+
+
+def test_an_artificial_obstacle_stands_at_each_peer_but_never_on_the_robot() -> None:
+    discs = artificial_obstacles(HERE, peers((20.0, 10.0), (12.0, 10.0), (10.0, 10.0)), 5.0, 0.5)
+    assert discs == [(20.0, 10.0, 5.0), (12.0, 10.0, 1.5)]
+
+
+def corridor() -> Terrain:
+    """Two rooms joined by a corridor of 4 m, and a niche of 4 m that leads nowhere."""
+    passable = np.zeros((60, 120), dtype=np.bool_)
+    passable[5:55, 5:45] = True
+    passable[5:55, 75:115] = True
+    passable[26:34, 45:75] = True
+    passable[40:48, 115:118] = True
+    return Terrain("corridor", passable, 0.5)
+
+
+def test_narrow_passages_join_wider_ground_and_niches_do_not() -> None:
+    terrain = corridor()
+    (area,) = narrow_passages(terrain, terrain.free, 6.0)
+    rows, cols = np.nonzero(area)
+    assert rows.min() >= 26
+    assert rows.max() < 34
+    assert cols.min() in range(42, 48)
+    assert cols.max() in range(72, 78)
+    assert narrow_passages(terrain, terrain.free, 3.5) == []
+
+
+def test_a_semaphore_closes_an_area_that_another_robot_is_in() -> None:
+    terrain = corridor()
+    areas = critical_areas(PatrolSpec(critical_width=6.0), terrain, terrain.free)
+    grid = numbered(areas, terrain.shape)
+    outside, inside = Pose(10.0, 15.0, 0.0), Pose(30.0, 15.0, 0.0)
+    assert occupied_areas(grid, terrain, outside, peers((30.0, 15.0))) == [1]
+    assert occupied_areas(grid, terrain, outside, peers((12.0, 15.0), (-5.0, 3.0))) == []
+    assert occupied_areas(grid, terrain, inside, peers((28.0, 15.0))) == []
+    ground = Ground(terrain, terrain.free, areas)
+    before = ground.state.copy()
+    ground.obstruct([], [1])
+    assert (ground.state[1:-1, 1:-1][areas[0]] == 0).all()
+    ground.obstruct([], [])
+    assert np.array_equal(ground.state, before)
+
+
+def test_critical_areas_may_be_given_as_polygons() -> None:
+    terrain = corridor()
+    patrol = PatrolSpec.model_validate({"critical_areas": [[[25, 13], [30, 13], [30, 17], [25, 17]]]})
+    (area,) = critical_areas(patrol, terrain, terrain.free)
+    assert area[30, 55]
+    assert not area[30, 70]
+
+
+@pytest.mark.parametrize("direction", ["mode", "vector"])
+def test_repulsion_pushes_away_from_a_peer_and_less_from_far(direction: str) -> None:
+    patrol = PatrolSpec.model_validate({"direction": direction, "repulsion": 1.0})
+    results = []
+    for distance in (3.0, 30.0):
+        sums = np.array([0.0, 0.0, 10.0]) if direction == "vector" else np.full(8, 1.25)
+        before = sums.copy()
+        repel(sums, HERE, peers((10.0, 10.0 + distance)), patrol)
+        gained = sums - before
+        results.append(-gained[1] if direction == "vector" else gained[6])
+        assert np.count_nonzero(np.abs(gained) > 1e-9) == 1
+    assert results[0] == pytest.approx(10.0 * math.exp(-0.09))
+    assert results[1] < 0.01
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), row=st.integers(0, 29), col=st.integers(0, 29))
+def test_fuzzy_coefficients_equal_their_formula(seed: int, row: int, col: int) -> None:
+    passable = np.random.default_rng(seed).random((30, 30)) < 0.97
+    coefficients = FuzzySectors(Terrain("t", passable, 0.5), 8, 5.5).coefficients(row, col)
+    closest = np.full(8, math.inf)
+    for r in range(row - 12, row + 13):
+        for c in range(col - 12, col + 13):
+            inside = 0 <= r < 30 and 0 <= c < 30
+            if (inside and passable[r, c]) or (r, c) == (row, col):
+                continue
+            sector = round(math.atan2(r - row, c - col) / (math.pi / 4)) % 8
+            closest[sector] = min(closest[sector], 0.5 * math.hypot(r - row, c - col))
+    assert coefficients == pytest.approx(np.minimum(1.0, closest / 5.5))

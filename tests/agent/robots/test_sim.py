@@ -1,0 +1,297 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from agent.decision import Decision, State
+from agent.robots.sim import SILENCE_S, Identity, SimRobot
+from patrol.net.keys import WORLD, FleetKeys
+from patrol.net.link import Mailbox, Presence
+from patrol.net.phases import (
+    ANYONE,
+    NO_RUN,
+    Hello,
+    HelloReply,
+    PhaseA,
+    PhaseB,
+    ReplyA,
+    ReplyB,
+    Stop,
+    ToRobot,
+    ToWorld,
+    decode_to_robot,
+    decode_to_world,
+    encode,
+)
+from patrol.pose import Pose, Velocity
+from patrol.process.lifeline import Ending
+
+ME = Identity("r1", 1, 77, "a" * 64)
+KEYS = FleetKeys("f")
+POSE = Pose(1.0, 2.0, 0.5)
+DECISION = Decision(Velocity(1.0, -1.0), State.PATROLLING, 0.0, (), (3.0, 4.0), (3.5, 4.5), 9, 2)
+
+
+class Clocked(Mailbox[ToRobot | Presence]):
+    """A mailbox in which waiting passes the time of the test's clock."""
+
+    time = 100.0
+    ends = (math.inf, Ending())
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, ToRobot | Presence] | None:
+        arrived = super().get()
+        self.time += 0.0 if arrived else timeout_s
+        if self.time >= self.ends[0]:
+            self.ends[1].ask("told to")
+        return arrived
+
+
+class Scene:
+    """One robot, what it is sent and what it answers."""
+
+    def __init__(self, patience_s: float = 60.0, blind_s: float = math.inf) -> None:
+        self.sent: list[ToWorld] = []
+        self.times: list[float] = []
+        self.waited: list[float] = []
+        self.ending = Ending()
+        self.mailbox = Clocked((KEYS.tick("r1"), KEYS.alive(WORLD)), decode_to_robot, 1000)
+        self.robot = SimRobot(
+            self.mailbox,
+            self.post,
+            ME,
+            self.ending,
+            patience_s,
+            blind_s=blind_s,
+            waiting=self.waited.append,
+            now=lambda: self.mailbox.time,
+        )
+
+    def post(self, payload: bytes) -> None:
+        self.sent.append(decode_to_world(payload))
+        self.times.append(self.mailbox.time)
+
+    def tell(self, *messages: ToRobot) -> None:
+        for message in messages:
+            self.mailbox.put(KEYS.tick("r1"), decode_to_robot(encode(message)))
+
+    def world(self, *, present: bool) -> None:
+        self.mailbox.put(KEYS.alive(WORLD), Presence(present))
+
+    def tick(self, k: int, frames: tuple[bytes, ...] = ()) -> list[bytes] | None:
+        """One whole tick in lockstep; what was heard."""
+        self.tell(a(k), b(k, frames))
+        assert self.robot.sense() is not None
+        self.robot.send((b"frame %d" % k,))
+        heard = self.robot.hear()
+        self.robot.act(DECISION, 1.5)
+        return heard
+
+    def end_after(self, seconds: float) -> None:
+        """Ask the robot to leave so much later."""
+        self.mailbox.ends = self.mailbox.time + seconds, self.ending
+
+    def last(self, count: int) -> list[ToWorld]:
+        return self.sent[-count:]
+
+
+def a(k: int, instance: int = 77, incarnation: int = 1) -> PhaseA:
+    return PhaseA(incarnation, instance, k, POSE, bumped=k % 2 == 1)
+
+
+def b(k: int, frames: tuple[bytes, ...] = ()) -> PhaseB:
+    return PhaseB(1, 77, k, frames)
+
+
+def test_it_answers_a_hello_with_who_it_is() -> None:
+    scene = Scene()
+    scene.tell(Hello(0, ANYONE, 0, 5), a(0))
+    sensed = scene.robot.sense()
+    assert sensed is not None
+    assert (sensed.k, sensed.pose, sensed.bumped) == (0, POSE, False)
+    assert scene.sent == [HelloReply(1, 77, 0, 5, "a" * 64)]
+
+
+def test_a_tick_in_lockstep() -> None:
+    scene = Scene()
+    assert scene.tick(3, (b"x", b"y")) == [b"x", b"y"]
+    assert scene.sent == [
+        ReplyA(1, 77, 3, (b"frame 3",)),
+        ReplyB(1, 77, 3, Velocity(1.0, -1.0), "patrolling", (3.5, 4.5), 1.5, 2),
+    ]
+
+
+def test_a_repeat_is_answered_from_the_last_answer_and_decides_nothing() -> None:
+    scene = Scene()
+    scene.tick(0)
+    answers = scene.last(2)
+    scene.tell(a(0), b(0), a(1))
+    sensed = scene.robot.sense()
+    assert sensed is not None
+    assert sensed.k == 1
+    assert scene.last(2) == answers
+    scene.robot.send((b"frame",))
+    scene.tell(a(1), a(1), b(1))
+    assert scene.robot.hear() == []
+    assert [type(message) for message in scene.last(3)] == [ReplyA, ReplyA, ReplyA]
+
+
+def test_who_comes_late_goes_on_with_the_newest_tick_and_all_that_was_heard() -> None:
+    scene = Scene()
+    scene.tell(a(0), b(0, (b"0",)), a(1), b(1, (b"1",)), a(2))
+    sensed = scene.robot.sense()
+    assert sensed is not None
+    assert sensed.k == 2
+    scene.robot.send((b"frame",))
+    scene.tell(b(2, (b"2",)))
+    assert scene.robot.hear() == [b"0", b"1", b"2"]
+    scene.robot.act(DECISION, 1.0)
+    assert scene.tick(3, (b"3",)) == [b"3"]
+
+
+def test_a_tick_that_is_over_is_not_decided_but_what_comes_later_is_heard() -> None:
+    scene = Scene()
+    scene.tell(a(0))
+    assert scene.robot.sense() is not None
+    scene.robot.send((b"frame",))
+    scene.tell(a(1))
+    assert scene.robot.hear() is None
+    assert scene.robot.sense() is not None
+    scene.robot.send((b"frame",))
+    scene.tell(b(0, (b"0",)), b(1, (b"1",)))
+    assert scene.robot.hear() == [b"0", b"1"]
+
+
+def test_messages_for_another_process_are_counted_and_ignored() -> None:
+    scene = Scene()
+    scene.tell(a(7, instance=78), a(8, incarnation=2), replace(b(9), instance=5), Stop(1, 78, 0, True, "go"), a(0))
+    sensed = scene.robot.sense()
+    assert sensed is not None
+    assert sensed.k == 0
+    assert scene.mailbox.refused["stranger"] == 4
+    assert scene.robot.refused == 4
+    assert not scene.robot.farewell
+
+
+@pytest.mark.parametrize("instance", [77, ANYONE])
+@pytest.mark.parametrize("orderly", [True, False])
+def test_it_leaves_when_told_to(instance: int, orderly: bool) -> None:
+    scene = Scene()
+    scene.tell(a(0))
+    assert scene.robot.sense() is not None
+    scene.tell(Stop(1, instance, 0, orderly, "because"))
+    assert scene.robot.hear() is None
+    assert scene.robot.sense() is None
+    assert (scene.robot.farewell, scene.robot.orderly) == ("because", orderly)
+
+
+def test_it_leaves_when_its_process_should() -> None:
+    scene = Scene()
+    scene.ending.ask("told to by SIGTERM")
+    assert scene.robot.sense() is None
+    assert scene.robot.farewell == "told to by SIGTERM"
+
+
+def test_another_world_is_not_obeyed() -> None:
+    """Not as long as there is our own; nor later, but then we are free to leave."""
+    scene = Scene()
+    scene.world(present=True)
+    scene.tell(Hello(0, ANYONE, 0, 5))
+    scene.tick(0)
+    scene.mailbox.time += 2.0 * SILENCE_S
+    scene.tell(Hello(0, ANYONE, 0, 6))
+    scene.tick(1)
+    assert scene.robot.refused == 1
+    scene.world(present=False)
+    scene.world(present=True)
+    scene.tell(Hello(0, ANYONE, 0, 6))
+    scene.tick(2)
+    assert scene.robot.refused == 2
+    assert scene.last(1) != [HelloReply(1, 77, 0, 6, "a" * 64)]
+    scene.world(present=False)
+    scene.world(present=True)
+    assert scene.tick(3) == []  # a router that has returned
+    scene.world(present=False)
+    scene.world(present=True)
+    scene.mailbox.time += SILENCE_S
+    scene.tell(Hello(0, ANYONE, 0, 6))
+    assert scene.robot.sense() is None
+    assert "another world" in scene.robot.farewell
+
+
+def test_without_a_world_it_says_that_it_waits_and_gives_up() -> None:
+    scene = Scene(patience_s=10.0)
+    assert scene.robot.sense() is None
+    assert "no world for 10 s" in scene.robot.farewell
+    assert not scene.robot.orderly
+    assert len(scene.waited) == 2
+    assert set(scene.sent) == {HelloReply(1, 77, 0, NO_RUN, "a" * 64)}
+
+
+def test_a_world_that_does_not_greet_is_asked_to() -> None:
+    scene = Scene(patience_s=1.0)
+    scene.world(present=True)
+    scene.mailbox.put(KEYS.tick("r1"), a(0, instance=5))
+
+    def world(payload: bytes) -> None:
+        scene.sent.append(decode_to_world(payload))
+        scene.ending.ask("enough")
+
+    scene.robot._post = world
+    assert scene.robot.sense() is None
+    assert scene.sent == [HelloReply(1, 77, 0, NO_RUN, "a" * 64)]
+
+
+def test_a_world_that_falls_silent_is_asked_whether_we_still_belong() -> None:
+    scene = Scene(patience_s=1.0)
+    scene.world(present=True)
+    scene.tell(Hello(0, ANYONE, 0, 5))
+    scene.tick(4)
+    answers: list[ToWorld] = []
+
+    def world(payload: bytes) -> None:
+        answers.append(decode_to_world(payload))
+        scene.tell(Stop(1, 77, 4, False, "left out"))
+
+    scene.robot._post = world
+    began = scene.mailbox.time
+    assert scene.robot.sense() is None
+    assert answers == [HelloReply(1, 77, 4, 5, "a" * 64)]
+    assert SILENCE_S <= scene.mailbox.time - began < SILENCE_S + 1.0
+    assert scene.robot.farewell == "left out"
+
+
+def test_a_lost_world_may_come_back_for_a_while() -> None:
+    scene = Scene(patience_s=10.0)
+    scene.world(present=True)
+    scene.tick(0)
+    scene.world(present=False)
+    began = scene.mailbox.time
+    assert scene.robot.sense() is None
+    assert 10.0 <= scene.mailbox.time - began < 11.0
+
+
+STILL = ReplyB(1, 77, 3, Velocity(0.0, 0.0), "holding", None, 1.5, 2)
+
+
+def test_it_stops_when_no_pose_comes_any_more() -> None:
+    scene = Scene(patience_s=10.0, blind_s=2.0)
+    scene.world(present=True)
+    scene.tick(3)
+    began = scene.mailbox.time
+    scene.tell(b(4))  # what others say is no pose
+    scene.end_after(5.0)
+    assert scene.robot.sense() is None
+    assert scene.sent.count(STILL) == 1
+    assert scene.times[scene.sent.index(STILL)] - began == pytest.approx(2.0, abs=0.5)
+
+
+def test_it_drives_on_in_lockstep_and_has_nothing_to_stop_before_it_has_driven() -> None:
+    for scene, ticks in ((Scene(patience_s=10.0), (3,)), (Scene(patience_s=10.0, blind_s=2.0), ())):
+        scene.world(present=True)
+        for k in ticks:
+            scene.tick(k)
+        scene.end_after(5.0)
+        assert scene.robot.sense() is None
+        assert STILL not in scene.sent

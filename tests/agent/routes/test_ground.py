@@ -1,0 +1,63 @@
+"""The ground: what blocks it just now, and where a body joins it."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agent.routes.ground import Disc, Ground
+from agent.routes.kernels.wave import HEMMED, OPEN, STATUS
+from patrol.ground.terrain import Terrain
+
+
+def fresh(is_open: np.ndarray, discs: list[Disc]) -> np.ndarray:
+    """The state of a grid with discs cut out, worked out from nothing."""
+    rows, cols = np.mgrid[0 : is_open.shape[0], 0 : is_open.shape[1]] + 0.5
+    left = is_open.copy()
+    for x, y, radius in discs:
+        left &= (rows - y / 0.5) ** 2 + (cols - x / 0.5) ** 2 >= (radius / 0.5) ** 2
+    framed = np.pad(left, 2)
+    state = np.zeros((left.shape[0] + 2, left.shape[1] + 2), dtype=np.uint8)
+    for r, c in np.argwhere(left):
+        around = framed[r + 1 : r + 4, c + 1 : c + 4]
+        state[r + 1, c + 1] = OPEN if around.all() else OPEN | HEMMED
+    return state
+
+
+discs = st.lists(st.tuples(st.floats(-2, 14), st.floats(-2, 12), st.floats(0, 4)), max_size=3)
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), turns=st.lists(discs, min_size=1, max_size=4))
+def test_obstacles_come_and_go_without_a_trace(seed: int, turns: list[list[Disc]]) -> None:
+    is_open = np.random.default_rng(seed).random((20, 24)) < 0.85
+    ground = Ground(Terrain("t", is_open, 0.5), is_open)
+    for turn in [*turns, []]:
+        ground.obstruct(turn)
+        assert np.array_equal(ground.state, fresh(is_open, turn))
+
+
+def test_a_body_joins_at_its_own_point_or_one_beside_it() -> None:
+    is_open = np.ones((20, 20), dtype=np.bool_)
+    is_open[:, 10:] = False
+    ground = Ground(Terrain("t", np.ones((20, 20), dtype=np.bool_), 0.5), is_open)
+    assert ground.join(2.3, 4.1) == (9, 5)
+    assert ground.join(5.1, 4.1) == (9, 10)
+    assert ground.join(9.0, 4.1) is None
+    assert ground.join(-50.0, 4.1) is None
+    row, col = 9, 5
+    assert ground.state[row, col] & STATUS == OPEN
+    assert ground.centre(row, col) == (2.25, 4.25)
+
+
+def test_no_body_joins_through_a_wall() -> None:
+    passable = np.ones((20, 20), dtype=np.bool_)
+    passable[:, 10] = False
+    is_open = passable.copy()
+    is_open[:, 9:] = False
+    is_open[:, 12:] = True
+    ground = Ground(Terrain("t", passable, 0.5), is_open)
+    joined = ground.join(4.75, 4.1)
+    assert joined is not None
+    assert joined[1] <= 10

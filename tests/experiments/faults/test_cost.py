@@ -1,0 +1,119 @@
+"""The faults experiment: every condition is a scenario, and costs are ratios seed by seed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from experiments.faults.cost import (
+    GROUPS,
+    VARIANTS,
+    Setup,
+    as_json,
+    case_name,
+    chosen,
+    comparisons,
+    conditions,
+    findings,
+    plan_of,
+)
+from experiments.faults.cost_page import page
+from experiments.sweeps.results import Result
+from experiments.sweeps.runner import Outcome
+from patrol.errors import BadInput
+
+
+@pytest.fixture
+def setup(tmp_path: Path) -> Setup:
+    key = tmp_path / "fleet.key"
+    key.write_text("0123456789abcdef0123456789abcdef")
+    return Setup("yards", 1.0, 3000.0, 5, (1, 2), key)
+
+
+def test_every_condition_is_a_scenario_of_its_own(setup: Setup) -> None:
+    tried = conditions(setup)
+    assert {condition.group for condition in tried} == set(GROUPS)
+    plan = plan_of(setup, tried)
+    assert len(plan.runs) == len(tried) * len(VARIANTS) * 2
+    assert len({run.key for run in plan.runs}) == len(plan.runs)
+    for run in plan.runs:
+        assert run.scenario.ticks == 6000
+        assert len(run.scenario.roster) == (4 if "one robot fewer" in run.case else 5)
+
+
+def test_all_deaths_come_and_go_within_the_run(setup: Setup) -> None:
+    (in_turn,) = [condition for condition in conditions(setup) if condition.name.startswith("each killed")]
+    acts = [(fault["kind"], fault["who"], fault["at"]) for fault in in_turn.faults]
+    assert [act[:2] for act in acts] == [(kind, f"r{number}") for number in range(1, 6) for kind in ("kill", "restart")]
+    times = [at for *_, at in acts]
+    assert times == sorted(times)
+    assert times[0] > 0.0
+    assert times[-1] < 3000.0
+
+
+def test_groups_can_be_chosen(setup: Setup) -> None:
+    assert {condition.group for condition in chosen(setup, ["silence"])} == {"quiet", "silence"}
+    assert chosen(setup, []) == conditions(setup)
+    names = [condition.name for condition in chosen(setup, ["loss: 50 % lost", "silence"])]
+    assert names == ["no faults", "50 % lost", "total silence", "silence for a third"]
+    with pytest.raises(BadInput, match="--only sylence: no such group or condition; did you mean silence"):
+        chosen(setup, ["sylence"])
+
+
+def test_small_fleets_have_fewer_conditions(setup: Setup) -> None:
+    one = Setup("yards", 1.0, 3000.0, 1, (1,), setup.key)
+    assert not [condition for condition in conditions(one) if condition.group == "fleet"]
+    assert plan_of(one, conditions(one)).runs
+
+
+def test_costs_are_ratios_to_the_same_seed_without_faults(setup: Setup) -> None:
+    tried = chosen(setup, ["silence"])
+    plan = plan_of(setup, tried)
+    results = {}
+    for run in plan.runs:
+        mfow = 100.0 * run.seed * (1.5 if "total silence" in run.case else 1.0)
+        metrics = {"mfow_mean_s": mfow, "messages_sent": 200.0, "messages_delivered": 50.0}
+        results[run.key] = Result(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
+    found = findings(Outcome(plan, results, len(results), 1.0), tried)
+    by_name = {case_name(one.condition, one.variant): one for one in found}
+    silent = by_name["silence: total silence, with claims"]
+    assert silent.cost is not None
+    assert silent.cost.mean == pytest.approx(1.5)
+    assert silent.cost.half == pytest.approx(0.0)
+    assert silent.mfow is not None
+    assert silent.mfow.mean == pytest.approx(225.0)
+    assert silent.delivered is not None
+    assert silent.delivered.mean == 0.25
+    assert silent.belief is None
+    text = page(setup, found, [], command="fogwatch experiment faults", wall_s=600.0, failed=2, pictures=["loss.png"])
+    assert "`fogwatch experiment faults`: 10 min of computing" in text
+    assert "| total silence | with claims | 225.0 ± " in text
+    assert "| 1.500 ± 0.000 | - | 25.0 % |" in text
+    assert "**2 runs failed" in text
+    assert "![loss.png](loss.png)" in text
+    says = as_json(setup, found, [])
+    assert {one["variant"] for one in says["findings"]} == set(VARIANTS)
+
+
+def test_runs_are_compared_seed_by_seed(setup: Setup) -> None:
+    names = ["loss: 50 % lost", "loss with trail: 50 % lost", "death: one killed", "fleet: one robot fewer"]
+    tried = chosen(setup, names)
+    plan = plan_of(setup, tried)
+    results = {}
+    for run in plan.runs:
+        mfow = 100.0 * run.seed * (0.7 if "with claims" in run.case else 1.0) * (0.9 if "trail" in run.case else 1.0)
+        late = 80.0 * run.seed * (1.1 if "killed" in run.case else 1.0)
+        metrics = {"mfow_mean_s": mfow, "mfow_late_mean_s": late}
+        results[run.key] = Result(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
+    compared = comparisons(Outcome(plan, results, len(results), 1.0), tried)
+    ratios = {(one.group, one.what, one.variant): round(one.ratio.mean, 6) for one in compared}
+    assert ratios["claims", "loss: 50 % lost", "with claims"] == 0.7
+    assert ratios["trail", "loss: 50 % lost", "final algorithm"] == 0.9
+    assert ratios["fleet", "one killed: one robot fewer", "with claims"] == 1.1
+    claimed = {what for group, what, _ in ratios if group == "claims"}
+    assert claimed == {f"{condition.group}: {condition.name}" for condition in tried}
+    assert {what for group, what, _ in ratios if group == "trail"} == {"loss: 50 % lost"}
+    text = page(setup, [], compared, command="fogwatch experiment faults", wall_s=1.0, failed=0, pictures=[])
+    assert "| loss: 50 % lost | with claims | 0.700 ± 0.000 |" in text
+    assert len(as_json(setup, [], compared)["comparisons"]) == len(compared)

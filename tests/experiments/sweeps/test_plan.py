@@ -1,0 +1,148 @@
+"""Sweep files: what is to be run, and what is wrong with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from experiments.sweeps.plan import Plan, read_plan
+from patrol.errors import BadInput
+
+BASE = {"terrain": {"builtin": "open"}, "point": 1, "duration": 20, "robots": {"count": 2, "model": "holonomic"}}
+
+
+def plan(folder: Path, told: int | None = None, **says: Any) -> Plan:
+    file = folder / "trial.yaml"
+    file.write_text(yaml.safe_dump({"base": BASE, **says}, sort_keys=False))
+    return read_plan(file, told)
+
+
+def names(found: Plan) -> list[str]:
+    return [case.name for case in found.cases]
+
+
+def test_a_grid_is_every_combination_with_every_seed(tmp_path: Path) -> None:
+    found = plan(tmp_path, grid={"patrol.dilatation": [0, 2], "robots.count": [1, 2, 3]}, seeds=2)
+    assert found.name == "trial"
+    assert names(found)[:4] == [f"dilatation={d} count={n}" for d, n in ((0, 1), (0, 2), (0, 3), (2, 1))]
+    assert len(found.runs) == 12
+    assert len({run.key for run in found.runs}) == 12
+    last = found.runs[-1].scenario
+    assert (last.patrol.dilatation, len(last.roster), last.seed) == (2.0, 3, 2)
+
+
+def test_cases_go_over_the_grid(tmp_path: Path) -> None:
+    cases = [
+        {"name": "far", "set": {"sensor.range": 20}},
+        {"name": "near", "set": {"sensor.range": 5, "patrol.fow": "f2"}},
+    ]
+    found = plan(tmp_path, cases=cases, grid={"patrol.direction": ["mode", "vector"]}, seeds=[4, 9])
+    assert names(found) == [
+        "far direction=mode",
+        "far direction=vector",
+        "near direction=mode",
+        "near direction=vector",
+    ]
+    assert found.seeds == (4, 9)
+    assert [run.scenario.patrol.fow for run in found.runs_of("near direction=vector")] == ["f2", "f2"]
+
+
+def test_fields_that_end_alike_keep_their_whole_names(tmp_path: Path) -> None:
+    found = plan(tmp_path, grid={"robots.speed": [1], "robots.radius": [0.5], "terrain.keep_out": [[]]})
+    assert names(found) == ["speed=1 radius=0.5 keep_out=[]"]
+    robots = [{"model": "car"}, {"model": "car"}]
+    found = plan(tmp_path, base={**BASE, "robots": robots}, grid={"robots.0.speed": [1], "robots.1.speed": [2]})
+    assert names(found) == ["robots.0.speed=1 robots.1.speed=2"]
+
+
+def test_cases_are_compared_with_the_ones_that_differ_in_one_thing(tmp_path: Path) -> None:
+    grid = {"patrol.dilatation": [0, 2, 5], "robots.count": [1, 2]}
+    found = plan(tmp_path, grid=grid, against={"patrol.dilatation": 0})
+    partners = {case.name: other.name if (other := found.partner(case)) else None for case in found.cases}
+    assert partners == {
+        f"dilatation={d} count={n}": f"dilatation=0 count={n}" if d else None for d in (0, 2, 5) for n in (1, 2)
+    }
+
+
+def test_without_grid_and_cases_there_is_the_base_alone(tmp_path: Path) -> None:
+    found = plan(tmp_path, base={**BASE, "seed": 12})
+    assert names(found) == ["base"]
+    assert [run.seed for run in found.runs] == [12]
+    assert [run.seed for run in plan(tmp_path, seeds=3).runs] == [1, 2, 3]
+
+
+def test_the_base_may_be_a_file_with_paths_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "key.txt").write_text("secret enough")
+    (tmp_path / "there" / "base.yaml").write_text(yaml.safe_dump({**BASE, "radio": {"key": "key.txt"}}))
+    found = plan(tmp_path, base="there/base.yaml", seeds=1)
+    assert found.runs[0].scenario.name == "base"
+    assert found.runs[0].scenario.radio.key == str(tmp_path / "there" / "key.txt")
+
+
+def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
+    one = plan(tmp_path, cases=[{"name": "a", "set": {"patrol.sectors": 8}}], seeds=2)
+    same = plan(tmp_path, cases=[{"name": "b", "set": {"patrol.sectors": 8}}], seeds=[2, 1])
+    other = plan(tmp_path, cases=[{"name": "a", "set": {"patrol.sectors": 9}}], seeds=2)
+    keys, same_keys, other_keys = ({run.key for run in found.runs} for found in (one, same, other))
+    assert keys == same_keys
+    assert not keys & other_keys
+
+
+@pytest.mark.parametrize(
+    ("says", "problem"),
+    [
+        ({"grid": {"patrol.dilation": [1]}}, "case dilation=1: override patrol.dilation: unknown key; did you mean"),
+        ({"grid": {"patrol.fow": ["f1", "f9"]}}, 'case fow=f9: override patrol.fow = "f9": expected'),
+        ({"grid": {"patrol.fow": "f1"}}, 'grid.patrol.fow = "f1": expected a list'),
+        ({"grid": {"patrol.fow": []}}, "grid.patrol.fow = []: expected a list"),
+        ({"grid": {"patrol.fow": ["f1", "f1"]}}, "case fow=f1: occurs 2 times"),
+        ({"grid": {"seed": [1, 2]}}, "case seed=1: sets seed; give the seeds under 'seeds:'"),
+        ({"grid": [1]}, "grid = [1]: expected"),
+        ({"grid": {f"patrol.{name}": list(range(100)) for name in ("alpha", "beta", "length")}}, "1000000 cases"),
+        ({"cases": {}}, "cases = {}: expected a list"),
+        ({"cases": [{"set": {}}]}, 'cases.0 = {"set": {}}: expected'),
+        ({"cases": [{"name": "a", "sets": {}}]}, "cases.0: sets: unknown key; did you mean set?"),
+        ({"cases": [{"name": "a", "set": [1]}]}, "cases.0.set = [1]: expected"),
+        ({"cases": [{"name": "a", "set": {"point": 2}}], "grid": {"point": [1]}}, "point: is set by case a and by"),
+        ({"seeds": 0}, "seeds = 0: expected a whole number from 1"),
+        ({"seeds": "many"}, 'seeds = "many": expected a count'),
+        ({"seeds": [1, 1]}, "seeds: 1 occurs twice"),
+        ({"seeds": [-1]}, "seeds = [-1]: expected a count"),
+        ({"seeds": True}, "seeds = true: expected a count"),
+        ({"against": {"patrol.fow": "f1"}}, 'against = {"patrol.fow": "f1"}: no two cases differ in just that'),
+        ({"against": ["f1"]}, 'against = ["f1"]: expected {FIELD: VALUE'),
+        ({"sedes": 3}, "sedes: unknown key; did you mean seeds?"),
+        ({"name": 3}, "name = 3: expected a text"),
+        ({"base": 3}, "base = 3: expected a scenario's keys"),
+        ({"base": "absent.yaml"}, "absent.yaml: no such file"),
+        ({"base": {**BASE, "duraton": 3}}, "duraton: unknown key; did you mean duration"),
+        ({"base": {**BASE, "terrain": {"map": "absent.yaml"}}}, "absent.yaml: no such file"),
+    ],
+)
+def test_what_is_wrong_is_said_before_anything_runs(tmp_path: Path, says: dict[str, Any], problem: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        plan(tmp_path, **says)
+    assert problem in str(caught.value)
+    assert "trial.yaml" in str(caught.value) or ".yaml: no such file" in str(caught.value)
+
+
+@pytest.mark.parametrize(("text", "problem"), [("", "no sweep"), ("[1]", "no sweep"), ("base: {", "mend the YAML")])
+def test_a_file_that_is_no_sweep(tmp_path: Path, text: str, problem: str) -> None:
+    (tmp_path / "odd.yaml").write_text(text)
+    with pytest.raises(BadInput, match=problem):
+        read_plan(tmp_path / "odd.yaml")
+
+
+def test_the_count_of_seeds_on_the_command_line_is_checked(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="--seeds = 0"):
+        plan(tmp_path, told=0)
+
+
+def test_the_example_is_a_sweep() -> None:
+    found = read_plan(Path(__file__).resolve().parents[3] / "examples" / "sweeps" / "dilatation.yaml")
+    assert len(found.runs) == 36
+    assert sum(found.partner(case) is not None for case in found.cases) == 9

@@ -1,0 +1,257 @@
+"""Sweeps that run: the same numbers whoever makes the runs, and no run made twice."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import signal
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import pytest
+
+from agent.mind import Mind
+from experiments.faults.belief_error import BeliefError
+from experiments.inprocess import Outcome, run_in_process
+from experiments.sweeps.casetable import case_rows, write_tables
+from experiments.sweeps.cluster import ClusterCrew
+from experiments.sweeps.plan import Base, Case, Plan, Run, make_plan
+from experiments.sweeps.pool import LocalCrew
+from experiments.sweeps.results import Result, open_results
+from experiments.sweeps.runner import run_sweep
+from experiments.sweeps.stats import estimate
+from experiments.sweeps.worker import Answer, Task, metrics_of, run_task
+from patrol.errors import BadInput
+from patrol.scenario import Scenario
+from worldsim.world import World
+
+BASE: Mapping[str, Any] = {
+    "terrain": {"builtin": "open"},
+    "point": 1,
+    "duration": 30,
+    "robots": {"count": 2, "model": "holonomic"},
+}
+
+
+def plan(cases: Mapping[str, Mapping[str, object]], seeds: Sequence[int] = (1, 2), **more: Any) -> Plan:
+    base = Base({**BASE, **more}, Path(), "trial")
+    return make_plan("trial", base, [Case(name, settings) for name, settings in cases.items()], seeds)
+
+
+SIX = {
+    f"{name} {count}": {"patrol.direction": name, "robots.count": count} for name in ("mode",) for count in (1, 2, 3)
+}
+
+
+class Here:
+    """A crew of one, in this process."""
+
+    size = 1
+
+    def __init__(self) -> None:
+        self.made: list[tuple[str, int]] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Nobody to let go."""
+
+    def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
+        for task in tasks:
+            self.made.append((task["case"], task["seed"]))
+            yield run_task(json.loads(json.dumps(task)))
+
+
+class Watching:
+    """Counts, and gives up after so many results."""
+
+    def __init__(self, most: int = 1000) -> None:
+        self.results: list[Result] = []
+        self.found: list[Result] = []
+        self._most = most
+
+    def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
+        assert workers <= len(todo)
+        self.found = done
+
+    def result(self, result: Result) -> None:
+        self.results.append(result)
+        if len(self.results) == self._most:
+            raise KeyboardInterrupt
+
+
+def numbers(results: Mapping[str, Result]) -> dict[str, Any]:
+    """What must not depend on who made a run."""
+    return {key: (result.outcome, result.metrics, result.trace_hash) for key, result in results.items()}
+
+
+@pytest.fixture(scope="module")
+def reference() -> dict[str, Any]:
+    """The numbers of SIX, each run by itself."""
+    found = {}
+    for run in plan(SIX).runs:
+        belief = BeliefError()
+        summary = run_in_process(run.scenario, look=belief.look).summary
+        found[run.key] = ("ok", {**metrics_of(summary), **belief.metrics()}, summary["trace_hash"])
+    return found
+
+
+def test_two_worker_processes_give_the_numbers_of_each_run_by_itself(tmp_path: Path, reference: dict[str, Any]) -> None:
+    outcome = run_sweep(plan(SIX), tmp_path, crew=LocalCrew(2))
+    assert numbers(outcome.results) == reference
+    assert outcome.made == 6
+    with open_results(tmp_path) as there:
+        assert numbers(there.by_key) == reference
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
+def test_a_cluster_of_two_workers_gives_the_same_numbers(tmp_path: Path, reference: dict[str, Any]) -> None:
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[no-untyped-call]
+        crew = ClusterCrew(cluster.scheduler_address)
+        outcome = run_sweep(plan(SIX), tmp_path, crew=crew)
+        assert crew.size == 2
+    assert numbers(outcome.results) == reference
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "http://x:1"])
+def test_a_cluster_that_cannot_be_reached_is_said_before_anything_runs(tmp_path: Path, address: str) -> None:
+    with pytest.raises(BadInput, match=r"--cluster = .*: cannot be reached"):
+        run_sweep(plan(SIX), tmp_path, crew=ClusterCrew(address, patience_s=0.5))
+    with open_results(tmp_path) as there:
+        assert there.by_key == {}
+
+
+def test_an_interrupted_sweep_goes_on_where_it_stopped(tmp_path: Path, reference: dict[str, Any]) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(plan(SIX), tmp_path, crew=Here(), watcher=Watching(most=2))
+    crew, watching = Here(), Watching()
+    outcome = run_sweep(plan(SIX), tmp_path, crew=crew, watcher=watching)
+    assert crew.made == [("mode 2", 1), ("mode 2", 2), ("mode 3", 1), ("mode 3", 2)]
+    assert [result.case for result in watching.found] == ["mode 1", "mode 1"]
+    assert numbers(outcome.results) == reference
+    assert run_sweep(plan(SIX), tmp_path, crew=Here()).made == 0
+
+
+def test_a_sweep_can_grow_and_cases_share_what_means_the_same(tmp_path: Path) -> None:
+    crew = Here()
+    run_sweep(plan({"a": {}}), tmp_path, crew=crew)
+    grown = plan({"a": {}, "same": {"robots.count": 2}, "other": {"robots.count": 1}}, seeds=(1, 2, 3))
+    outcome = run_sweep(grown, tmp_path, crew=crew)
+    assert crew.made == [("a", 1), ("a", 2), ("a", 3), ("other", 1), ("other", 2), ("other", 3)]
+    assert outcome.values("a", "mfow_mean_s") == outcome.values("same", "mfow_mean_s")
+    assert outcome.values("other", "mfow_mean_s").keys() == {1, 2, 3}
+
+
+def test_a_run_that_fails_costs_no_other_and_is_tried_again(tmp_path: Path) -> None:
+    cases: dict[str, dict[str, object]] = {"good": {}, "bad": {"robots.starts": [[3, 3], [3.5, 3]]}}
+    outcome = run_sweep(plan(cases), tmp_path, crew=Here())
+    assert [(run.case, run.seed) for run in outcome.failed] == [("bad", 1), ("bad", 2)]
+    assert all(run.error and "overlap" in run.error for run in outcome.failed)
+    good, bad = case_rows(outcome)
+    assert (good.runs, good.failed, bad.runs, bad.failed, bad.metrics) == (2, 0, 0, 2, {})
+    crew = Here()
+    run_sweep(plan(cases), tmp_path, crew=crew)
+    assert crew.made == [("bad", 1), ("bad", 2)]
+
+
+def test_whatever_a_run_raises_is_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any, **__: Any) -> None:
+        raise RuntimeError("no\nidea")
+
+    monkeypatch.setattr("experiments.inprocess.run_in_process", broken)
+    found = run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})
+    assert (found["outcome"], found["error"], found["metrics"]) == ("failed", "RuntimeError: no idea", {})
+
+
+def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or a long sweep would grow without end."""
+    minds: list[weakref.ref[Mind]] = []
+
+    def noting(scenario: Scenario, look: Callable[[World, Mapping[int, Mind]], None], **how: Any) -> Outcome:
+        def both(world: World, now: Mapping[int, Mind]) -> None:
+            minds.extend(weakref.ref(mind) for mind in now.values())
+            look(world, now)
+
+        return run_in_process(scenario, look=both, **how)
+
+    monkeypatch.setattr("experiments.inprocess.run_in_process", noting)
+    gc.disable()
+    try:
+        assert run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})["outcome"] == "ok"
+        assert minds
+        assert all(mind() is None for mind in minds)
+    finally:
+        gc.enable()
+
+
+def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path) -> None:
+    long = plan({"long": {"duration": 100_000}, "short": {}, "brief": {"duration": 20}}, seeds=(1,))
+    crew = LocalCrew(2)
+
+    class Killing(Watching):
+        def result(self, result: Result) -> None:
+            super().result(result)
+            for worker in crew._workers.values():
+                if worker.task["case"] == "long":
+                    os.kill(worker._process.pid, signal.SIGKILL)
+
+    outcome = run_sweep(long, tmp_path, crew=crew, watcher=Killing())
+    (failed,) = outcome.failed
+    assert failed.case == "long"
+    assert failed.error == "its worker process died (killed; was there too little memory?)"
+    assert {result.case for result in outcome.results.values() if result.ok} == {"short", "brief"}
+
+
+@pytest.mark.parametrize("size", [0, -1])
+def test_workers_are_one_or_more(size: int) -> None:
+    with pytest.raises(BadInput, match=f"--workers = {size}: expected 1 or more"):
+        LocalCrew(size)
+
+
+def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
+    cases: dict[str, dict[str, object]] = {
+        "a": {"sensor.range": 10, "robots.starts": "random"},
+        "bad": {"robots.starts": [[3, 3], [3.5, 3]]},
+    }
+    outcome = run_sweep(plan(cases, seeds=(1, 2, 3)), tmp_path, crew=Here())
+    as_csv, as_json = write_tables(outcome, tmp_path)
+    says = json.loads(as_json.read_text())
+    row, bad = says["cases"]
+    values = row["metrics"]["fog_mean_s"]["values"]
+    low, high = row["metrics"]["fog_mean_s"]["ci95"]
+    assert list(values) == ["1", "2", "3"]
+    assert row["metrics"]["fog_mean_s"]["mean"] == pytest.approx(sum(values.values()) / 3)
+    assert low < min(values.values()) < max(values.values()) < high
+    assert (bad["runs"], bad["failed"], len(says["failed"])) == (0, 3, 3)
+    header, first, second = as_csv.read_text().splitlines()
+    assert header.startswith(
+        "case,sensor.range,robots.starts,runs,failed,mfow_mean_s,mfow_mean_s_low,mfow_mean_s_high,"
+    )
+    assert first.startswith("a,10,random,3,0,")
+    assert second.startswith('bad,,"[[3, 3], [3.5, 3]]",0,3,,')
+
+
+def test_a_change_is_that_of_the_means_with_the_interval_of_the_differences(tmp_path: Path) -> None:
+    base = Base(BASE, Path(), "trial")
+    cases = [Case(f"count {count}", {"robots.count": count}) for count in (1, 2)]
+    outcome = run_sweep(make_plan("trial", base, cases, (1, 2, 3), {"robots.count": 1}), tmp_path, crew=Here())
+    one, two = case_rows(outcome)
+    assert (one.against, one.change) == (None, {})
+    assert two.against == "count 1"
+    ours, theirs = two.values["fog_mean_s"], one.values["fog_mean_s"]
+    change = two.change["fog_mean_s"]
+    assert change.mean == pytest.approx(100.0 * (two.metrics["fog_mean_s"].mean / one.metrics["fog_mean_s"].mean - 1.0))
+    differences = estimate([ours[seed] - theirs[seed] for seed in (1, 2, 3)])
+    assert change.half == pytest.approx(100.0 * (differences.half or 0.0) / one.metrics["fog_mean_s"].mean)
+    as_csv, as_json = write_tables(outcome, tmp_path)
+    assert json.loads(as_json.read_text())["cases"][1]["against"] == "count 1"
+    header, first, second = (line.split(",") for line in as_csv.read_text().splitlines())
+    assert len(header) == len(first) == len(second)
+    assert dict(zip(header, second, strict=True))["fog_mean_s_change_percent"] == str(change.mean)

@@ -1,0 +1,218 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from fogwatch.cli.app import main
+
+SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
+COARSE = [*SHORT, "--no-recording", "--no-report"]
+
+
+@pytest.fixture
+def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., int]]:
+    """The command, in a folder of its own; its signal handlers are taken away again."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in numbers}
+    monkeypatch.chdir(tmp_path)
+
+    def command(*arguments: str) -> int:
+        monkeypatch.setattr(sys, "argv", ["fogwatch", *arguments])
+        return main()
+
+    yield command
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_a_run_in_one_process_from_a_built_in_terrain(
+    fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert fogwatch("run", "open", "--robots", "2", "--in-process", *SHORT) == 0
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert folder.name.startswith("open-")
+    files = {path.name for path in folder.iterdir()}
+    derived = {"fog.png", "recording.mcap", "report.html"}
+    assert files == {"scenario.yaml", "journal", "ticks.csv", "summary.json"} | derived
+    shown = capsys.readouterr()
+    for words in ("MFoW        mean", "coverage", "messages", "r2", "verdict     valid", str(folder)):
+        assert words in shown.out
+    assert "tick 10/10" in shown.err
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["ticks"] == 10
+    assert (folder / "ticks.csv").read_text(encoding="ascii").count("\n") == 11
+
+
+def test_the_options_override_the_scenario(fogwatch: Callable[..., int], tmp_path: Path) -> None:
+    options = ["--robots", "2", "--model", "holonomic", "--radius", "0.5", "--speed", "2", "--seed", "9"]
+    starts = ["--start", "10,20", "--start", "30,40,1.5"]
+    out = tmp_path / "out"
+    assert fogwatch("run", "open", *options, *starts, "--in-process", "--quiet", "--out", str(out), *COARSE) == 0
+    header = (out / "scenario.yaml").read_text(encoding="utf-8")
+    for words in ("model: holonomic", "radius: 0.5", "speed: 2.0", "seed: 9", "count: 2", "dilatation: 0.0"):
+        assert words in header
+    assert fogwatch("run", str(out / "scenario.yaml"), "--in-process", "--quiet", "--out", str(tmp_path / "two")) == 0
+    hashes = {json.loads((tmp_path / name / "summary.json").read_text())["trace_hash"] for name in ("out", "two")}
+    assert len(hashes) == 1
+
+
+def test_quiet_prints_the_folder_and_nothing_else(
+    fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert fogwatch("run", "open", "--in-process", "--quiet", "--out", "out", *COARSE) == 0
+    shown = capsys.readouterr()
+    assert (shown.out, shown.err) == (f"{tmp_path / 'out'}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere"], "no such scenario"),
+        (["."], "is a folder"),
+        (["noise"], "no UTF-8 text"),
+        (["words"], "expected keys and values"),
+        (["open", "--robots", "many"], "--robots"),
+        (["open", "--robots", "0"], "robots.count"),
+        (["open", "--robots", "-3"], "robots.count"),
+        (["open", "--robots", "100000"], "robots.count"),
+        (["open", "--robots", "60000"], "GB of memory"),
+        (["open", "--robots", "40", "--radius", "12"], "do not fit"),
+        (["open", "--model", "boat"], "robots.model"),
+        (["open", "--speed", "nan"], "robots.speed"),
+        (["open", "--duration", "-1"], "duration"),
+        (["open", "--pace", "warp"], "pace"),
+        (["open", "--start", "here"], "--start here"),
+        (["open", "--start", "1,2,3,4"], "--start"),
+        (["open", "--start", "-50,3"], "50"),
+        (["open", "--port", "0"], "--port 0"),
+        (["open", "--set", "patrol"], "--set patrol"),
+        (["open", "--set", "patrol.dilation=1"], "did you mean dilatation"),
+        (["open", "--out", "full"], "--out full: is not empty"),
+        (["open", "--out", "noise"], "--out noise: cannot be written"),
+        (["open", "--out", "noise/run"], "--out noise/run: cannot be written"),
+        (["open", "--bogus"], "--bogus"),
+        ([], "SCENARIO"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(
+    arguments: list[str],
+    words: str,
+    fogwatch: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "noise").write_bytes(bytes(range(256)))
+    (tmp_path / "words").write_text("hello", encoding="utf-8")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "file").touch()
+    assert fogwatch("run", *arguments, "--point", "0.5") == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("fogwatch: ")
+    assert shown.err.count("\n") == 1
+    assert words in shown.err
+    assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").iterdir())
+
+
+def test_other_commands_fail_in_one_line_too(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["map", "check", "nowhere.yaml"], ["scenario", "show", "nowhere.yaml"], ["march"]):
+        assert fogwatch(*arguments) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_version_names_what_it_stands_on(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert fogwatch("version") == 0
+    shown = capsys.readouterr().out
+    for name in ("fogwatch 0", "Python 3", "eclipse-zenoh 1", "numba 0", "numpy 2"):
+        assert name in shown
+
+
+def test_the_version_is_an_option_too(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert fogwatch("--version") == 0
+    assert capsys.readouterr().out.startswith("fogwatch 0")
+
+
+@pytest.mark.parametrize("ok", [True, False])
+@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
+def test_a_reader_that_leaves_changes_no_exit_code(quiet: list[str], ok: bool, tmp_path: Path) -> None:
+    """A verdict is not made valid, nor invalid, by ``| head``."""
+    program = (
+        "import sys, worldsim.verdict.checks as checks; from fogwatch.cli.app import main\n"
+        f"checks.NobodyLost.check = lambda self: checks.Check('nobody lost', {ok}, 'made up')\n"
+        f"sys.argv = ['fogwatch', 'run', 'open', '--in-process', *{[*COARSE, *quiet]!r}]\n"
+        "sys.exit(main())"
+    )
+    for errors in (subprocess.PIPE, subprocess.STDOUT):
+        reading, writing = os.pipe()
+        os.close(reading)
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-c", program], cwd=tmp_path, stdout=writing, stderr=errors, text=True
+        )
+        os.close(writing)
+        said = process.communicate(timeout=120)[1] or ""
+        assert process.returncode == (0 if ok else 1), said
+        assert "Traceback" not in said
+        assert "Exception ignored" not in said
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], []])
+def test_help_teaches(arguments: list[str], fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert fogwatch(*arguments) in (0, 2)
+    shown = capsys.readouterr()
+    assert "run" in shown.out + shown.err
+
+
+@pytest.mark.parametrize("module", ["agent", "worldsim", "fogwatch.router"])
+def test_every_process_has_help_with_an_example(module: str) -> None:
+    done = subprocess.run([sys.executable, "-P", "-m", module, "--help"], capture_output=True, text=True, check=True)
+    assert "python -m agent" in done.stdout
+    assert "--router tcp/192.168.1.10:7447" in done.stdout
+
+
+def test_help_and_errors_load_no_heavy_library() -> None:
+    program = (
+        "import sys\nfrom fogwatch.cli.app import main\nsys.argv = ['fogwatch', 'run', 'nowhere']\nassert main() == 2\n"
+        "heavy = {'numba', 'scipy', 'zenoh', 'matplotlib', 'PIL', 'dask', 'distributed'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.processes
+def test_a_busy_port_is_bad_input(tmp_path: Path) -> None:
+    import socket
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        command = [sys.executable, "-P", "-m", "fogwatch", "run", "open", "--port", str(port), *COARSE]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.endswith(f"--port {port}: the port is busy; choose another, or leave the choice to fogwatch\n")
+    assert not list((tmp_path / "runs").iterdir())
+
+
+def test_an_interrupted_run_in_one_process_can_be_read(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    command = [sys.executable, "-P", "-m", "fogwatch", "run", "open", "--in-process", "--out", str(out), *COARSE]
+    process = subprocess.Popen([*command, "--duration", "100000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    end = time.monotonic() + 60.0
+    while not (out / "ticks.csv").exists() or (out / "ticks.csv").read_text(encoding="ascii").count("\n") < 5:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["ended"] == "interrupted"
+    assert summary["ticks"] >= 4

@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from fogwatch.launch.live_table import LiveTable, Plain, Silent, clock, headline, make_show
+from fogwatch.launch.summary_text import measures, print_report
+from patrol.net.telemetry import Metrics, Notice, RobotView
+
+ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
+METRICS = Metrics(120, 600, 60.0, 20.0, 12.5, 30.0, 0.75, 40.0, ROBOTS)
+SUMMARY = {
+    "name": "five",
+    "simulated_s": 300.0,
+    "ticks": 600,
+    "ended": "completed",
+    "wall_s": 100.0,
+    "realtime_factor": 3.0,
+    "mfow_mean_s": 60.0,
+    "mfow_max_s": 90.0,
+    "fog_mean_s": 20.0,
+    "bound_s": 40.0,
+    "seen_share": 1.0,
+    "patrolled_area_m2": 8800.0,
+    "messages": {"sent": 10, "delivered": 9, "dropped": 1, "rejected": 0, "bytes_per_robot_s": 56.0},
+    "robots": {
+        "anna": {
+            "status": "alive",
+            "distance_m": 100.0,
+            "dead_end_share": 0.05,
+            "collisions": 2,
+            "decisions": 600,
+            "decision_ms_p50": 12.0,
+            "decision_ms_p99": 20.0,
+        },
+        "bert": {
+            "status": "lost",
+            "distance_m": 10.0,
+            "dead_end_share": 0.0,
+            "collisions": 0,
+            "decisions": 0,
+            "decision_ms_p50": None,
+            "decision_ms_p99": None,
+        },
+    },
+    "deadlines": {
+        "late_frames": {"anna": 1},
+        "too_late": {"anna": 1},
+        "late_commands": {"anna": 2, "bert": 3},
+        "slipped_s": 0.0,
+    },
+    "verdict": {
+        "outcome": "invalid",
+        "valid": False,
+        "checks": [{"name": "nobody lost", "ok": False, "detail": "bert", "judged": True}],
+    },
+}
+
+
+def test_one_line_says_how_far_and_how_fast() -> None:
+    assert headline(METRICS) == (
+        "tick 120/600 (60 s); MFoW 20.0 s, mean 12.5 s; seen 75.0 %; 1/2 robots (1 lost); 40.0 ticks/s, "
+        "20.0 x real time; 12 s to go"
+    )
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(0.4, "0 s"), (75, "1 min 15 s"), (3700, "1 h 01 min")])
+def test_durations_as_people_say_them(seconds: float, words: str) -> None:
+    assert clock(seconds) == words
+
+
+def test_plain_lines_come_now_and_then() -> None:
+    text = io.StringIO()
+    plain = Plain(Console(file=text, width=80))
+    for _ in range(3):
+        plain.metrics(METRICS)
+    plain.notice(Notice(120, "lost", "bert", "no answer [for 10 s]"))
+    plain.close()
+    assert text.getvalue().splitlines() == [headline(METRICS), "tick 120: bert lost: no answer [for 10 s]"]
+
+
+def test_a_terminal_gets_a_table_of_the_robots() -> None:
+    text = io.StringIO()
+    table = LiveTable(Console(file=text, force_terminal=True, width=120, color_system=None))
+    table.close()
+    table.metrics(METRICS)
+    table.say("[news]")
+    table.close()
+    table.close()
+    shown = text.getvalue()
+    for words in ("anna", "patrolling", "bert", "lost", "[news]", "tick 120/600"):
+        assert words in shown
+
+
+def test_a_large_fleet_is_cut() -> None:
+    text = io.StringIO()
+    table = LiveTable(Console(file=text, force_terminal=True, width=120))
+    many = tuple(RobotView(f"r{number}", 1, "holding", 0.0, 0.0, 0.0) for number in range(1, 101))
+    table.metrics(Metrics(1, 2, 0.5, 0.0, 0.0, 0.0, 0.1, 0.0, many))
+    table.close()
+    assert "and 80 more" in text.getvalue()
+
+
+def test_where_it_shows_depends_on_where_it_goes() -> None:
+    assert isinstance(make_show(quiet=True), Silent)
+    assert isinstance(make_show(quiet=False), Plain)
+
+
+def test_the_report_says_what_matters(tmp_path: Path) -> None:
+    text = io.StringIO()
+    for name in ("summary.json", "fog.png"):
+        (tmp_path / name).touch()
+    print_report(Console(file=text, width=100), SUMMARY, tmp_path)
+    shown = text.getvalue()
+    for words in (
+        "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
+        "MFoW        mean 60.0 s, most 90.0 s; lower bound 40.0 s, ratio 1.50",
+        "coverage    100.00 % of 8800 m² to patrol",
+        "10 sent, 9 delivered, 1 dropped, 0 rejected",
+        "missed by 5 commands and 1 frames, 1 of which came too late",
+        "verdict     invalid",
+        "nobody lost: bert",
+        f"{tmp_path}: fog.png, summary.json",
+    ):
+        assert words in shown
+
+
+@pytest.mark.parametrize("short", [{"seen_share": 0.995}, {"simulated_s": 100.0}])
+def test_a_run_too_short_to_settle_is_not_held_against_the_bound(short: dict[str, float]) -> None:
+    assert measures({**SUMMARY, **short})[1].endswith("lower bound 40.0 s")
+    assert measures({**SUMMARY, "bound_s": 0.0})[1].endswith("most 90.0 s")
+
+
+def test_the_report_of_a_run_without_ticks() -> None:
+    empty = {**SUMMARY, "ticks": 0, "simulated_s": 0.0, "wall_s": None, "ended": None, "mfow_mean_s": None}
+    assert measures(empty) == ["five: 0 s in 0 ticks, cut off"]

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.inprocess import run_in_process
+from fogwatch.map_check import check_map
+from fogwatch.pictures.drawing import Layer, painted, round_length
+from fogwatch.pictures.run_end import map_picture, replay, run_picture
+from patrol.errors import BadInput
+from patrol.ground.terrain import Terrain
+from patrol.journal import read_journal
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import dump_scenario, load_scenario
+
+SCENARIO: dict[str, Any] = {
+    "name": "short",
+    "terrain": {"builtin": "yards"},
+    "point": 1.0,
+    "duration": 30,
+    "robots": {"count": 2, "model": "holonomic"},
+}
+
+
+def run(folder: Path, **changes: Any) -> Prepared:
+    """A run folder of a short run."""
+    scenario = load_scenario({**SCENARIO, **changes})
+    (folder / "scenario.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
+    prepared = prepare(scenario)
+    run_in_process(prepared, journal=folder / "journal")
+    return prepared
+
+
+def size_of(picture: Path) -> tuple[int, int]:
+    with Image.open(picture) as image:
+        assert image.format == "PNG"
+        return image.size
+
+
+@pytest.mark.parametrize("sensor", [{}, {"quality": 0.6}, {"angle": 120.0, "range": 8.0}], ids=str)
+def test_the_replayed_fog_is_the_worlds(tmp_path: Path, sensor: dict[str, Any]) -> None:
+    prepared = run(tmp_path, sensor=sensor)
+    journal = read_journal(tmp_path / "journal")
+    *_, last = journal.ticks
+    final = replay(journal, prepared)
+    assert final.tick == last.k
+    assert final.fog.mfow(last.k) == last.mfow
+    assert final.fog.mean(last.k) == pytest.approx(last.fog_mean)
+    assert final.fog.seen == last.seen
+    assert [len(track) for track in final.tracks.values()] == [60, 60]
+
+
+def test_robots_that_come_and_go_are_drawn(tmp_path: Path) -> None:
+    faults = [{"kind": "leave", "who": "r1", "at": 5}, {"kind": "join", "who": "r2", "at": 10}]
+    prepared = run(tmp_path, faults=faults)
+    final = replay(read_journal(tmp_path / "journal"), prepared)
+    assert [int(np.isfinite(track[:, 0]).sum()) for track in final.tracks.values()] == [10, 40]
+    run_picture(tmp_path, tmp_path / "fog.png", prepared)
+    assert min(size_of(tmp_path / "fog.png")) > 100
+
+
+def test_a_run_is_drawn_from_its_folder(tmp_path: Path) -> None:
+    prepared = run(tmp_path)
+    run_picture(tmp_path, tmp_path / "fog.png")
+    run_picture(tmp_path, tmp_path / "again.png", prepared)
+    assert min(size_of(tmp_path / "fog.png")) > 300
+    assert (tmp_path / "fog.png").read_bytes() == (tmp_path / "again.png").read_bytes()
+
+
+def test_a_run_that_was_cut_off_is_drawn_as_far_as_it_got(tmp_path: Path) -> None:
+    prepared = run(tmp_path)
+    whole = (tmp_path / "journal").read_bytes()
+    (tmp_path / "journal").write_bytes(whole[: len(whole) // 2])
+    run_picture(tmp_path, tmp_path / "fog.png", prepared)
+    assert 0 < replay(read_journal(tmp_path / "journal"), prepared).tick < 59
+    # The header is the longest record; nothing but it is left.
+    header = whole[: whole.index(b"\xa4type\xa4tick") - 9]
+    (tmp_path / "journal").write_bytes(header)
+    with pytest.raises(BadInput, match="nothing to draw"):
+        run_picture(tmp_path, tmp_path / "fog.png", prepared)
+
+
+def test_what_cannot_be_drawn_or_written_is_bad_input(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="journal"):
+        run_picture(tmp_path, tmp_path / "fog.png")
+    report = check_map(Terrain("field", np.ones((20, 20), dtype=np.bool_), 0.5), 1.0)
+    with pytest.raises(BadInput, match="cannot be written"):
+        map_picture(report, tmp_path / "none" / "map.png")
+
+
+def test_later_layers_cover_earlier_ones() -> None:
+    everywhere = np.ones((2, 3), dtype=np.bool_)
+    corner = np.zeros((2, 3), dtype=np.bool_)
+    corner[1, 2] = True
+    image = painted((2, 3), [Layer("#102030", "ground", everywhere), Layer("#ffffff", "corner", corner)])
+    assert image[0, 0].tolist() == [16, 32, 48]
+    assert image[1, 2].tolist() == [255, 255, 255]
+
+
+@pytest.mark.parametrize(("about", "length"), [(14.3, 10), (7.4, 5), (34.0, 20), (0.99, 0.5), (1.0, 1.0)])
+def test_scale_bars_are_round(about: float, length: float) -> None:
+    assert round_length(about) == pytest.approx(length)

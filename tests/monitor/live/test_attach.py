@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from monitor.live.attach import goes_on
+from patrol.net.access import FILE, Access, write_access
+from tests.routers import free_endpoint, routed, world_seen
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """Where a router is."""
+    with routed() as where:
+        yield where
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Callable[[str], Path]:
+    """A run's folder that says where its fleet is met."""
+
+    def make(router: str) -> Path:
+        write_access(tmp_path / FILE, Access("fleet-1", router, "0123456789abcdef"))
+        return tmp_path
+
+    return make
+
+
+def test_a_run_goes_on_while_its_world_is_there(endpoint: str, folder: Callable[[str], Path]) -> None:
+    run = folder(endpoint)
+    assert not goes_on(run)
+    with world_seen(endpoint, "fleet-1"):
+        assert goes_on(run)
+
+
+def test_a_launcher_that_was_killed_leaves_nobody_to_ask(
+    folder: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.live.attach.ANSWER_S", 0.2)
+    assert not goes_on(tmp_path)
+    run = folder(free_endpoint())
+    assert not goes_on(run)
+    monkeypatch.setattr("monitor.live.attach.open_link", lambda *_: pytest.fail("asked somebody else's router"))
+    (run / FILE).unlink()
+    write_access(run / FILE, Access("fleet-1", "tcp/192.0.2.1:7447", "0123456789abcdef"))
+    assert not goes_on(run)
+    (run / FILE).write_text("{}", encoding="utf-8")
+    assert not goes_on(run)

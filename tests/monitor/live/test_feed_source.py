@@ -1,0 +1,400 @@
+"""The feed of a run that goes on: the same fogs as the world's and the minds', from the start, late, and over gaps."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor.live.feed_source import AGAIN_S, LiveSource
+from monitor.live.follow import HEARD
+from monitor.replay.player import Player
+from monitor.source import Answer, State
+from patrol.errors import BadInput
+from patrol.ground.fog import NEVER
+from patrol.journal import JournalWriter, pack, unpack
+from patrol.journal.file import MAGIC
+from patrol.journal.records import Event, Status, TickRecord
+from patrol.net.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
+from patrol.scenario.controls import OPERATOR
+from worldsim.operator import Manner
+from worldsim.output.feed_publisher import Feed, ground_of
+from worldsim.output.record import header_of
+from worldsim.world import World
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.monitor.conftest import Seen
+
+
+def records_of(seen: Seen) -> list[bytes]:
+    """A journal's records, packed, in their order."""
+    data = (seen.folder / "journal").read_bytes()[len(MAGIC) :]
+    found = []
+    while data:
+        length, _ = struct.unpack("<II", data[:8])
+        found.append(data[8 : 8 + length])
+        data = data[8 + length :]
+    return found
+
+
+class Told:
+    """A wire from a run that is over: what the feed would have sent, batch by batch."""
+
+    may_ask = True
+    present = True
+
+    def __init__(self, seen: Seen) -> None:
+        self.seen = seen
+        self.records = records_of(seen)
+        self.batches: deque[Batch] = deque()
+        self.answers = 0
+        self.now = 100.0
+        self.asked: list[Mapping[str, Any]] = []
+        self.number = 1
+        self.most_events = 10_000
+        self.asked_for: list[Event] = []
+
+    def batch(self, timeout_s: float) -> Batch | None:
+        self.now += timeout_s
+        return self.batches.popleft() if self.batches else None
+
+    def send(self, records: int, *, lost: bool = False) -> None:
+        """The next records as a batch."""
+        part = tuple(self.records[self.number : self.number + records])
+        if not lost:
+            self.batches.append(read_batch(batch_bytes(Batch(self.number, part, running=True, pace=None))))
+        self.number += len(part)
+
+    def so_far(self) -> bytes | None:
+        self.answers += 1
+        return so_far_bytes(self.answer())
+
+    def answer(self) -> SoFar:
+        prepared = self.seen.open().prepared
+        before = [unpack(record) for record in self.records[: self.number]]
+        ticks = [record for record in before if isinstance(record, TickRecord)]
+        events = tuple(pack(record) for record in before if isinstance(record, Event))
+        blank = np.full(prepared.terrain.passable.shape, NEVER, dtype=np.int32)
+        return SoFar(
+            number=self.number,
+            header=self.records[0],
+            last=pack(ticks[-1]) if ticks else None,
+            last_seen=self.seen.truth[ticks[-1].k] if ticks else blank,
+            events=events[max(len(events) - self.most_events, 0) :],
+            event=max(len(events) - self.most_events, 0),
+            asked=tuple(pack(event) for event in self.asked_for),
+            every=1,
+            mfow=np.array([tick.mfow for tick in ticks], dtype=np.float32),
+            fog_mean=np.array([tick.fog_mean for tick in ticks], dtype=np.float32),
+            running=True,
+            pace=None,
+            ground=ground_of(prepared),
+        )
+
+    def ask(self, control: Mapping[str, Any]) -> Answer:
+        self.asked.append(control)
+        return Answer(True, "done")
+
+    def close(self) -> None:
+        pass
+
+    def source(self) -> LiveSource:
+        payload = self.so_far()
+        assert payload is not None
+        return LiveSource("fleet-1", self, read_so_far(payload), lambda: self.now)
+
+
+def watched(source: LiveSource) -> State:
+    """The state once nothing is left to take in."""
+    state = None
+    while (newer := source.wait(0.01)) is not None:
+        state = newer
+    assert state is not None
+    return state
+
+
+def test_from_the_start_the_fogs_are_those_of_the_world_and_of_its_minds(faulty: Seen) -> None:
+    run, wire = faulty.open(), Told(faulty)
+    source = wire.source()
+    robots = [shape.number for shape in source.static().robots]
+    state = watched(source)
+    while wire.number < len(wire.records):
+        wire.send(7)
+        state = watched(source)
+        truth = source.last_seen("truth")
+        assert truth is not None
+        np.testing.assert_array_equal(truth, faulty.truth[state.k])
+    assert state.k == run.ticks - 1
+    assert (state.ended, state.running) == ("completed", False)
+    assert state.mfow_s == run.mfow[-1] * run.step
+    for number in robots:
+        assert source.last_seen(number) is None  # it is worked out first
+    source.wait(10.0)
+    assert Status.ALIVE in {robot.status for robot in state.robots}
+    for number in robots:
+        believed = source.last_seen(number)
+        assert believed is not None
+        np.testing.assert_array_equal(believed, faulty.beliefs[state.k, number])
+    series = source.series(3)
+    np.testing.assert_array_equal(series.ticks, np.arange(4, run.ticks))
+    np.testing.assert_allclose(series.mfow_s, run.mfow[4:] * run.step)
+    assert state.links is not None
+    np.testing.assert_array_equal(state.links.delivered, run.links.delivered[1:, 1:])
+    lost = state.links.sent - state.links.delivered - run.links.lost[1:, 1:]
+    assert lost.min() >= 0
+    assert tuple(source.events(0)) == run.events
+    assert wire.answers == 1
+
+
+def test_who_hears_everything_knows_the_truth_where_nothing_is_forged(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    assert source.last_seen(HEARD) is not None
+    wire.send(10_000)
+    state = watched(source)
+    heard = source.last_seen(HEARD)
+    assert heard is not None
+    np.testing.assert_array_equal(heard, quiet.truth[state.k])
+    assert source.last_seen(77) is None
+
+
+def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
+    wire = Told(faulty)
+    wire.number = 20
+    source = wire.source()
+    state = source.wait(0.0)
+    assert state is not None
+    since = state.k
+    np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[since])
+    assert len(source.series(-1).ticks) == since + 1
+    assert "not known" in state.note
+    wire.send(10_000)
+    state = watched(source)
+    np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
+    assert tuple(source.events(0)) == faulty.open().events
+
+
+def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -> None:
+    wire = Told(faulty)
+    source = wire.source()
+    wire.send(5)
+    watched(source)
+    wire.send(6, lost=True)
+    wire.send(2)
+    source.wait(0.0)
+    assert wire.answers == 1  # only just asked
+    wire.now += AGAIN_S
+    wire.send(10)
+    state = watched(source)
+    assert wire.answers == 2
+    np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
+    wire.send(10_000)
+    state = watched(source)
+    np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
+    assert tuple(source.events(0)) == faulty.open().events
+    assert state.ended == "completed"
+
+
+def test_a_gap_doubles_no_event_and_is_told(faulty: Seen) -> None:
+    wire = Told(faulty)
+    wire.most_events = 8
+    source = wire.source()
+    events = faulty.open().events
+    while wire.number < len(wire.records) - 1:
+        wire.send(5)
+        watched(source)
+        wire.send(1, lost=True)
+        wire.now += AGAIN_S
+    wire.send(1)
+    watched(source)
+    assert wire.answers > 5
+    assert tuple(source.events(0)) == events
+
+
+def test_links_and_beliefs_are_known_from_a_gap_on_and_the_state_says_so(faulty: Seen) -> None:
+    wire = Told(faulty)
+    source = wire.source()
+    wire.send(9)
+    assert watched(source).note == ""
+    wire.send(9, lost=True)
+    wire.now += AGAIN_S
+    wire.send(2)
+    state = watched(source)
+    assert f"watched from {state.time_s + 0.5:g} s on" in state.note
+    assert state.links is not None
+    assert state.links.sent.sum() == 0
+
+
+def test_trails_have_every_tick_that_came_however_many_came_at_once(quiet: Seen) -> None:
+    world = Told(quiet)
+    source = world.source()
+    for _ in range(3):
+        world.send(20)
+    k = watched(source).k
+    assert k == 59
+    trail = source.trail(0, k)
+    assert trail is not None
+    np.testing.assert_array_equal(trail, quiet.open().poses[: k + 1, :, :2])
+    assert source.trail(0, k + 1) is None
+    world.send(2, lost=True)
+    world.send(2)
+    world.now += AGAIN_S
+    watched(source)
+    assert source.trail(k, k) is None
+
+
+def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet: Seen) -> None:
+    wire = Told(quiet)
+    fault = {"kind": "loss", "id": "f1", "rate": 0.5}
+    detail = json.dumps({"do": "fault", "fault": fault})
+    wire.asked_for = [Event(0, OPERATOR, None, detail)]
+    wire.most_events = 0
+    wire.number = 20
+    state = watched(wire.source())
+    assert [one["id"] for one in state.faults] == ["f1"]
+
+
+def test_a_robot_that_nobody_hears_is_silent_however_much_it_sends(muted: Seen) -> None:
+    run, wire = muted.open(), Told(muted)
+    source = wire.source()
+    wire.send(10_000)
+    state = watched(source)
+    heard = [robot.heard_s for robot in state.robots]
+    assert heard == [(state.k - 9) * run.step, 0.0, 0.0]
+
+
+def test_the_only_robot_is_heard_of_as_long_as_it_sends(alone: Seen) -> None:
+    wire = Told(alone)
+    source = wire.source()
+    wire.send(10_000)
+    assert [robot.heard_s for robot in watched(source).robots] == [0.0]
+
+
+def test_of_a_direct_radio_nobody_tells_who_heard_what(direct: Seen) -> None:
+    wire = Told(direct)
+    source = wire.source()
+    wire.send(10_000)
+    state = watched(source)
+    assert state.links is None
+    assert [robot.heard_s for robot in state.robots] == [0.0, 0.0, 0.0]  # the world has overheard them
+    assert source.static().direct
+    assert source.static().layers == ("truth", HEARD)
+    assert source.last_seen(1) is None
+    player = Player(direct.open())
+    assert player.static().direct
+    assert player.static().layers == ("truth",)
+    shown = player.wait(1.0)
+    assert shown is not None
+    assert shown.links is None
+    assert player.last_seen(1) is None
+
+
+class Asking:
+    """Somebody who asks a world once for all so far."""
+
+    payload = b""
+
+    def __init__(self) -> None:
+        self.waiting = [("truth/fog", self)]
+        self.told: list[bytes] = []
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Asking] | None:  # noqa: ARG002 - it is there or it is not
+        return self.waiting.pop() if self.waiting else None
+
+    def answer(self, payload: bytes) -> None:
+        self.told.append(payload)
+
+
+def test_a_world_tells_of_its_latest_events_by_number_and_of_all_that_was_asked_for(
+    quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("worldsim.output.feed_publisher.MOST_EVENTS", 3)
+    world, asking, posted = World(quiet.open().prepared), Asking(), list[bytes]()
+    header = header_of(world, "2026-01-02T03:04:05+00:00")
+    with JournalWriter(tmp_path / "journal", header) as journal:
+        manner = Manner(running=True, pace=None)
+        feed = Feed(world, journal, header, posted.append, asking, lambda do: do(), lambda: 100.0, lambda: manner)
+        asked = Event(0, OPERATOR, None, '{"do":"pause"}')
+        for record in (asked, *(Event(k, "fault", None, f"f{k}") for k in range(1, 6))):
+            feed.write(record)
+        feed.between()
+    so_far = read_so_far(asking.told[0])
+    latest = [event for one in so_far.events if isinstance(event := unpack(one), Event)]
+    assert [event.detail for event in latest] == ["f3", "f4", "f5"]
+    assert so_far.event == 3
+    assert so_far.asked == (pack(asked),)
+
+
+def test_the_rate_is_right_soon_after_a_pause(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    wire.send(9)
+    watched(source)
+    part = Batch(wire.number, (), running=False, pace=None)
+    wire.batches.append(part)
+    assert watched(source).ticks_per_s == 0.0
+    wire.now += 100.0
+    states = []
+    for _ in range(6):
+        wire.send(2)
+        wire.now += 0.2
+        states.append(source.wait(0.0))
+    state = states[-1]
+    assert state is not None
+    assert state.ticks_per_s == pytest.approx(10.0, rel=0.4)
+
+
+def test_controls_go_to_the_world_unless_they_make_no_sense(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    assert "fault" in source.static().controls
+    assert source.ask({"do": "pause"}).done
+    assert not source.ask({"do": "explode"}).done
+    assert wire.asked == [{"do": "pause"}]
+    wire.may_ask = False
+    assert not source.ask({"do": "pause"}).done
+    assert source.static().controls == ()
+
+
+def test_silence_and_a_world_that_is_gone_are_told(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    wire.send(5)
+    assert watched(source).note == ""
+    wire.now += 60.0
+    state = source.wait(0.0)
+    assert state is not None
+    assert state.note.startswith("nothing heard for")
+    wire.present = False
+    state = source.wait(0.0)
+    assert state is not None
+    assert state.note == "the world is gone"
+
+
+def test_a_world_of_another_version_is_refused(quiet: Seen) -> None:
+    wire = Told(quiet)
+    answer = replace(wire.answer(), header=b"\xc0")
+    with pytest.raises(BadInput, match="another language"):
+        LiveSource("fleet-1", wire, read_so_far(so_far_bytes(answer)))
+
+
+@given(st.binary(max_size=200), st.integers(0, 400), st.integers(0, 255))
+def test_hostile_bytes_are_garbled_and_nothing_else(noise: bytes, place: int, byte: int) -> None:
+    good = bytearray(batch_bytes(Batch(3, (b"ab", b"c" * 50), running=True, pace=2.0)))
+    good[place % len(good)] = byte
+    for payload in (noise, bytes(good)):
+        for read in (read_batch, read_so_far):
+            try:
+                read(payload)
+            except Garbled:
+                continue

@@ -1,0 +1,166 @@
+"""What robots must believe, as the feed of their world tells: from when on it is known, and how long it is followed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from monitor.live.follow import HEARD, KEPT_S, Follower, Followers
+from monitor.replay.player import Player
+from monitor.source import OUTSIDE, Layer
+from patrol.ground.fog import NEVER
+from tests.monitor.live.test_feed_source import Told, watched
+
+if TYPE_CHECKING:
+    from tests.monitor.conftest import Seen
+
+
+def test_of_a_belief_it_is_told_from_when_on_it_is_known(faulty: Seen) -> None:
+    wire = Told(faulty)
+    wire.number = 20
+    source = wire.source()
+    first = watched(source).k + 1
+    for layer in (HEARD, 3):
+        seen = source.last_seen(layer)
+        assert seen is not None
+        assert (source.since(layer), seen.max()) == (first, NEVER)
+    assert source.since("truth") == 0
+    wire.send(20)
+    state = watched(source)
+    seen = source.last_seen(3)
+    assert seen is not None
+    believed = faulty.beliefs[state.k, 3]
+    known = seen >= source.since(3)
+    assert known.any()
+    assert not known.all()
+    np.testing.assert_array_equal(seen[known], believed[known])
+
+
+def test_who_comes_back_to_life_knows_nothing_and_that_is_known(faulty: Seen) -> None:
+    wire = Told(faulty)
+    wire.number = 40
+    source = wire.source()
+    watched(source)
+    source.last_seen(1)
+    wire.send(10_000)
+    state = watched(source)
+    assert source.since(1) == 0
+    np.testing.assert_array_equal(source.last_seen(1), faulty.beliefs[state.k, 1])
+
+
+@pytest.mark.parametrize("asked", ["before", "after"])
+def test_a_belief_begins_where_what_is_remembered_does(
+    faulty: Seen, monkeypatch: pytest.MonkeyPatch, asked: str
+) -> None:
+    wire = Told(faulty)
+    monkeypatch.setattr("monitor.live.feed_source.REMEMBERED", sum(len(record) for record in wire.records[-30:]))
+    source = wire.source()
+    if asked == "before":
+        source.last_seen(3)
+    wire.send(10_000)
+    state = watched(source)
+    source.last_seen(3)
+    source.wait(0.0)
+    seen, since = source.last_seen(3), source.since(3)
+    assert seen is not None
+    assert state.k - 40 < since < state.k
+    known = seen >= since
+    np.testing.assert_array_equal(seen[known], faulty.beliefs[state.k, 3][known])
+
+
+def test_points_that_do_not_count_for_a_robot_say_so(mixed: Seen) -> None:
+    run, wire = mixed.open(), Told(mixed)
+    fields = run.prepared.fields
+    source, player = wire.source(), Player(run)
+    wire.send(10_000)
+    watched(source)
+    for layer in run.numbers:
+        source.last_seen(layer)
+    source.wait(0.0)
+    outside = {layer: run.prepared.patrolled & ~fields[layer].patrolled for layer in run.numbers}
+    assert any(points.any() for points in outside.values())
+    assert player.wait(1.0) is not None
+    for layer in run.numbers:
+        for shown in (source.last_seen(layer), patiently(partial(player.last_seen, layer))):
+            np.testing.assert_array_equal(shown == OUTSIDE, outside[layer])
+
+
+def patiently(look: Callable[[], NDArray[np.int32] | None]) -> NDArray[np.int32]:
+    """What is worked out little by little."""
+    for _ in range(1000):
+        seen = look()
+        if seen is not None:
+            return seen
+    raise AssertionError("never")
+
+
+def test_a_belief_that_nobody_looks_at_any_more_costs_nothing(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[Follower] = []
+    step = Follower.step
+
+    def counted(follower: Follower) -> None:
+        taken.append(follower)
+        step(follower)
+
+    monkeypatch.setattr(Follower, "step", counted)
+    wire = Told(quiet)
+    source = wire.source()
+    source.last_seen(1)
+    for _ in range(4):
+        wire.now += KEPT_S / 2
+        source.last_seen(2)
+        wire.send(5)
+        watched(source)
+    assert len(taken) == 20 + 10  # robot 1's are taken in until nobody has asked for it for long enough
+    assert source.last_seen(2) is not None
+    assert source.last_seen(1) is None  # it begins anew
+    source.wait(0.0)
+    np.testing.assert_array_equal(source.last_seen(1), quiet.beliefs[19, 1])
+
+
+def test_a_belief_that_lags_is_shown_as_of_its_tick_while_it_lags_little(
+    quiet: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.live.feed_source.SLICE_S", 0.0)  # one tick a turn, however many there are
+    wire = Told(quiet)
+    source = wire.source()
+    source.last_seen(2)
+    lags = []
+    for ticks in (1, 1, 3, 9, 9, 9, *[0] * 10):
+        wire.send(ticks)
+        source.wait(0.0)
+        seen, tick = source.last_seen(2), source.tick(2)
+        lags.append(source.tick("truth") - tick)
+        assert (seen is None) == (lags[-1] > source.static().late)
+        if seen is not None:
+            np.testing.assert_array_equal(seen, quiet.beliefs[tick, 2])
+    assert lags[:6] == [0, 0, 2, 10, 18, 26]
+    assert lags[6:] == list(range(25, 15, -1))
+
+
+def test_however_many_are_behind_each_is_served_in_turn(quiet: Seen) -> None:
+    wire = Told(quiet)
+    source = wire.source()
+    made: dict[Layer, Follower] = {}
+
+    def make(layer: Layer) -> Follower:
+        return made.setdefault(layer, source._follower(layer))
+
+    followers = Followers(make)
+    for layer in (1, 2, 3):
+        followers.ask(layer, 0.0)
+    served = []
+    for _ in range(6):  # each time there is more to take in for each of them than can be taken in
+        wire.send(10)
+        watched(source)
+        before = {layer: int(follower.fog.last_seen.max()) for layer, follower in made.items()}
+        followers.catch_up(partial(next, iter([False] * 4 + [True])))
+        served += [layer for layer, follower in made.items() if follower.fog.last_seen.max() > before[layer]]
+    assert served == [1, 2, 3, 1, 2, 3]
+    followers.catch_up(lambda: False)
+    assert not followers.behind

@@ -1,0 +1,212 @@
+"""What the hub sends of a source, to viewers that are played here."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from array import array
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monitor.live.follow import KEPT_S
+from monitor.page.hub import MOST_POINTS, Hub, Viewer
+from monitor.page.thinning import thinned
+from monitor.replay.past_beliefs import Hindsight
+from monitor.replay.player import Player
+from monitor.source import Series
+from tests.monitor.live.test_feed_source import Told
+
+if TYPE_CHECKING:
+    import pytest
+
+    from tests.monitor.conftest import Seen
+
+
+class Page:
+    """A page that is never opened: what one turn of the hub after the other sends it."""
+
+    def __init__(self, hub: Hub) -> None:
+        self.viewer = Viewer(asyncio.new_event_loop())
+        self.hub = hub
+        hub.enter(self.viewer)
+
+    def close(self) -> None:
+        self.viewer.loop.close()
+
+    def hide(self) -> None:
+        """It is in the background: its browser draws nothing."""
+        self.viewer.drawn = False
+
+    def messages(self) -> list[Any]:
+        """What it gets now, and has drawn: packets as (layer, tick, since, tiles), and what else there is as it is."""
+        self.hub._turn()
+        loop = self.viewer.loop
+        loop.call_soon(loop.stop)
+        loop.run_forever()
+        found: list[Any] = []
+        while not self.viewer.outbox.empty():
+            for message in self.viewer.outbox.get_nowait() or ():
+                if isinstance(message, bytes):
+                    found.append(tuple(array("i", message[:16])))
+                else:
+                    found.append(json.loads(message))
+            self.viewer.written += 1
+        self.viewer.drawn = True
+        return found
+
+    def packets(self) -> list[tuple[int, ...]]:
+        """(layer, tick, since) of those that it gets now."""
+        return [one[:3] for one in self.messages() if isinstance(one, tuple)]
+
+    def tiles(self) -> dict[int, int]:
+        """How many of each layer it gets now."""
+        return {one[0]: one[3] for one in self.messages() if isinstance(one, tuple)}
+
+
+def test_a_fog_is_sent_with_its_tick_and_only_once_it_is_known(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    known, last_seen = False, Hindsight.last_seen
+    monkeypatch.setattr(Hindsight, "last_seen", lambda one, number, k: last_seen(one, number, k) if known else None)
+    player = Player(quiet.open())
+    hub = Hub(player)
+    with closing(Page(hub)) as page:
+        assert page.packets() == [(0, 0, 0)]
+        hub.show(page.viewer, [1])
+        assert page.packets() == []
+        known = True
+        assert page.packets() == [(1, 0, 0)]
+        assert page.packets() == []
+        known = False
+        player.ask({"do": "seek", "k": 40})
+        assert page.messages()[-1]["type"] == "state"
+        assert page.packets() == []
+        known = True
+        assert page.packets() == [(1, 40, 0)]
+
+
+def test_a_fog_that_no_page_shows_is_not_kept_and_comes_again_as_a_whole(quiet: Seen) -> None:
+    hub = Hub(Player(quiet.open()))
+    with closing(Page(hub)) as page, closing(Page(hub)) as other:
+        whole = page.tiles()
+        assert other.tiles() == whole
+        hub.show(page.viewer, [-7])
+        assert page.tiles() == {}
+        hub.show(page.viewer, [0])
+        assert page.tiles() == {}  # the other one shows it all the time
+        for one in (page, other):
+            hub.show(one.viewer, [-7])
+        assert page.tiles() == {}
+        hub.show(page.viewer, [0])
+        assert page.tiles() == whole
+
+
+def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
+    quiet: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wire = Told(quiet)
+    monkeypatch.setattr("monitor.live.feed_source.REMEMBERED", sum(len(record) for record in wire.records[-8:]))
+    hub = Hub(wire.source())
+    with closing(Page(hub)) as page:
+        hub.show(page.viewer, [3])
+        wire.send(4)
+        for _ in range(2):
+            page.messages()
+        page.hide()
+        for _ in range(10):
+            wire.send(5)
+            wire.now += KEPT_S / 2
+            hub._turn()
+        page.viewer.drawn = True
+        (layer, tick, since) = page.packets()[-1]
+        assert (layer, since) == (3, 0)
+        assert tick == wire.number - 2  # all but the header
+        np.testing.assert_array_equal(hub.source.last_seen(3), quiet.beliefs[tick, 3])
+    hub.leave(page.viewer)
+    for _ in range(3):
+        wire.send(1)
+        wire.now += KEPT_S / 2
+        hub._turn()
+    assert hub.source.last_seen(3) is None  # nobody shows it any more, so it begins anew
+
+
+def test_what_a_page_in_the_background_shows_of_a_replay_is_kept(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    player, now = Player(quiet.open()), 0.0
+    monkeypatch.setattr(player._hindsight, "_now", lambda: now)
+    hub = Hub(player)
+    with closing(Page(hub)) as page:
+        hub.show(page.viewer, [3])
+        page.messages()
+        held = player._hindsight.held
+        page.hide()
+        for _ in range(5):
+            now += KEPT_S / 2
+            hub._turn()
+        assert player._hindsight.held == held > 0
+    hub.leave(page.viewer)
+    now += KEPT_S + 1.0
+    hub._turn()
+    assert player._hindsight.held == 0
+
+
+def test_the_next_moment_of_a_replay_is_worked_out_while_a_page_draws(quiet: Seen) -> None:
+    player = Player(quiet.open())
+    hub = Hub(player)
+    with closing(Page(hub)) as page:
+        page.messages()
+        page.hide()
+        for k in (10, 20):  # one moment ahead, no more
+            player.ask({"do": "seek", "k": k})
+            hub._turn()
+        assert player.tick("truth") == 10
+        assert page.viewer.outbox.empty()
+        page.viewer.drawn = True
+        hub.wake()
+        assert page.packets() == [(0, 10, 0)]
+        assert page.packets() == [(0, 20, 0)]
+        page.hide()
+        player.ask({"do": "seek", "k": 30})
+        hub._turn()
+        hub.show(page.viewer, [1])  # another fog of the moment that waits
+        page.viewer.drawn = True
+        assert page.packets() == [(1, 30, 0)]
+    hub.leave(page.viewer)
+    player.ask({"do": "seek", "k": 40})
+    hub._turn()
+    assert player.tick("truth") == 40
+
+
+def test_of_a_fog_that_stays_the_tick_is_sent(faulty: Seen) -> None:
+    player = Player(faulty.open())
+    hub = Hub(player)
+    told = []
+    with closing(Page(hub)) as page:
+        hub.show(page.viewer, [1])
+        for k in (48, 52):  # the robot is dead
+            player.ask({"do": "seek", "k": k})
+            while (1, k, 0) not in (packets := page.packets()):
+                pass
+            told += packets
+    assert told == [(1, 48, 0), (1, 52, 0)]
+
+
+def test_a_page_gets_no_more_of_a_long_chart_than_it_can_show(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.page.hub.MOST_POINTS", 10)
+    with closing(Page(Hub(Player(quiet.open())))) as page:
+        told = next(one for one in page.messages() if isinstance(one, dict) and one["type"] == "series")
+    assert 4 <= len(told["k"]) <= 11
+    assert (told["k"][0], told["k"][-1]) == (0, 79)
+
+
+def test_a_chart_of_any_length_keeps_its_ends_and_its_stalest_ticks() -> None:
+    ticks = np.arange(1_000_003)
+    mfow = np.random.default_rng(3).uniform(0.0, 50.0, ticks.size)
+    mfow[[123_456, 777_777]] = 200.0, np.nan
+    few = thinned(Series(ticks, mfow, mfow / 2.0), MOST_POINTS)
+    assert MOST_POINTS / 4 < few.ticks.size <= MOST_POINTS + 1
+    assert {0, 123_456, 1_000_002} <= set(few.ticks.tolist())
+    assert (np.diff(few.ticks) > 0).all()
+    np.testing.assert_array_equal(few.mfow_s, mfow[few.ticks])
+    np.testing.assert_array_equal(few.fog_mean_s, mfow[few.ticks] / 2.0)
+    short = Series(ticks[:5], mfow[:5], mfow[:5])
+    assert thinned(short, 5) is short

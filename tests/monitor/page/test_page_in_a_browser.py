@@ -1,0 +1,218 @@
+"""The page of a run that is over, in a real browser."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from monitor.replay.linklog import LinkLog
+from monitor.replay.past_beliefs import Hindsight
+from monitor.replay.player import Player
+from tests.browser import Look, browser_or_skip, looking
+from tests.monitor.live.test_feed_source import Told
+from tests.monitor.pages import ServedPage
+
+if TYPE_CHECKING:
+    from tests.monitor.conftest import Seen
+
+pytestmark = browser_or_skip()
+
+
+@pytest.fixture(scope="module")
+def page(faulty: Seen) -> Iterator[ServedPage]:
+    served = ServedPage(Player(faulty.open()))
+    yield served
+    served.close()
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with looking() as running:
+        yield running
+
+
+def colours(look: Look) -> int:
+    """How many colours the map's middle has, a coarse count."""
+    return int(
+        look.evaluate(
+            """() => { const c = document.getElementById('canvas'), d = c.getContext('2d')
+                .getImageData(c.width / 4, c.height / 4, c.width / 2, c.height / 2).data, seen = new Set();
+                for (let i = 0; i < d.length; i += 44) seen.add([d[i] >> 4, d[i + 1] >> 4, d[i + 2] >> 4].join());
+                return seen.size; }"""
+        )
+    )
+
+
+def yellows(look: Look) -> int:
+    """How many pixels of the map have the colour of what has just been seen."""
+    return int(
+        look.evaluate(
+            """() => { const { width, height } = document.getElementById('canvas');
+                const copy = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
+                copy.drawImage(document.getElementById('canvas'), 0, 0);
+                const d = copy.getImageData(0, 0, width, height).data;
+                let found = 0;
+                for (let i = 0; i < d.length; i += 4) found += d[i] > 240 && d[i + 1] > 220 && d[i + 2] < 80;
+                return found; }"""
+        )
+    )
+
+
+def test_the_map_paints_and_the_robots_move(chromium: Any, page: ServedPage) -> None:
+    with Look(chromium, page.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate("location.search") == ""
+        look.press("]")
+        look.press(" ")
+        look.until("Number(document.getElementById('seek').value) > 30")
+        look.press(" ")
+        look.until("document.getElementById('play').textContent === 'go'")
+        assert colours(look) > 12
+        before = look.picture("#canvas")
+        look.press(".")
+        look.press(".")
+        look.until("document.querySelectorAll('#rows tr').length === 3")
+        assert look.picture("#canvas") != before
+        look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
+        assert look.evaluate("document.querySelectorAll('#chart .shapelayer path').length") > 3
+
+
+def test_any_time_any_fog_and_what_a_point_is(chromium: Any, page: ServedPage) -> None:
+    with Look(chromium, page.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.evaluate(
+            """() => { const s = document.getElementById('seek'); s.value = 50;
+                s.dispatchEvent(new Event('input')); }"""
+        )
+        look.until("document.getElementById('clock').title === 'tick 50'")
+        look.until("document.getElementById('rows').textContent.includes('dead')")
+        for fog, says in (("0", "ago"), ("3", "ago"), ("d3", "believed")):
+            look.page.select_option("#layer", fog)
+            look.page.hover("#canvas", position={"x": 455, "y": 300})
+            look.until(f"document.getElementById('tip').textContent.includes({says!r})")
+        look.evaluate("document.getElementById('canvas').focus()")
+        before = look.picture("#canvas")
+        for key in ("+", "+", "ArrowLeft", "l", "n"):
+            look.press(key)
+        look.until("document.querySelector('#rows button[aria-pressed=true]') !== null")
+        assert look.picture("#canvas") != before
+        look.press("c")
+        look.press("Shift+ArrowLeft")
+        look.until("/seen|obstacle|count/.test(document.getElementById('tip').textContent)")
+        for pane in ("links", "events", "robots"):
+            look.page.click(f"#tab-{pane}")
+            assert look.evaluate(f"!document.getElementById('{pane}').hidden")
+            if pane == "links":
+                look.until("!document.getElementById('matrix').hidden")
+                look.page.focus("#matrix")
+                look.press("ArrowDown")
+                look.press("ArrowDown")
+                look.until("document.getElementById('linktip').textContent.startsWith('r3 to r2: ')")
+
+
+def legend(look: Look, fog: str) -> str:
+    look.page.select_option("#layer", fog)
+    return str(look.evaluate("document.getElementById('ticks').textContent"))
+
+
+def seek(look: Look, k: int) -> None:
+    look.evaluate(
+        f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
+            s.dispatchEvent(new Event('input')); }}"""
+    )
+    look.until(f"document.getElementById('clock').title === 'tick {k}'")
+
+
+def test_the_scale_does_not_depend_on_the_way_to_a_time(chromium: Any, page: ServedPage) -> None:
+    shown = []
+    for way in ([70, 3, 12, 0, 20], [20], [0, 5, 10, 15, 20]):
+        with Look(chromium, page.address) as look:
+            look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
+            for k in way:
+                seek(look, k)
+            shown.append([legend(look, fog) for fog in ("d3", "3", "0")])
+    assert shown[0] == shown[1] == shown[2]
+    assert [text.partition("≥")[2] for text in shown[0]] == [" 10 s", " 40 s", " 40 s"]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 800)])
+def test_it_fits_in_light_and_in_the_dark(
+    chromium: Any, page: ServedPage, scheme: str, width: int, height: int
+) -> None:
+    with Look(chromium, page.address, width, height, scheme) as look:
+        look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
+        assert look.evaluate("document.documentElement.scrollWidth") <= width
+        assert look.evaluate("document.getElementById('seek').offsetHeight") >= 24
+        if width > 1000:
+            assert look.evaluate("document.documentElement.scrollHeight") <= height
+        tones = [
+            look.evaluate(f"getComputedStyle(document.documentElement).{one}") for one in ("color", "backgroundColor")
+        ]
+        ink, paper = (sum(map(int, tone[4:-1].split(","))) for tone in tones)
+        assert (ink > paper) == (scheme == "dark")
+        small = """[...document.querySelectorAll('button, select')].filter((one) => one.offsetParent)
+            .filter((one) => one.offsetHeight < 22).map((one) => one.id || one.textContent)"""
+        assert look.evaluate(small) == []
+
+
+def test_links_that_take_a_while_to_read_come_by_themselves(
+    chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, reach = threading.Event(), LinkLog.reach
+    monkeypatch.setattr(LinkLog, "reach", lambda log, k: read.is_set() and reach(log, k))
+    with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-links")
+        seek(look, 70)
+        look.until("document.getElementById('linktip').textContent === 'working it out'")
+        assert look.evaluate("document.getElementById('matrix').hidden")
+        read.set()
+        look.until("!document.getElementById('matrix').hidden")
+        assert look.evaluate("document.getElementById('linktip').textContent") == "rows send, columns hear"
+
+
+def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
+    chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known, last_seen = threading.Event(), Hindsight.last_seen
+    monkeypatch.setattr(
+        Hindsight, "last_seen", lambda one, number, k: last_seen(one, number, k) if known.is_set() else None
+    )
+    caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
+    with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.hover("#canvas", position={"x": 455, "y": 300})
+        truth = look.picture("#canvas")
+        for fog in ("3", "d3"):
+            known.clear()
+            look.page.select_option("#layer", fog)
+            seek(look, 50 if fog == "3" else 20)
+            look.until(f"{caption} === 'working it out' && {tip}.includes('working it out')")
+            assert yellows(look) == 0
+            known.set()
+            look.until(f"{caption} !== 'working it out' && !{tip}.includes('working')")
+            look.until(f"/seen .* ago/.test({tip})")
+            assert (yellows(look) > 1000) == (fog == "3")
+        assert look.picture("#canvas") != truth
+
+
+def test_a_run_that_is_over_stays_over_when_its_page_ends(chromium: Any, faulty: Seen) -> None:
+    wire = Told(faulty)
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
+        wire.send(10_000)
+        look.until("document.getElementById('mode').textContent === 'over: completed'")
+        served.close()
+        look.until("document.getElementById('note').textContent.includes('fogwatch replay')")
+        assert look.evaluate("document.getElementById('mode').textContent") == "over: completed"
+
+
+def test_who_lacks_the_key_is_told_so(chromium: Any, page: ServedPage) -> None:
+    with Look(chromium, page.plain) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate("document.getElementById('transport').hidden")
+        assert look.evaluate("document.getElementById('timeline').hidden")

@@ -1,0 +1,237 @@
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator
+from http.client import HTTPConnection
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from monitor.page.hub import Viewer
+from monitor.page.server import FULL
+from monitor.process import main
+from monitor.replay.player import Player
+from patrol.net.keys import is_loopback
+from tests.monitor.pages import ServedPage
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.monitor.conftest import Seen
+
+TOKEN = "abcdefghij0123456789"
+
+
+@pytest.fixture(scope="module")
+def open_page(quiet: Seen) -> Iterator[ServedPage]:
+    page = ServedPage(Player(quiet.open()))
+    yield page
+    page.close()
+
+
+@pytest.fixture(scope="module")
+def closed_page(quiet: Seen) -> Iterator[ServedPage]:
+    """One that others could reach: nobody gets anything without the token."""
+    page = ServedPage(Player(quiet.open()), TOKEN, "0.0.0.0")
+    yield page
+    page.close()
+
+
+def get(page: ServedPage, path: str, **headers: str) -> tuple[int, dict[str, str], str]:
+    connection = HTTPConnection("127.0.0.1", page.port or 0, timeout=30)
+    connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
+    answer = connection.getresponse()
+    body = answer.read().decode("utf-8", "replace")
+    connection.close()
+    return answer.status, {name.lower(): value for name, value in answer.getheaders()}, body
+
+
+def look(page: ServedPage, origin: str | None = "", key: str = "", **headers: str) -> ClientConnection:
+    host = f"127.0.0.1:{page.port}"
+    if key:
+        headers["Cookie"] = f"fogwatch-{page.port}={key}"
+    return connect(
+        f"ws://{host}/live",
+        origin=None if origin is None else origin or f"http://{host}",  # type: ignore[arg-type]
+        additional_headers=headers,
+        compression=None,
+        proxy=None,
+        max_size=1 << 24,
+    )
+
+
+def said(socket: ClientConnection, kind: str) -> dict[str, Any]:
+    """The next message of that kind; everything that is shown is drawn at once."""
+    while True:
+        message = socket.recv(timeout=30)
+        if isinstance(message, str):
+            says: dict[str, Any] = json.loads(message)
+            if says["type"] == "state":
+                socket.send('{"type":"drawn"}')
+            if says["type"] == kind:
+                return says
+
+
+def test_files_come_with_a_strict_policy_and_nothing_else_comes(open_page: ServedPage) -> None:
+    for path, kind in (("/", "text/html"), ("/main.js", "text/javascript"), ("/page.css", "text/css")):
+        status, headers, _ = get(open_page, path)
+        assert status == 200
+        assert headers["content-type"].startswith(kind)
+        policy = headers["content-security-policy"]
+        assert policy.startswith("default-src 'none'; script-src 'self'; ")
+        assert "unsafe" not in policy
+        assert "http" not in policy
+    for path in ("/nothing", "/../server.py", "/..%2fserver.py", "/%2e%2e/gate.py", "/static/main.js", "/tiles.py"):
+        assert get(open_page, path)[0] == 404
+
+
+def test_a_name_that_merely_points_here_is_refused(open_page: ServedPage) -> None:
+    for host in ("evil.example", f"evil.example:{open_page.port}", "127.0.0.1.evil.example", ""):
+        assert get(open_page, "/", Host=host)[0] in (400, 403)
+    for host in ("localhost", "[::1]", f"127.0.0.1:{open_page.port}"):
+        assert get(open_page, "/", Host=host)[0] == 200
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", None])
+def test_a_page_of_another_origin_is_refused(open_page: ServedPage, origin: str | None) -> None:
+    with pytest.raises(InvalidStatus) as refused, look(open_page, origin, open_page.key):
+        pass
+    assert refused.value.response.status_code == 403
+
+
+def test_who_lacks_the_key_looks_but_may_ask_for_nothing(open_page: ServedPage) -> None:
+    with look(open_page) as socket:
+        facts = said(socket, "static")
+        assert facts["controls"] == []
+        assert not facts["mayAsk"]
+        assert said(socket, "state")["robots"]
+        socket.send(json.dumps({"type": "ask", "id": 1, "control": {"do": "seek", "k": 5}}))
+        answer = said(socket, "answer")
+        assert not answer["done"]
+        assert "only look" in answer["text"]
+
+
+def test_the_key_is_taken_once_and_kept_where_no_script_reads_it(open_page: ServedPage) -> None:
+    assert get(open_page, "/?key=wrong")[0] == 403
+    status, headers, _ = get(open_page, f"/?key={open_page.key}")
+    assert (status, headers["location"]) == (303, "/")
+    assert headers["set-cookie"].startswith(f"fogwatch-{open_page.port}={open_page.key};")
+    assert "httponly" in headers["set-cookie"].lower()
+    with look(open_page, key=open_page.key) as socket:
+        assert "seek" in said(socket, "static")["controls"]
+        socket.send(json.dumps({"type": "ask", "id": 7, "control": {"do": "seek", "k": 33}}))
+        assert said(socket, "answer") == {"type": "answer", "id": 7, "done": True, "text": ""}
+        socket.send(json.dumps({"type": "ask", "id": 8, "control": {"do": "seek", "k": 44}}))
+        while said(socket, "state")["k"] != 44:
+            pass
+        refused: list[dict[str, Any]] = [{"do": "fault", "fault": {"kind": "kill", "who": "r1"}}, {"do": []}, {}]
+        for control in refused:
+            socket.send(json.dumps({"type": "ask", "id": 9, "control": control}))
+            answer = said(socket, "answer")
+            while answer["id"] != 9:
+                answer = said(socket, "answer")
+            assert not answer["done"]
+
+
+def test_what_is_no_message_ends_the_connection_and_nothing_else(open_page: ServedPage) -> None:
+    for nonsense in ("", "{", "[1]", '{"type":"ask","id":"x","control":{}}', "[" * 4000, "x" * 5000, '{"type":"show"}'):
+        with look(open_page) as socket:
+            said(socket, "static")
+            socket.send(nonsense)
+            with pytest.raises(ConnectionClosed):
+                said(socket, "never")
+    with look(open_page) as socket:
+        assert said(socket, "static")["name"]
+
+
+def test_bytes_are_no_message_and_leave_no_traceback(open_page: ServedPage, caplog: pytest.LogCaptureFixture) -> None:
+    with look(open_page) as socket:
+        said(socket, "static")
+        socket.send(b"\0")
+        with pytest.raises(ConnectionClosed) as closed:
+            said(socket, "never")
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 1003
+    assert get(open_page, "/")[0] == 200
+    assert caplog.records == []
+
+
+def test_a_page_that_reads_nothing_gets_no_frame_before_the_last_one_was_taken() -> None:
+    async def flooded() -> None:
+        viewer = Viewer(asyncio.get_running_loop())
+        assert viewer.ready
+        viewer.post(["a frame"])
+        viewer.drawn = True
+        assert not viewer.ready
+        await asyncio.sleep(0)
+        assert viewer.outbox.qsize() == 1
+        viewer.written += 1
+        assert viewer.ready
+
+    asyncio.run(flooded())
+
+
+def test_who_finds_no_room_is_told_so(open_page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.page.server.MOST_VIEWERS", 1)
+    with look(open_page) as first:
+        said(first, "state")
+        with look(open_page) as second, pytest.raises(ConnectionClosed) as closed:
+            second.recv(timeout=30)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == FULL
+
+
+def test_whatever_the_jumps_a_page_has_the_whole_trail(open_page: ServedPage, quiet: Seen) -> None:
+    poses = quiet.open().poses[:, :, :2]
+    with look(open_page, key=open_page.key) as socket:
+        has: dict[int, list[float]] = {}
+        for k in (50, 53, 20, 70):
+            socket.send(json.dumps({"type": "ask", "id": 1, "control": {"do": "seek", "k": k}}))
+            shown = -1
+            while shown != k:
+                says = json.loads(text) if isinstance(text := socket.recv(timeout=30), str) else {}
+                if says.get("type") == "trail":
+                    has |= dict(enumerate(says["rows"], start=says["first"]))
+                elif says.get("type") == "state":  # the last message of a frame
+                    shown = says["k"]
+                    socket.send('{"type":"drawn"}')
+            for tick in range(k + 1):
+                assert has[tick] == pytest.approx(poses[tick].ravel().tolist(), abs=1e-3)
+            has = {tick: row for tick, row in has.items() if tick <= k}
+
+
+def test_off_loopback_nothing_is_had_without_the_token(closed_page: ServedPage) -> None:
+    for path in ("/", "/main.js", "/plotly.min.js"):
+        assert get(closed_page, path)[0] == 403
+        assert get(closed_page, path, Cookie=f"fogwatch-{closed_page.port}=wrong")[0] == 403
+        assert get(closed_page, path, Cookie=f"fogwatch-{closed_page.port}={TOKEN}")[0] == 200
+    for key in ("", "wrong"):
+        with pytest.raises(InvalidStatus), look(closed_page, key=key):
+            pass
+    with look(closed_page, key=TOKEN) as socket:
+        assert said(socket, "static")["mayAsk"]
+
+
+@pytest.mark.parametrize(
+    ("host", "alone"),
+    [("127.0.0.1", True), ("127.9.9.9", True), ("::1", True), ("localhost", True), ("0.0.0.0", False), ("lab", False)],
+)
+def test_what_loopback_is(host: str, alone: bool) -> None:
+    assert is_loopback(host) == alone
+
+
+def test_bad_input_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.process.heed", lambda _: None)
+    for arguments, problem in (
+        (["--replay", str(tmp_path), "--host", "0.0.0.0"], "--host 0.0.0.0"),
+        (["--replay", str(tmp_path / "nowhere")], "no such folder"),
+        (["--router", "tcp/127.0.0.1:1"], "--fleet"),
+        (["--router", "tcp/127.0.0.1:1", "--fleet", "x", "--radio", "tcp/127.0.0.1:2"], "give their --scenario"),
+        (["--replay", str(tmp_path), "--port", "99999"], "--page-port 99999: ports go from 1 to 65535"),
+        (["--replay", str(tmp_path), "--host", "no.such.host.invalid"], "--host"),
+    ):
+        assert main(arguments) == 2
+        assert problem in capsys.readouterr().err

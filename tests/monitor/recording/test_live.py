@@ -1,0 +1,90 @@
+"""A fleet that is recorded while it goes on: when that ends, and when what happened is said to have been."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from monitor.recording.live import GONE_S, record_live
+from monitor.recording.mcap_file import look
+from tests.monitor.live.test_feed_source import Told
+from tests.monitor.recording.test_writer import decoded
+
+if TYPE_CHECKING:
+    from monitor.source import State
+    from patrol.net.feed import Batch
+    from tests.monitor.conftest import Seen
+
+ENOUGH_S = 300.0
+"""When a recorder that does not end is told to."""
+
+
+class Script(Told):
+    """A wire whose world tells so many records at these times, and is away for a while."""
+
+    def __init__(
+        self, seen: Seen, script: Mapping[float, int], away: tuple[float, float] = (math.inf, math.inf)
+    ) -> None:
+        super().__init__(seen)
+        self._script = dict(script)
+        self._away = away
+
+    def batch(self, timeout_s: float) -> Batch | None:
+        self.present = not self._away[0] <= self.now < self._away[1]
+        for at in [at for at in self._script if at <= self.now]:
+            self.send(self._script.pop(at))
+        return super().batch(timeout_s)
+
+
+Record = Callable[[Told], "tuple[State | None, list[str]]"]
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Record:
+    """Records what a wire tells, by its own clock; the last state, and what was said."""
+
+    def begin(wire: Told) -> tuple[State | None, list[str]]:
+        said: list[str] = []
+        end = wire.now + ENOUGH_S
+        out, started = tmp_path / "out.mcap", "2026-01-02T03:04:05+00:00"
+        last = record_live(wire.source(), out, started, lambda: wire.now > end, said.append, lambda: wire.now)
+        return last, said
+
+    return begin
+
+
+def test_a_world_that_is_gone_ends_a_recording_which_is_whole(quiet: Seen, record: Record, tmp_path: Path) -> None:
+    wire = Script(quiet, {100.0: 1, 101.0: 8}, (102.0, math.inf))
+    last, said = record(wire)
+    assert last is not None
+    assert (last.ended, last.gone) == (None, True)
+    assert 102.0 + GONE_S <= wire.now < 104.0 + GONE_S
+    assert said[0] == "the world is gone"
+    assert "the recording ends" in said[1]
+    contents = look(tmp_path / "out.mcap")
+    assert not contents.why_cut
+    assert contents.messages["/mfow"] == 9
+
+
+def test_a_world_that_comes_back_is_recorded_to_its_end(quiet: Seen, record: Record) -> None:
+    back = 102.0 + 0.8 * GONE_S
+    wire = Script(quiet, {100.0: 9, back: 1, back + 2.0 * GONE_S: 10_000}, (102.0, back))
+    last, said = record(wire)
+    assert last is not None
+    assert last.ended == "completed"
+    assert said[0] == "the world is gone"
+    assert not any("the recording ends" in line for line in said)
+
+
+def test_what_happened_has_its_own_time_however_many_ticks_come_at_once(
+    faulty: Seen, record: Record, tmp_path: Path
+) -> None:
+    record(Script(faulty, {100.0: 5, 101.0: 10_000}))
+    run = faulty.open()
+    told = [at for at, log in decoded(tmp_path / "out.mcap")["/rosout"] if log.name != "recording"]
+    assert told == [event.k * run.step for event in run.events]
+    assert len(set(told)) > 5

@@ -1,0 +1,255 @@
+from __future__ import annotations
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+from rosbags.rosbag2.metadata import parse_qos
+
+from monitor.recording.mcap_file import look
+from monitor.recording.writer import Recorder, grid_values, key_frame_ticks, scale_of, tokens_of
+from monitor.replay.replay import play
+from monitor.replay.run import Run, open_run
+from patrol.errors import BadInput
+from patrol.ground.fog import Fog
+from tests.monitor.conftest import QUIET, run_of
+
+
+def record(run: Run, out: Path) -> Path:
+    recorder = Recorder(run, out)
+    assert play(run, [recorder]) is None
+    recorder.close()
+    return out
+
+
+def decoded(path: Path) -> dict[str, list[tuple[float, Any]]]:
+    """By topic (time in s, message), read by mcap's own reader with its checksums tested."""
+    found: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, message, value in reader.iter_decoded_messages():
+            assert message.log_time == message.publish_time
+            found[channel.topic].append((message.log_time / 1e9, value))
+    return found
+
+
+def test_a_recording_says_what_the_run_was(faulty: Any, tmp_path: Path) -> None:
+    run = faulty.open()
+    topics = decoded(record(run, tmp_path / "out.mcap"))
+    terrain, step = run.prepared.terrain, run.step
+    each = {f"/{name}/{what}" for name in run.names for what in ("pose", "decision_ms")}
+    scalars = {"/mfow", "/fog_mean", "/seen_share", "/alive", "/delivered_share"}
+    assert set(topics) == {"/map", "/fog", "/tf", "/rosout"} | each | scalars
+
+    [(_, walls)] = topics["/map"]
+    assert (walls.info.width, walls.info.height) == (terrain.width, terrain.height)
+    assert walls.info.resolution == pytest.approx(terrain.point)
+    assert (walls.info.origin.position.x, walls.info.origin.position.y) == terrain.origin
+    assert np.array_equal(np.array(walls.data).reshape(terrain.shape) == 0, terrain.passable)
+
+    assert [value.data for _, value in topics["/mfow"]] == (run.mfow * step).tolist()
+    assert [value.data for _, value in topics["/alive"]] == (run.status == 1).sum(axis=1).tolist()
+    assert [at for at, _ in topics["/fog"]] == [0.0, 10.0, 20.0, 30.0, 39.5]
+    wanted: Any = None
+    for at, grid in topics["/fog"]:
+        k = round(at / step)
+        fog = Fog.resumed(run.prepared.patrolled, faulty.truth[k])
+        wanted = grid_values(fog, k, scale_of(run) / step)
+        assert np.array_equal(np.array(grid.data).reshape(terrain.shape), wanted)
+        assert grid.header.frame_id == "map"
+    assert wanted[~run.prepared.patrolled].max() == wanted.min() == -1
+    assert wanted.max() <= 100
+
+    poses = topics["/r2/pose"]
+    assert len(poses) == run.ticks
+    for k, (at, stamped) in enumerate(poses):
+        place, turn = stamped.pose.position, stamped.pose.orientation
+        assert at == k * step == stamped.header.stamp.sec + stamped.header.stamp.nanosec / 1e9
+        heading = 2.0 * math.atan2(turn.z, turn.w)
+        assert (place.x, place.y) == tuple(run.poses[k, 1, :2])
+        assert math.remainder(heading - run.poses[k, 1, 2], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+    assert [t.child_frame_id for t in topics["/tf"][5][1].transforms] == list(run.names)
+    assert len(topics["/r1/decision_ms"]) == np.count_nonzero(~np.isnan(run.decision_ms[:, 0]))
+
+    said = [(at, log.name, log.msg, log.level) for at, log in topics["/rosout"]]
+    assert said[0][1] == "recording"
+    assert len(said) == 1 + len(run.events)
+    (dead,) = [log for log in said if log[2].startswith("dead")]
+    assert dead[0] == 22.0
+    assert dead[1] == "r1"
+    assert dead[3] == 30
+
+
+def test_metadata_scenario_and_chunks(quiet: Any, tmp_path: Path) -> None:
+    run = quiet.open()
+    with record(run, tmp_path / "out.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        (facts,) = reader.iter_metadata()
+        (scenario,) = reader.iter_attachments()
+        assert reader.get_header().profile == "ros2"
+    assert summary is not None
+    assert summary.chunk_indexes
+    assert all(index.compression == "zstd" for index in summary.chunk_indexes)
+    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+    assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+    assert facts.metadata["scenario_hash"] == run.journal.header.scenario_hash
+    assert float(facts.metadata["fog_scale_s"]) == scale_of(run)
+    assert facts.metadata["ended"] == "completed"
+    assert scenario.data == (run.folder / "scenario.yaml").read_bytes()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.77])
+def test_a_run_that_was_killed_is_recorded_as_far_as_it_got(
+    quiet: Any, copied: Callable[..., Path], share: float
+) -> None:
+    folder = copied(quiet)
+    journal = folder / "journal"
+    whole = journal.read_bytes()
+    journal.write_bytes(whole[: int(len(whole) * share)])
+    run = open_run(folder)
+    assert 0 < run.ticks < 80
+    topics = decoded(record(run, folder / "out.mcap"))
+    assert len(topics["/mfow"]) == run.ticks
+    assert "cut off" in topics["/rosout"][-1][1].msg
+
+
+def test_names_that_ros_does_not_take_are_told_apart() -> None:
+    assert tokens_of(["r1", "a-b", "a_b", "7of9"]) == ["r1", "a_b", "a_b_2", "robot_7of9"]
+
+
+def test_no_robot_is_called_as_the_map_or_a_topic(tmp_path: Path) -> None:
+    robots = [{"name": name, "model": "holonomic"} for name in ("map", "fog", "robot_map")]
+    run = run_of(tmp_path, {**QUIET, "duration": 5, "robots": robots}).open()
+    topics = decoded(record(run, tmp_path / "out.mcap"))
+    frames = [body.child_frame_id for body in topics["/tf"][0][1].transforms]
+    assert len(frames) == len(set(frames)) == 3
+    tops = {topic.split("/")[1] for topic in topics if topic.count("/") == 1}
+    assert not tops & set(frames)
+    assert {"map", "fog"} <= tops
+    assert {f"/{frame}/pose" for frame in frames} <= set(topics)
+
+
+def test_who_plays_a_recording_again_offers_what_we_did(quiet: Any, tmp_path: Path) -> None:
+    """Read by rosbags, as rosbag2 keeps it: a map that whoever comes late gets, and all else as it happens."""
+    whole = record(quiet.open(), tmp_path / "out.mcap")
+    look_at = whole.read_bytes()
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(look_at[: int(0.9 * len(look_at))])
+    look(torn, tmp_path / "saved.mcap")
+    for path in (whole, tmp_path / "saved.mcap"):
+        with path.open("rb") as file:
+            summary = make_reader(file).get_summary()
+        assert summary is not None
+        offers = {one.topic: parse_qos(one.metadata["offered_qos_profiles"]) for one in summary.channels.values()}
+        assert {len(profiles) for profiles in offers.values()} == {1}
+        latched = {topic for topic, [offer] in offers.items() if offer.durability is QosDurability.TRANSIENT_LOCAL}
+        assert latched == {"/map"}
+        for [offer] in offers.values():
+            assert offer.durability in (QosDurability.TRANSIENT_LOCAL, QosDurability.VOLATILE)
+            assert (offer.reliability, offer.history) == (QosReliability.RELIABLE, QosHistory.KEEP_LAST)
+            assert offer.depth > 0
+
+
+def test_grids_are_fewer_in_a_long_run_of_a_large_map(quiet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = quiet.open()
+    assert key_frame_ticks(run) == 20
+    monkeypatch.setattr("monitor.recording.writer.GRID_MEMORY", 2 * run.prepared.patrolled.size)
+    assert key_frame_ticks(run) == 40
+
+
+def test_nothing_half_written_is_left(quiet: Any, tmp_path: Path) -> None:
+    run = quiet.open()
+    recorder = Recorder(run, tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()
+    recorder.abandon()
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(BadInput, match="cannot be written"):
+        Recorder(run, tmp_path / "none" / "out.mcap")
+    for folder in (tmp_path, Path()):
+        with pytest.raises(BadInput, match="is a folder"):
+            Recorder(run, folder)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_recording_is_looked_at(quiet: Any, tmp_path: Path) -> None:
+    run = quiet.open()
+    contents = look(record(run, tmp_path / "out.mcap"))
+    assert not contents.why_cut
+    assert contents.facts["scenario"] == "short"
+    assert contents.messages["/mfow"] == run.ticks
+    assert (contents.begin_s, contents.end_s) == (0.0, 39.5)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.999])
+def test_a_recording_that_was_cut_off_is_saved(faulty: Any, tmp_path: Path, share: float) -> None:
+    whole = record(faulty.open(), tmp_path / "out.mcap")
+    torn, saved = tmp_path / "torn.mcap", tmp_path / "saved.mcap"
+    torn.write_bytes(whole.read_bytes()[: int(whole.stat().st_size * share)])
+    contents = look(torn, saved)
+    assert contents.why_cut
+    assert look(torn).messages == contents.messages
+    again = look(saved)
+    assert not again.why_cut
+    assert again.messages == contents.messages
+    assert again.facts == contents.facts
+    assert len(decoded(saved)["/mfow"]) == contents.messages["/mfow"] > 0
+    with pytest.raises(BadInput, match="is there already"):
+        look(torn, saved)
+
+
+def test_half_of_a_short_recording_has_its_map_and_where_nothing_is_left_the_run_is_named(
+    faulty: Any, copied: Callable[..., Path]
+) -> None:
+    folder = copied(faulty)
+    whole = record(faulty.open(), folder / "out.mcap")
+    data = whole.read_bytes()
+    whole.write_bytes(data[: len(data) // 2])
+    assert look(whole).messages["/map"] == 1
+    assert look(whole).messages["/mfow"] > 0
+    whole.write_bytes(data[:600])
+    with pytest.raises(BadInput, match=re.escape(f"fogwatch record {folder}")):
+        look(whole)
+
+
+def test_damage_anywhere_is_found_or_harmless(quiet: Any, tmp_path: Path) -> None:
+    """A flipped byte in a chunk is found by its checksum; wherever it is, nothing but BadInput is raised."""
+    whole = record(quiet.open(), tmp_path / "out.mcap").read_bytes()
+    damaged = tmp_path / "damaged.mcap"
+    found = 0
+    for place in range(10, len(whole), len(whole) // 40):
+        damaged.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
+        try:
+            found += bool(look(damaged).why_cut)
+        except BadInput:
+            found += 1
+    assert found > 15
+
+
+def test_foreign_files_are_refused(quiet: Any, tmp_path: Path) -> None:
+    foreign = tmp_path / "foreign.mcap"
+    with foreign.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "somebody")
+        writer.finish()  # type: ignore[no-untyped-call]
+    for path, words in (
+        (foreign, "not one of fogwatch"),
+        (quiet.folder / "journal", "is no MCAP file"),
+        (tmp_path / "none.mcap", "cannot be read"),
+    ):
+        with pytest.raises(BadInput, match=words):
+            look(path, tmp_path / "saved.mcap")
+    assert not (tmp_path / "saved.mcap").exists()
+    empty = tmp_path / "empty.mcap"
+    empty.write_bytes(b"")
+    with pytest.raises(BadInput, match="no MCAP file"):
+        look(empty)

@@ -1,0 +1,163 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from monitor.replay.player import Player
+from patrol.journal.records import Status
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from monitor.source import State
+    from tests.monitor.conftest import Seen
+
+
+class Wall:
+    """A wall clock that goes on when it is told to."""
+
+    def __init__(self) -> None:
+        self.time_s = 0.0
+
+    def __call__(self) -> float:
+        self.time_s += 0.04  # nobody is shown states faster than that
+        return self.time_s
+
+
+def at(player: Player, k: int) -> State:
+    assert player.ask({"do": "seek", "k": k}).done
+    state = player.wait(1.0)
+    assert state is not None
+    assert state.k == k
+    return state
+
+
+def test_a_player_shows_the_run_at_any_tick_in_any_order(faulty: Seen) -> None:
+    run = faulty.open()
+    player = Player(run, Wall())
+    assert player.static().layers == ("truth", *run.numbers)
+    for k in (0, 60, 30, 79, 5, 6):
+        state = at(player, k)
+        seen = player.last_seen("truth")
+        assert seen is not None
+        np.testing.assert_array_equal(seen, faulty.truth[k])
+        assert state.mfow_s == run.mfow[k] * run.step
+        assert [robot.status for robot in state.robots] == [Status(int(one)) for one in run.status[k]]
+        pose = state.robots[0].pose
+        assert pose is not None
+        assert (pose.x, pose.y, pose.heading) == tuple(run.poses[k, 0].tolist())
+
+
+def test_what_a_robot_believed_is_what_its_mind_held(faulty: Seen) -> None:
+    player = Player(faulty.open(), Wall())
+    for number, k in ((3, 20), (3, 33), (3, 12), (2, 78), (1, 77), (1, 60)):
+        if (k, number) not in faulty.beliefs:
+            continue
+        at(player, k)
+        believed = None
+        for _ in range(400):
+            believed = player.last_seen(number)
+            if believed is not None:
+                break
+        assert believed is not None
+        np.testing.assert_array_equal(believed, faulty.beliefs[k, number])
+    assert player.last_seen(99) is None
+    assert player.last_seen("heard") is None
+
+
+def test_two_who_look_at_two_robots_both_come_to_see_them(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", 0.0)
+    player = Player(faulty.open(), Wall())
+    at(player, 60)
+    seen: dict[int, NDArray[np.int32] | None] = dict.fromkeys((2, 3))
+    for _ in range(500):
+        seen = {number: player.last_seen(number) for number in seen}
+        if all(one is not None for one in seen.values()):
+            break
+    for number in seen:
+        np.testing.assert_array_equal(seen[number], faulty.beliefs[60, number])
+
+
+def test_links_add_up_to_those_of_the_whole_run(faulty: Seen) -> None:
+    run = faulty.open()
+    player = Player(run, Wall())
+    links = None
+    for _ in range(50):
+        links = at(player, run.ticks - 1).links
+        if links is not None:
+            break
+        at(player, 0)
+    assert links is not None
+    arrived = run.links.delivered[1:, 1:]
+    assert (links.delivered <= arrived).all()
+    assert (links.sent >= links.delivered).all()
+    assert links.heard.max() <= run.ticks - 1
+    assert (np.diag(links.sent) == 0).all()
+
+
+def test_links_come_by_themselves_however_slowly_a_journal_is_read(
+    faulty: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.replay.linklog.BUDGET_S", 0.0)
+    run = faulty.open()
+    player = Player(run, Wall())
+    state: State | None = at(player, run.ticks - 1)
+    assert state is not None
+    assert state.links is None
+    for _ in range(run.ticks):
+        state = player.wait(1.0)
+        if state is not None:
+            break
+    assert state is not None
+    assert (state.k, state.running) == (run.ticks - 1, False)
+    assert state.links is not None
+    assert any(robot.heard_s is not None for robot in state.robots)
+    assert player.wait(1.0) is None  # it is told once
+
+
+def test_a_trail_is_where_robots_were_as_long_as_they_had_a_body(faulty: Seen) -> None:
+    run = faulty.open()
+    trail = Player(run, Wall()).trail(30, 70)
+    there = ~np.isin(run.status[30:71], (Status.ABSENT, Status.LEFT))
+    np.testing.assert_array_equal(trail[there], run.poses[30:71, :, :2][there])
+    assert np.isnan(trail[~there]).all()
+
+
+def test_a_player_plays_at_its_pace_and_backwards_and_stops_at_the_ends(quiet: Seen) -> None:
+    wall = Wall()
+    player = Player(quiet.open(), wall)
+    at(player, 10)
+    assert player.ask({"do": "pace", "factor": 4.0}).done
+    assert player.ask({"do": "go"}).done
+    before = wall.time_s
+    wall.time_s += 2.0
+    state = player.wait(1.0)
+    assert state is not None
+    assert state.running
+    assert state.k == pytest.approx(10 + (wall.time_s - before) * 4.0 / 0.5, abs=2)
+    wall.time_s += 1000.0
+    state = player.wait(1.0)
+    assert state is not None
+    assert (state.k, state.running) == (79, False)
+    assert player.ask({"do": "pace", "factor": -2}).done
+    assert player.ask({"do": "step"}).done
+    state = player.wait(1.0)
+    assert state is not None
+    assert state.k == 78
+    assert player.ask({"do": "go"}).done
+    wall.time_s += 1000.0
+    state = player.wait(1.0)
+    assert state is not None
+    assert (state.k, state.running) == (0, False)
+
+
+@pytest.mark.parametrize(
+    "control",
+    [{}, {"do": 3}, {"do": "kill"}, {"do": "pace", "factor": 0}, {"do": "pace", "factor": "fast"}, {"do": "seek"}],
+)
+def test_a_player_refuses_what_makes_no_sense(quiet: Seen, control: dict[str, object]) -> None:
+    answer = Player(quiet.open(), Wall()).ask(control)
+    assert not answer.done
+    assert answer.text

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monitor.replay.player import Player
+from monitor.replay.replay import Replay, play
+from monitor.replay.run import open_run
+from patrol.errors import BadInput
+from patrol.journal.records import Status
+from tests.monitor.conftest import QUIET, run_of
+
+CHOSEN = (7, 41, 78)
+"""Ticks at which the replay is held against the run's own fog."""
+
+
+@pytest.mark.parametrize("which", ["quiet", "faulty", "hazy"])
+@pytest.mark.parametrize("order", [CHOSEN, CHOSEN[::-1], (78, 7, 41)], ids=str)
+@pytest.mark.parametrize("memory", [0, 1 << 26])
+def test_the_fog_is_the_runs_own(
+    which: str, order: tuple[int, ...], memory: int, request: pytest.FixtureRequest
+) -> None:
+    seen = request.getfixturevalue(which)
+    replay = Replay(seen.open(), memory)
+    for k in order:
+        assert np.array_equal(replay.at(k).last_seen, seen.truth[k])
+
+
+@pytest.mark.parametrize("which", ["quiet", "hazy"])
+def test_every_tick_backwards_and_forwards(which: str, request: pytest.FixtureRequest) -> None:
+    seen = request.getfixturevalue(which)
+    run = seen.open()
+    replay = Replay(run)
+    for k in [*range(run.ticks - 1, -1, -1), *range(run.ticks)]:
+        fog = replay.fog(k)
+        assert np.array_equal(fog.last_seen, seen.truth[k])
+        assert (fog.mfow(k), fog.seen) == (run.mfow[k], run.seen[k])
+        assert fog.mean(k) == pytest.approx(run.fog_mean[k])
+
+
+def test_a_moment_says_where_everybody_is(faulty: Any) -> None:
+    run = faulty.open()
+    moment = Replay(run).at(50)
+    assert moment.time_s == 25.0
+    assert [robot.name for robot in moment.robots] == ["r1", "r2", "r3"]
+    assert moment.robots[0].status is Status.DEAD
+    assert moment.robots[0].goal is None
+    assert moment.robots[1].status is Status.ALIVE
+    assert moment.robots[1].state
+    assert (moment.robots[1].x, moment.robots[1].y) == tuple(run.poses[50, 1, :2])
+    assert {event.kind for event in moment.events} >= {"fault", "dead", "paused"}
+    assert all(event.k <= 50 for event in moment.events)
+    assert moment.ages().max() <= 50
+
+
+def test_there_is_nothing_beyond_the_end(quiet: Any) -> None:
+    replay = Replay(quiet.open())
+    for k in (-1, replay.ticks):
+        with pytest.raises(BadInput, match="ticks 0 to 79"):
+            replay.at(k)
+
+
+def test_a_fog_that_is_not_the_runs_is_noticed(quiet: Any, copied: Callable[..., Path]) -> None:
+    assert play(quiet.open(), []) is None
+    folder = copied(quiet)
+    text = (folder / "scenario.yaml").read_text(encoding="utf-8")
+    assert "range: 10.0" in text
+    (folder / "scenario.yaml").write_text(text.replace("range: 10.0", "range: 9.0"), encoding="utf-8")
+    run = open_run(folder)
+    assert play(run, []) is not None
+    # Jumps do not trust the journal's MFoW either.
+    for k in (79, 3, 40):
+        fog = Replay(run).fog(k)
+        assert fog.last_seen.max() == k
+
+
+def test_spare_robots_that_never_came_are_not_shown(tmp_path: Path) -> None:
+    faults = [{"kind": "join", "who": "r5", "at": 5}, {"kind": "kill", "who": "all", "at": 12}]
+    robots = {**QUIET["robots"], "spare": 2}
+    run = run_of(tmp_path, {**QUIET, "duration": 15, "robots": robots, "faults": faults}).open()
+    assert run.names == ("r1", "r2", "r3", "r5")
+    assert run.summary is not None
+    assert run.summary["verdict"]["valid"]
+    assert play(run, []) is None
+    moment = Replay(run).at(14)
+    assert [(robot.number, robot.status) for robot in moment.robots][-1] == (5, Status.ALIVE)
+    assert [robot.status for robot in Replay(run).at(28).robots] == [Status.DEAD] * 4
+    state = Player(run).wait(1.0)
+    assert state is not None
+    assert len(state.robots) == len(Player(run).static().robots) == 4

@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from agent.decision import State
+from monitor.replay.run import open_run
+from monitor.report.charts import STATES, state_codes, states_chart
+from tests.monitor.conftest import QUIET, run_of
+
+
+def test_a_chart_of_states_names_what_robots_did(tmp_path: Path) -> None:
+    faults = [{"kind": "kill", "who": "r1", "at": 20}]
+    intruders = [{"place": [50, 44], "at": 5, "for": 10}]
+    run = open_run(run_of(tmp_path, {**QUIET, "faults": faults, "intruders": intruders}).folder)
+    shown = {STATES[code][0] for code in np.unique(state_codes(run))}
+    assert {"patrolling", "surrounding", "dead or lost"} <= shown
+    assert "other" not in shown
+    keys = {text.get_text() for text in states_chart(run, ()).legends[0].get_texts()}
+    assert keys == shown | {"bump"}
+
+
+def test_every_state_of_a_mind_has_a_name_in_the_chart() -> None:
+    assert {state.value.replace("-", " ") for state in State} <= {name for name, _ in STATES}

@@ -1,0 +1,233 @@
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from monitor.replay.run import open_run
+from monitor.report import html
+from monitor.report.analysis import analyse, measures, state_of
+from monitor.report.charts import troubles_chart
+from monitor.report.compare import compare_html, differences, names_of, rows_of
+from monitor.report.compare import drawings as drawings_of_several
+from monitor.report.document import drawings, report_html, write_page, write_report
+from monitor.report.faultbands import bands_of, lanes
+from monitor.report.style import draw
+from patrol.errors import BadInput
+from patrol.journal.records import Event
+
+SECTIONS = ("verdict", "fog", "visits", "robots", "paths", "links", "belief", "decisions", "scenario", "files")
+
+
+def sections(page: str) -> list[str]:
+    return re.findall(r'<section id="([^"]+)">', page)
+
+
+def asks_nobody(page: str) -> bool:
+    """Nothing in a page is fetched from anywhere: no script, no address but files, names of XML, places on the page."""
+    addresses = re.findall(r'(?:href|src|url)\s*[=(]\s*"?([^")\s>]+)', page)
+    strange = [
+        address
+        for address in addresses
+        if not address.startswith(("#", "data:image/png")) and not re.fullmatch(r"[\w.][\w./-]*", address)
+    ]
+    return not strange and "<script" not in page and "@import" not in page and "default-src 'none'" in page
+
+
+def test_a_report_tells_the_whole_run(faulty: Any, tmp_path: Path) -> None:
+    run = faulty.open()
+    analysis = analyse(run)
+    made = write_report(analysis, tmp_path / "report.html", figures=tmp_path / "figures")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert sections(page) == [*SECTIONS[:-2], "faults", "events", *SECTIONS[-2:]]
+    assert asks_nobody(page)
+    assert page.count("<svg") == page.count("</svg>") == len(made) == 11
+    assert len(page) < 2_000_000
+    assert run.journal.header.scenario_hash in page
+    assert "var(--ink)" in page
+    assert "#1c2127" not in page.split("</style>")[1]
+    for fault in ("loss", "delay", "spoof", "drift", "pause", "kill", "restart"):
+        assert f"<td>{fault}</td>" in page
+    assert (run.folder / "scenario.yaml").read_text(encoding="utf-8").splitlines()[3] in page
+    ids = re.findall(r'\bid="([^"]+)"', page)
+    references = set(re.findall(r'(?:url\(#|href="#)([^")]+)', page))
+    assert references <= set(ids)
+    for drawing in made:
+        with Image.open(tmp_path / "figures" / f"{drawing.name}.png") as image:
+            assert min(image.size) > 250
+            assert np.asarray(image.convert("L")).std() > 5.0
+        svg = (tmp_path / "figures" / f"{drawing.name}.svg").read_text(encoding="utf-8")
+        assert "var(" not in svg
+        assert svg.startswith("<?xml")
+
+
+def test_the_numbers_are_those_of_the_summary(faulty: Any) -> None:
+    run = faulty.open()
+    summary = run.summary
+    found = {measure.name: measure.value for measure in measures(run)}
+    assert found["mean MFoW"] == pytest.approx(summary["mfow_mean_s"])
+    assert found["largest MFoW"] == summary["mfow_max_s"]
+    assert found["mean fog"] == pytest.approx(summary["fog_mean_s"])
+    assert found["seen"] == pytest.approx(100.0 * summary["seen_share"])
+    assert found["driven"] == pytest.approx(sum(robot["distance_m"] for robot in summary["robots"].values()))
+    assert found["collisions"] == sum(robot["collisions"] for robot in summary["robots"].values())
+    assert run.links.delivered[1:].sum() == summary["messages"]["delivered"]
+    assert run.links.lost[1:].sum() == summary["messages"]["dropped"]
+    assert run.rejected == summary["messages"]["rejected"]
+    for (source, to), share in np.ndenumerate(run.links.share()):
+        if source != to:
+            link = summary["links"][run.names[source]][run.names[to]]
+            assert share == pytest.approx(link["delivered"] / (link["sent"] - link["in_flight"]))
+
+
+def test_what_events_say_is_never_taken_for_html() -> None:
+    hostile = '<span class="badge ok">valid</span><img src=x>'
+    page = html.table(("event", hostile), [("dead", hostile), (html.badge(hostile, "ok"), "")])
+    assert "<img" not in page
+    assert page.count("<span") == 1
+    assert page.count("&lt;span") == 3
+
+
+def test_a_quiet_run_has_no_faults_and_no_error(quiet: Any) -> None:
+    analysis = analyse(quiet.open())
+    page = report_html(analysis, drawings(analysis))
+    assert sections(page) == list(SECTIONS)
+    assert "what each believed was the truth" in page
+    assert ">valid</span>" in page
+
+
+def test_a_run_that_was_killed(faulty: Any, copied: Callable[..., Path]) -> None:
+    folder = copied(faulty)
+    journal = folder / "journal"
+    whole = journal.read_bytes()
+    journal.write_bytes(whole[: len(whole) // 2])
+    (folder / "summary.json").unlink()
+    run = open_run(folder)
+    analysis = analyse(run)
+    page = report_html(analysis, ())
+    assert "not judged" in page
+    assert "The run was cut off" in page
+    assert "in the middle of a record" in page
+    going = report_html(analysis, (), going=True)
+    assert "The run is still going" in going
+    assert [state_of(run)[0], state_of(run, True)[0]] == ["cut off", "still going"]
+
+
+def test_a_verdict_that_is_not_valid(quiet: Any, copied: Callable[..., Path]) -> None:
+    folder = copied(quiet)
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    checks = summary["verdict"]["checks"]
+    checks[0] |= {"ok": False, "detail": "<b>a hole</b>"}
+    checks[1]["judged"] = False
+    summary["verdict"] |= {"valid": False, "outcome": "invalid"}
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    analysis = analyse(open_run(folder))
+    page = report_html(analysis, ())
+    assert f"{len(checks) - 2} checks passed, 1 failed, 1 could not be judged" in page
+    assert "&lt;b&gt;a hole&lt;/b&gt;" in page
+    assert ">invalid</span>" in page
+
+
+def test_a_changed_scenario_is_told(quiet: Any, copied: Callable[..., Path]) -> None:
+    folder = copied(quiet)
+    text = (folder / "scenario.yaml").read_text(encoding="utf-8")
+    (folder / "scenario.yaml").write_text(text.replace("range: 10.0", "range: 9.0"), encoding="utf-8")
+    analysis = analyse(open_run(folder))
+    assert analysis.wrong_from == 0
+    assert "is not the one that the run measured" in report_html(analysis, ())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (shutil.rmtree, "no such folder"),
+        (lambda folder: (folder / "journal").unlink(), "holds no file journal, so"),
+        (lambda folder: (folder / "scenario.yaml").unlink(), "holds no file scenario.yaml, so"),
+        (lambda folder: (folder / "journal").write_bytes(b"something else"), "is no fogwatch journal"),
+        (lambda folder: (folder / "journal").write_bytes(b"fogwatch journal 1\n"), "no whole header"),
+    ],
+)
+def test_what_is_no_run_is_said(
+    quiet: Any, copied: Callable[..., Path], spoil: Callable[[Path], object], words: str
+) -> None:
+    folder = copied(quiet)
+    spoil(folder)
+    with pytest.raises(BadInput, match=words):
+        open_run(folder)
+
+
+def test_a_journal_and_a_scenario_of_two_runs_are_told_apart(quiet: Any, copied: Callable[..., Path]) -> None:
+    folder = copied(quiet)
+    text = (folder / "scenario.yaml").read_text(encoding="utf-8")
+    for change, words in (("point: 0.5", "points"), ("count: 4", "other robots")):
+        name = change.partition(":")[0]
+        changed = re.sub(rf"\b{name}: [0-9.]+", change, text, count=1)
+        (folder / "scenario.yaml").write_text(changed, encoding="utf-8")
+        with pytest.raises(BadInput, match=words):
+            open_run(folder)
+
+
+def test_runs_side_by_side(quiet: Any, faulty: Any, hazy: Any) -> None:
+    runs = [seen.open() for seen in (quiet, faulty, hazy)]
+    names = names_of(runs)
+    assert len(set(names_of([runs[0], runs[0]]))) == 2
+    rows = {name: values for name, *values in rows_of(runs)}
+    assert rows["scenario"] == ["short", "faulty", "hazy"]
+    assert rows["verdict"][0] == "valid"
+    assert [float(text.split()[0]) for text in rows["largest MFoW"]] == [run.mfow.max() * run.step for run in runs]
+    assert {field for field, *_ in differences(runs)} == {"faults", "sensor.quality"}
+    analyses = [analyse(run) for run in runs]
+    made = drawings_of_several(analyses)
+    page = compare_html(analyses, made)
+    assert asks_nobody(page)
+    assert page.count("<svg") == len(made) == 6
+    assert sections(page) == ["measures", "scenario", "fog", "visits", "maps", "faults"]
+    assert all(name in page for name in names)
+
+
+def test_bands_last_from_their_beginning_to_their_end() -> None:
+    events = [
+        Event(2, "fault", None, "f1 loss begins: all to all, rate 0.5"),
+        Event(4, "fault", None, "f2 kill happens: r1"),
+        Event(4, "dead", 1, "f2 kill"),
+        Event(6, "fault", None, "f1 loss ends"),
+        Event(8, "fault", None, "f3 delay begins: all to all"),
+        Event(9, "lost", 2, "its process ended"),
+        Event(9, "fault", None, "who knows"),
+    ]
+    bands = bands_of(events, 0.5, 10.0)
+    assert [(band.id, band.kind, band.begin, band.end) for band in bands] == [
+        ("f1", "loss", 1.0, 3.0),
+        ("f2", "kill", 2.0, 2.0),
+        ("f3", "delay", 4.0, 10.0),
+        ("", "lost", 4.5, 4.5),
+    ]
+    assert [band.lasts for band in bands] == [True, False, True, False]
+    assert bands[0].text == "all to all, rate 0.5"
+    assert [name for name, _ in lanes(bands, 8)] == ["f1 loss", "f2 kill", "f3 delay", "lost"]
+    assert [name for name, _ in lanes(bands[:1] * 2 + bands[1:], 3)] == ["loss", "kill", "delay", "lost"]
+
+
+def test_no_collision_is_drawn_as_none_of_one(quiet: Any) -> None:
+    run = quiet.open()
+    assert run.bumped.sum() == 0
+    right = troubles_chart(run).axes[1]
+    assert right.get_xlim() == (0.0, 1.0)
+    assert all(tick == round(tick) for tick in right.get_xticks())
+
+
+def test_what_cannot_be_written_is_said(quiet: Any, tmp_path: Path) -> None:
+    run = quiet.open()
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(BadInput, match="cannot be written"):
+        write_page("", tmp_path / "file" / "report.html")
+    drawing = draw("troubles", "", "", lambda: troubles_chart(run))
+    with pytest.raises(BadInput, match="cannot be written"):
+        drawing.save(tmp_path / "file")

@@ -1,0 +1,232 @@
+"""The numbers of a report are those of the run's summary, whatever went wrong in it."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from monitor.recording.writer import Recorder
+from monitor.replay.replay import play
+from monitor.replay.run import Run, open_run
+from monitor.report.analysis import analyse, measures
+from monitor.report.charts import gaps_chart, radio_chart, troubles_chart
+from monitor.report.document import report_html
+from monitor.report.mapcharts import paths_chart
+from patrol.journal.records import TickRecord
+from patrol.scenario.faults.kinds import KINDS
+from tests.monitor.conftest import QUIET, run_of
+from tests.monitor.recording.test_writer import decoded
+from tests.monitor.retold import retold
+
+ALL_KINDS: list[dict[str, Any]] = [
+    {"kind": "loss", "rate": 0.3, "at": 1, "for": 30},
+    {"kind": "delay", "delay": {"uniform": [0.0, 3.0]}, "at": 2},
+    {"kind": "duplicate", "rate": 0.3, "delay": {"constant": 1}, "at": 2, "for": 30},
+    {"kind": "reorder", "rate": 0.3, "hold": 1.5, "at": 2, "for": 30},
+    {"kind": "partition", "groups": "one", "at": 5, "for": 4},
+    {"kind": "silence", "who": "r2", "direction": "out", "at": 10, "for": 3},
+    {"kind": "range", "reach": 20, "at": 12, "for": 5},
+    {"kind": "bandwidth", "bytes_per_s": 40, "at": 14, "for": 5},
+    {"kind": "spoof", "by": "stranger", "as": "r1", "payload": {"offset": [2.0, 1.0]}, "at": 5, "for": 15},
+    {"kind": "drift", "who": "r2", "bias": [1.5, 0.0], "at": 12, "for": 6},
+    {"kind": "clock", "who": "r3", "offset": 1.0, "at": 12, "for": 6},
+    {"kind": "pause", "who": "r3", "at": 18, "for": 10},
+    {"kind": "resume", "who": "r3", "at": 21},
+    {"kind": "kill", "who": "r1", "at": 22},
+    {"kind": "restart", "who": "r1", "at": 26},
+    {"kind": "leave", "who": "r4", "at": 24},
+    {"kind": "join", "who": "r5", "at": 20},
+    {"kind": "kill", "who": "all", "at": 34},
+]
+
+LAST = 68
+"""The tick before which nobody is left: there is none, as in a run that ends because everybody was lost."""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    assert {fault["kind"] for fault in ALL_KINDS} == set(KINDS)
+    robots = {"count": 4, "spare": 2, "model": "holonomic"}
+    scenario = {**QUIET, "name": "troubled", "robots": robots, "faults": ALL_KINDS}
+    whole = run_of(tmp_path_factory.mktemp("whole"), scenario)
+    folder = tmp_path_factory.mktemp("troubled") / "run"
+    return open_run(retold(whole, folder, lambda record: record if record.k < LAST else None))
+
+
+def rows(page: str, section: str, number: int = 0) -> dict[str, list[str]]:
+    """The rows of a section's table, by their first cells."""
+    part = page.partition(f'<section id="{section}">')[2].partition("</section>")[0]
+    body = re.findall(r"<tbody>(.*?)</tbody>", part, re.DOTALL)[number]
+    cells = [re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL) for row in re.findall(r"<tr>(.*?)</tr>", body)]
+    return {
+        " to ".join(row[:2]) if section == "links" and len(row) > 4 else row[0]: list(map(unescape, row))
+        for row in cells
+    }
+
+
+def test_every_number_that_a_summary_has_too(run: Run) -> None:
+    summary = run.summary
+    assert summary is not None
+    assert run.ticks == summary["ticks"] == LAST
+    page = report_html(analyse(run), ())
+    for name, row in rows(page, "robots").items():
+        facts = summary["robots"][name]
+        ms = [facts["decision_ms_p50"], facts["decision_ms_p99"]]
+        assert row == [
+            name,
+            facts["status"],
+            f"{facts['distance_m']:.0f}",
+            f"{100.0 * facts['dead_end_share']:.1f}",
+            str(facts["collisions"]),
+            *(f"{value:.1f}" for value in ms),
+        ]
+    assert set(rows(page, "robots")) == {"r1", "r2", "r3", "r4", "r5"}
+    assert {facts["status"] for facts in summary["robots"].values()} == {"dead", "left", "absent"}
+
+    messages = summary["messages"]
+    for words in (
+        f"{messages['delivered']} of {messages['sent']} frames arrived",
+        f"{messages['in_flight']} were still on their way at the end",
+        f"Robots refused {messages['rejected']}.",
+    ):
+        assert words in page
+    by_kind: Counter[str] = Counter()
+    for cause, frames, _ in rows(page, "links", 0).values():
+        by_kind[cause.partition(":")[0]] += int(frames)
+    assert +by_kind == messages["dropped_by_cause"]
+    listed = rows(page, "links", 1)
+    linked = {
+        f"{'a forger' if source == 'forger' else source} to {to}": facts
+        for source, links in summary["links"].items()
+        for to, facts in links.items()
+    }
+    assert set(listed) == set(linked)
+    for link, (_, _, sent, delivered, flying, share, _) in listed.items():
+        facts = linked[link]
+        assert [int(sent), int(delivered), int(flying)] == [facts["sent"], facts["delivered"], facts["in_flight"]]
+        assert float(share) == pytest.approx(
+            100.0 * facts["delivered"] / (facts["sent"] - facts["in_flight"]), abs=0.01
+        )
+
+    found = {measure.name: measure.value for measure in measures(run)}
+    assert found["robots at the end"] == 0
+    assert found["mean MFoW"] == pytest.approx(summary["mfow_mean_s"])
+    assert found["largest MFoW"] == pytest.approx(summary["mfow_max_s"])
+    assert found["mean fog"] == pytest.approx(summary["fog_mean_s"])
+    assert found["seen"] == pytest.approx(100.0 * summary["seen_share"])
+    assert found["delivered"] == pytest.approx(
+        100.0 * messages["delivered"] / (messages["delivered"] + messages["dropped"])
+    )
+
+
+def test_forged_frames_are_no_part_of_what_was_delivered_over_time(run: Run, tmp_path: Path) -> None:
+    assert run.links.delivered[0].any()
+    assert run.links.delivered_in.sum() == run.links.delivered[1:].sum()
+    assert run.links.dropped_in.sum() == run.links.lost[1:].sum()
+    line = radio_chart(run, ()).axes[0].lines[0]
+    settled = run.links.delivered_in + run.links.dropped_in
+    shares = 100.0 * run.links.delivered_in[settled > 0] / settled[settled > 0]
+    shown = np.asarray(line.get_ydata())
+    np.testing.assert_allclose(shown[~np.isnan(shown)], shares)
+    recorder = Recorder(run, tmp_path / "a.mcap")
+    play(run, [recorder])
+    recorder.close()
+    recorded = [100.0 * message.data for _, message in decoded(tmp_path / "a.mcap")["/delivered_share"]]
+    np.testing.assert_allclose(recorded, shares)
+
+
+def test_who_was_lost_after_the_last_tick_is_drawn_as_lost(run: Run) -> None:
+    assert run.status[-1, run.names.index("r2")] == 1
+    for axes, name in zip(paths_chart(run).axes, run.names, strict=False):
+        assert [line.get_marker() for line in axes.lines][-1] == ("o" if name == "r4" else "X"), name
+
+
+def test_dead_ends_are_a_share_of_decisions_as_in_the_summary(quiet: Any, tmp_path: Path) -> None:
+    """Robots that miss every other command, and get out of a dead end whenever they decide in the second half."""
+
+    def missed(record: TickRecord) -> TickRecord:
+        robots = [
+            replace(row, state="", decision_ms=None)
+            if record.k % 2
+            else replace(row, state="dead-end" if record.k >= 40 else "patrolling")
+            for row in record.robots
+        ]
+        return replace(record, robots=tuple(robots))
+
+    run = open_run(retold(quiet, tmp_path / "missed", missed))
+    assert run.summary is not None
+    assert [facts["dead_end_share"] for facts in run.summary["robots"].values()] == [0.5, 0.5, 0.5]
+    assert [row[3] for row in rows(report_html(analyse(run), ()), "robots").values()] == ["50.0"] * 3
+    assert [bar.get_width() for bar in bars(troubles_chart(run))] == [50.0] * 3
+
+
+def bars(made: Figure) -> list[Rectangle]:
+    return [patch for patch in made.axes[0].patches if isinstance(patch, Rectangle)]
+
+
+def heights(gaps: Sequence[int]) -> tuple[list[float], list[float]]:
+    """The bars' left edges, s, and their heights."""
+    shown = bars(gaps_chart(np.array(gaps, dtype=np.int64), 0.5))
+    return [bar.get_x() for bar in shown], [bar.get_height() for bar in shown]
+
+
+@pytest.mark.parametrize("longest", [1, 40, 59, 60, 89, 119, 120, 1199])
+def test_even_waits_give_even_bars(longest: int) -> None:
+    edges, shares = heights([7] * (longest + 1) + [0] * 300)
+    width = -(-(longest + 1) // 60)
+    assert len(shares) <= 60
+    np.testing.assert_allclose(np.diff(edges), 0.5 * width)
+    assert edges[0] == -0.25
+    np.testing.assert_allclose(shares[:-1], 100.0 * width / (longest + 1))
+    assert sum(shares) == pytest.approx(100.0)
+
+
+# --- direct radio ----------------------------------------------------------------------------------------------------
+
+SAID = {
+    "r1": {"sent": 80, "heard": {"r2": 60, "r3": 50}, "refused": 0, "final": True},
+    "r2": {"sent": 80, "heard": {"r1": 40}, "refused": 0, "final": True},
+}
+
+
+@pytest.mark.parametrize("overheard", [True, False])
+def test_of_a_direct_radio_a_report_says_what_robots_said_and_nothing_of_beliefs(
+    quiet: Any, tmp_path: Path, overheard: bool
+) -> None:
+    def direct(record: TickRecord) -> TickRecord:
+        frames = record.frames if overheard or record.k != 30 else ()
+        return replace(record, deliveries=(), dropped=(), frames=frames)
+
+    scenario = {**QUIET, "pace": 1.0, "radio": {"via": "direct"}}
+    notes = {"direct": {"said": SAID, "missed": {"r1": 0, "r2": 0, "r3": 0}}}
+    folder = retold(quiet, tmp_path / "direct", direct, scenario, notes)
+    run = open_run(folder)
+    assert run.summary is not None
+    analysis = analyse(run)
+    assert analysis.beliefs is None
+    page = report_html(analysis, ())
+    assert "Nobody sent anything" not in page
+    assert "was the truth" not in page
+    assert "Rebuilt from" not in page
+    assert "Not known: robots heard each other directly" in page
+    assert "by what they say they heard 100 of 160 frames. They refused 0. Counts of r3 are missing" in page
+    assert rows(page, "links") == {
+        "r2 to r1": ["r2 to r1", "80", "60", "75.00"],
+        "r1 to r2": ["r1 to r2", "80", "40", "50.00"],
+    }
+    found = {measure.name: measure.value for measure in measures(run)}
+    assert found["delivered"] == pytest.approx(100.0 * run.summary["direct"]["heard_share"])
+
+    (folder / "summary.json").unlink()
+    page = report_html(analyse(open_run(folder)), ())
+    assert "no two robots said at the end" in page

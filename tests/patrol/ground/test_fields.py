@@ -1,0 +1,231 @@
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy import ndimage
+
+from patrol.errors import BadInput
+from patrol.ground.fields import StaticFields, anchor, compute_fields, cspace_of, parts_of, planning_radius
+from patrol.ground.footprint import Footprint
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.pose import Pose
+
+masks = hnp.arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14)), elements=st.integers(0, 9).map(bool))
+
+
+def random_map(seed: int, height: int = 34, width: int = 40) -> BoolGrid:
+    """A field with a few blocks and single posts."""
+    rng = np.random.default_rng(seed)
+    passable = np.ones((height, width), dtype=np.bool_)
+    for _ in range(rng.integers(2, 9)):
+        row, col = rng.integers(0, height), rng.integers(0, width)
+        passable[row : row + rng.integers(1, 9), col : col + rng.integers(1, 9)] = False
+    passable[rng.integers(0, height, 5), rng.integers(0, width, 5)] = False
+    return passable
+
+
+def fields_of(terrain: Terrain, radius: float, sensor_range: float, line_of_sight: bool = True) -> StaticFields:
+    """Fields of a robot that starts in the largest part; skips maps on which it has no place."""
+    labels, count = parts_of(cspace_of(terrain, radius))
+    if count == 0:
+        pytest.skip("no place for the body")
+    largest = 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
+    row, col = np.argwhere(labels == largest)[0]
+    return compute_fields(terrain, radius, sensor_range, line_of_sight, [Pose(*terrain.centre(row, col), 0.0)])
+
+
+# --- where a body fits -----------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=80)
+@given(free=masks, radius=st.sampled_from([0.05, 0.1, 0.2, 0.25, 0.35, 0.5]), point=st.sampled_from([0.1, 0.2]))
+def test_a_body_fits_where_no_square_or_edge_is_too_near(free: BoolGrid, radius: float, point: float) -> None:
+    terrain = Terrain("field", free, point, (-2.0, 7.0))
+    cspace = cspace_of(terrain, radius)
+    walled = np.pad(free, 1)
+    blocked = np.argwhere(~walled) - 1
+    for (row, col), fits in np.ndenumerate(cspace):
+        across = np.maximum(np.abs(blocked - [row, col]) - 0.5, 0.0) * point
+        clearance = float(np.hypot(across[:, 0], across[:, 1]).min()) if free[row, col] else 0.0
+        assert fits == (clearance >= radius + point / 2 - 1e-9)
+
+
+def test_keep_out_blocks_bodies_as_walls_do() -> None:
+    free = random_map(1)
+    passable = np.ones_like(free)
+    kept = Terrain("field", passable, 0.1, keep_out=~free)
+    assert np.array_equal(cspace_of(kept, 0.2), cspace_of(Terrain("field", free, 0.1), 0.2))
+
+
+@settings(max_examples=60)
+@given(mask=masks)
+def test_parts_are_those_without_corner_cutting(mask: BoolGrid) -> None:
+    labels, count = parts_of(mask)
+    expected, expected_count = ndimage.label(mask)
+    assert count == expected_count
+    assert np.array_equal(labels, expected)
+
+
+def test_a_straight_drive_between_neighbouring_cspace_points_touches_no_wall() -> None:
+    terrain = Terrain("field", random_map(2), 0.1)
+    radius = 0.25
+    cspace = cspace_of(terrain, radius)
+    blocked = np.argwhere(~np.pad(terrain.passable, 1)) - 1
+    for row, col in np.argwhere(cspace):
+        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            r, c = row + dr, col + dc
+            if not terrain.inside(r, c) or not (cspace[r, c] and cspace[row, c] and cspace[r, col]):
+                continue
+            for share in (0.25, 0.5, 0.75):
+                across = np.maximum(np.abs(blocked - [row + share * dr, col + share * dc]) - 0.5, 0.0) * 0.1
+                assert np.hypot(across[:, 0], across[:, 1]).min() >= radius - 1e-9
+    assert planning_radius(radius, 0.1) == pytest.approx(0.3)
+
+
+# --- where it gets to ------------------------------------------------------------------------------------------------
+
+
+def two_rooms(door: int) -> Terrain:
+    """Two rooms of 2 x 2 m and a wall of 0.2 m between them with a door `door` points wide."""
+    free = np.ones((20, 42), dtype=np.bool_)
+    free[:, 20:22] = False
+    free[8 : 8 + door, 20:22] = True
+    return Terrain("rooms", free, 0.1)
+
+
+def test_reach_ends_at_a_door_that_is_too_narrow() -> None:
+    start = [Pose(0.5, 0.5, 0.0)]
+    assert compute_fields(two_rooms(7), 0.3, 5.0, True, start).reach[10, 30]
+    shut = compute_fields(two_rooms(6), 0.3, 5.0, True, start)
+    assert not shut.reach[10, 30]
+    assert shut.cspace[10, 30]
+    assert shut.patrolled[10, 30]
+    both = compute_fields(two_rooms(6), 0.3, 5.0, True, [*start, Pose(3.5, 0.5, 0.0)])
+    assert np.array_equal(both.reach, both.cspace)
+
+
+def test_a_start_beside_the_cspace_joins_it_but_not_through_a_wall() -> None:
+    terrain = two_rooms(0)
+    cspace = cspace_of(terrain, 0.3)
+    assert anchor(terrain, cspace, 0.3, 0.3) == (3, 3)
+    assert anchor(terrain, cspace, 0.05, 0.05) is None
+    thin = np.ones((5, 5), dtype=np.bool_)
+    thin[:, 2] = False
+    behind = Terrain("thin", thin, 1.0)
+    assert anchor(behind, np.eye(5, dtype=np.bool_) & thin & (np.arange(5) > 2), 1.5, 3.5) is None
+
+
+def test_a_start_where_the_body_does_not_fit_is_refused() -> None:
+    with pytest.raises(BadInput, match=r"does not fit at \(0\.05, 0\.05\)"):
+        compute_fields(two_rooms(7), 0.3, 5.0, True, [Pose(0.05, 0.05, 0.0)])
+
+
+# --- what it sees ----------------------------------------------------------------------------------------------------
+
+
+def line_is_free(passable: BoolGrid, a: tuple[int, int], b: tuple[int, int], lenient: bool) -> bool:
+    """Whether the line between two points' centres passes every row (or, if it is flat, column) on its way.
+
+    Exactly between two points it passes with one of the two free if lenient, and needs both otherwise.
+    """
+    (r0, c0), (r1, c1) = a, b
+    if abs(c1 - c0) > abs(r1 - r0):
+        return line_is_free(passable.T, (c0, r0), (c1, r1), lenient)
+    steps = abs(r1 - r0)
+    for step in range(1, steps):
+        across = Fraction((c1 - c0) * step, steps) + c0
+        row = r0 + (step if r1 > r0 else -step)
+        touched = {math.floor(across + Fraction(1, 2)), math.ceil(across - Fraction(1, 2))}
+        free = [bool(passable[row, col]) for col in touched]
+        if not (any(free) if lenient else all(free)):
+            return False
+    return True
+
+
+def seen_by_force(terrain: Terrain, reach: BoolGrid, radius: float, lenient: bool) -> BoolGrid:
+    seen = reach.copy()
+    sources = [(int(row), int(col)) for row, col in np.argwhere(reach)]
+    for row, col in np.argwhere(terrain.passable & ~reach):
+        place = (int(row), int(col))
+        seen[place] = any(
+            (row - r) ** 2 + (col - c) ** 2 <= radius**2 and line_is_free(terrain.passable, place, (r, c), lenient)
+            for r, c in sources
+        )
+    return seen
+
+
+@pytest.mark.parametrize(("body", "reach_in_points"), [(0.1, 5.5), (0.15, 10.0), (0.2, 50.0)])
+@pytest.mark.parametrize("seed", range(3))
+def test_patrolled_is_what_lines_of_sight_from_the_reach_say(seed: int, body: float, reach_in_points: float) -> None:
+    terrain = Terrain("field", random_map(seed, 22, 26), 0.1)
+    fields = fields_of(terrain, body, 0.1 * reach_in_points)
+    assert not (fields.patrolled & ~seen_by_force(terrain, fields.reach, reach_in_points, lenient=True)).any()
+    missed = seen_by_force(terrain, fields.reach, reach_in_points, lenient=False) & ~fields.patrolled
+    assert np.count_nonzero(missed) <= 1
+
+
+@pytest.mark.parametrize("seed", range(20, 32))
+def test_a_footprint_from_its_proxy_sees_every_patrolled_point(seed: int) -> None:
+    terrain = Terrain("field", random_map(seed), 0.1)
+    fields = fields_of(terrain, 0.2, 1.2)
+    footprint = Footprint(terrain, 1.2)
+    assert np.array_equal(fields.patrolled, fields.reach | (fields.proxy >= 0))
+    assert not (fields.reach & (fields.proxy >= 0)).any()
+    for row, col in np.argwhere(fields.proxy >= 0):
+        at = divmod(int(fields.proxy[row, col]), terrain.width)
+        assert fields.reach[at]
+        view = footprint.visible(Pose(*terrain.centre(*at), 0.0))
+        assert view.mask[row - view.row0, col - view.col0] == 1
+
+
+@settings(max_examples=40)
+@given(free=masks, radius=st.sampled_from([0.05, 0.15]), sensor_range=st.sampled_from([0.1, 0.35, 0.5, 100.0]))
+def test_without_line_of_sight_all_in_range_is_patrolled(free: BoolGrid, radius: float, sensor_range: float) -> None:
+    terrain = Terrain("field", free, 0.1)
+    cspace = cspace_of(terrain, radius)
+    if not cspace.any():
+        return
+    row, col = np.argwhere(cspace)[0]
+    fields = compute_fields(terrain, radius, sensor_range, False, [Pose(*terrain.centre(row, col), 0.0)])
+    sources = np.argwhere(fields.reach)
+    for (r, c), passable in np.ndenumerate(terrain.passable):
+        square = ((sources - [r, c]) ** 2).sum(axis=1)
+        seen = bool(passable) and float(square.min()) <= (sensor_range / 0.1) ** 2 + 1e-9
+        assert fields.patrolled[r, c] == seen
+        if seen and not fields.reach[r, c]:
+            nearest = sources[np.flatnonzero(square == square.min())]
+            assert fields.proxy[r, c] == min(nr * terrain.width + nc for nr, nc in nearest)
+        else:
+            assert fields.proxy[r, c] == -1
+
+
+def test_sight_crosses_keep_out_but_not_walls() -> None:
+    shut = np.zeros((20, 42), dtype=np.bool_)
+    shut[:, 20:22] = True
+    start = [Pose(0.5, 0.5, 0.0)]
+    kept = Terrain("kept", np.ones((20, 42), dtype=np.bool_), 0.1, keep_out=shut)
+    fields = compute_fields(kept, 0.3, 2.0, True, start)
+    assert not fields.reach[:, 17:].any()
+    assert fields.patrolled[5, 20:36].all()
+    assert not fields.patrolled[5, 37:].any()
+    walled = compute_fields(Terrain("walled", ~shut, 0.1), 0.3, 2.0, True, start)
+    assert not walled.patrolled[:, 20:].any()
+
+
+def test_fields_survive_saving_memory_mapped_and_read_only(tmp_path: Path) -> None:
+    fields = fields_of(Terrain("field", random_map(4), 0.1), 0.2, 1.0)
+    fields.save(tmp_path / "body")
+    loaded = StaticFields.load(tmp_path / "body")
+    for name in ("cspace", "reach", "patrolled", "proxy"):
+        before, after = getattr(fields, name), getattr(loaded, name)
+        assert np.array_equal(before, after)
+        assert before.dtype == after.dtype
+        assert not before.flags.writeable
+        assert not after.flags.writeable

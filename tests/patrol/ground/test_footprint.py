@@ -1,0 +1,141 @@
+"""The footprint against brute force."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from patrol.ground.footprint import Footprint, View
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+
+
+def on_terrain(view: View, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """The view's mask laid over the whole terrain."""
+    seen = np.zeros(shape, dtype=np.bool_)
+    for i, j in np.argwhere(view.mask):
+        row, col = view.row0 + i, view.col0 + j
+        if 0 <= row < shape[0] and 0 <= col < shape[1]:
+            seen[row, col] = True
+    return seen
+
+
+def in_sight(passable: NDArray[np.bool_], row: int, col: int, r: int, c: int) -> bool:
+    """Whether no impassable point lies across the line from (row, col) to (r, c).
+
+    Along the line's longer axis, each step between the two ends meets one line of points; the crossing must not fall
+    inside an impassable one. On the border between two, one open neighbour lets it pass, as does touching from outside.
+    """
+    dr, dc = r - row, c - col
+    longer = max(abs(dr), abs(dc))
+    for step in range(1, longer):
+        at_r, at_c = row + Fraction(dr * step, longer), col + Fraction(dc * step, longer)
+        across = at_c if abs(dr) >= abs(dc) else at_r
+        low, high = math.floor(across + Fraction(1, 2)), math.ceil(across - Fraction(1, 2))
+        along = int(at_r if abs(dr) >= abs(dc) else at_c)
+        touched = [(along, a) if abs(dr) >= abs(dc) else (a, along) for a in {low, high}]
+        if all(not passable[p] for p in touched):
+            return False
+    return True
+
+
+grids = st.tuples(
+    st.integers(3, 14), st.integers(3, 14), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.3])
+).map(lambda a: np.random.default_rng(a[2]).random((a[0], a[1])) >= a[3])
+
+
+@settings(max_examples=60)
+@given(passable=grids, seed=st.integers(0, 10**6), radius=st.floats(1.0, 12.0))
+def test_line_of_sight_agrees_with_crossing_every_line_of_points(
+    passable: NDArray[np.bool_], seed: int, radius: float
+) -> None:
+    height, width = passable.shape
+    row, col = seed % height, (seed // 97) % width
+    passable[row, col] = True
+    view = Footprint(Terrain("t", passable, 1.0), radius).visible(Pose(col + 0.5, row + 0.5, 0.0))
+    seen = on_terrain(view, passable.shape)
+    for r, c in np.ndindex(passable.shape):
+        near = (r - row) ** 2 + (c - col) ** 2 <= radius**2 + 1e-9
+        assert not seen[r, c] or (near and passable[r, c])
+        # Where a line only grazes a corner the two may differ; what is seen has a clear line in any case.
+        if seen[r, c] and (r, c) != (row, col):
+            assert in_sight(passable, row, col, r, c)
+
+
+@settings(max_examples=40)
+@given(passable=grids, radius=st.floats(1.0, 12.0))
+def test_sight_is_symmetric(passable: NDArray[np.bool_], radius: float) -> None:
+    footprint = Footprint(Terrain("t", passable, 1.0), radius)
+    views = {
+        (r, c): on_terrain(footprint.visible(Pose(c + 0.5, r + 0.5, 0.0)), passable.shape)
+        for r, c in np.argwhere(passable)
+    }
+    for a, seen in views.items():
+        for b in views:
+            assert seen[b] == views[b][a]
+
+
+def test_an_open_field_is_seen_as_a_disc() -> None:
+    terrain = Terrain("open", np.ones((41, 61), dtype=np.bool_), 0.5)
+    seen = on_terrain(Footprint(terrain, 6.0).visible(Pose(10.3, 12.2, 1.0)), terrain.shape)
+    rows, cols = np.mgrid[0:41, 0:61]
+    assert np.array_equal(seen, (rows - 24) ** 2 + (cols - 20) ** 2 <= 144)
+
+
+def test_a_wall_hides_what_lies_behind_it_unless_sight_goes_through() -> None:
+    passable = np.ones((21, 21), dtype=np.bool_)
+    passable[:, 10] = False
+    terrain = Terrain("wall", passable, 1.0)
+    pose = Pose(5.5, 10.5, 0.0)
+    assert not on_terrain(Footprint(terrain, 20.0).visible(pose), terrain.shape)[:, 11:].any()
+    through = on_terrain(Footprint(terrain, 20.0, line_of_sight=False).visible(pose), terrain.shape)
+    assert through[10, 20]
+    assert not through[:, 10].any()
+
+
+def test_a_keep_out_zone_is_seen_across() -> None:
+    keep_out = np.zeros((11, 21), dtype=np.bool_)
+    keep_out[:, 10] = True
+    terrain = Terrain("zone", np.ones((11, 21), dtype=np.bool_), 1.0, keep_out=keep_out)
+    seen = on_terrain(Footprint(terrain, 20.0).visible(Pose(2.5, 5.5, 0.0)), terrain.shape)
+    assert seen.all()
+
+
+@pytest.mark.parametrize("angle", [30.0, 90.0, 180.0, 270.0])
+@pytest.mark.parametrize("heading", [0.0, 0.7, math.pi, -2.0])
+def test_a_sector_holds_the_bearings_within_half_its_angle(angle: float, heading: float) -> None:
+    terrain = Terrain("open", np.ones((61, 61), dtype=np.bool_), 1.0)
+    seen = on_terrain(Footprint(terrain, 25.0, angle).visible(Pose(30.5, 30.5, heading)), terrain.shape)
+    for row, col in np.ndindex(61, 61):
+        distance = math.hypot(row - 30, col - 30)
+        if distance == 0.0:
+            assert seen[row, col]
+            continue
+        off = abs(math.remainder(math.atan2(row - 30, col - 30) - heading, 2 * math.pi))
+        if abs(off - math.radians(angle) / 2) > 1e-6:
+            assert seen[row, col] == (distance <= 25.0 and off < math.radians(angle) / 2)
+
+
+def test_quality_falls_with_distance() -> None:
+    terrain = Terrain("open", np.ones((41, 41), dtype=np.bool_), 0.5)
+    view = Footprint(terrain, 8.0, quality=[(2.0, 1.0), (8.0, 0.25)]).visible(Pose(10.25, 10.25, 0.0))
+    assert view.quality is not None
+    assert view.quality[16, 16] == 1.0
+    assert view.quality[16, 16 + 10] == pytest.approx(0.625)
+    assert view.quality[0, 16] == pytest.approx(0.25)
+    assert view.quality[0, 0] == pytest.approx(0.25)
+    assert Footprint(terrain, 8.0, quality=1.0).visible(Pose(10.0, 10.0, 0.0)).quality is None
+
+
+def test_a_robot_beyond_the_edge_sees_what_is_inside_or_nothing() -> None:
+    terrain = Terrain("open", np.ones((10, 10), dtype=np.bool_), 1.0)
+    places = [(x, y) for x in range(-6, 17) for y in range(-6, 17) if not (-2 <= x <= 11 and -2 <= y <= 11)]
+    for x, y in [*places, (50, 50)]:
+        assert not on_terrain(Footprint(terrain, 3.0).visible(Pose(x + 0.5, y + 0.5, 0.0)), terrain.shape).any()
+    assert on_terrain(Footprint(terrain, 3.0).visible(Pose(-0.5, 5.5, 0.0)), terrain.shape)[5, 0]

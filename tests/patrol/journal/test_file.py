@@ -1,0 +1,266 @@
+from __future__ import annotations
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import tracemalloc
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import msgpack
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from patrol.errors import BadInput
+from patrol.journal import (
+    End,
+    Event,
+    Header,
+    JournalWriter,
+    Record,
+    RobotFacts,
+    RobotTick,
+    Status,
+    TerrainFacts,
+    TickRecord,
+    read_journal,
+)
+from patrol.journal.file import MAGIC
+from patrol.scenario import as_mapping, load_scenario
+
+HEADER = Header(
+    software="0.1.0",
+    scenario=as_mapping(load_scenario({"terrain": {"builtin": "yards"}})),
+    scenario_hash="ab" * 32,
+    robots=(RobotFacts(1, "r1", "car", 1.0), RobotFacts(2, "scout", "holonomic", 0.3)),
+    terrain=TerrainFacts("yards", 1000, 880, 0.1, (-1.5, 0.0)),
+    patrolled_area_m2=6837.25,
+    bound_s=16.4,
+    started="2026-01-01T12:00:00+00:00",
+)
+
+
+def tick(k: int, robots: int = 2) -> TickRecord:
+    numbers = range(1, robots + 1)
+    return TickRecord(
+        k=k,
+        robots=tuple(
+            RobotTick(
+                n, Status.ALIVE, 0.1 * k + n, -0.0, 1e-300, 4.4, -1 / 3, k % 2 == 1, "patrolling", (1.5, 2.5), 0.7, 0
+            )
+            for n in numbers
+        ),
+        frames=tuple((n, bytes([n]) * 20) for n in numbers),
+        deliveries=tuple((a, b, k) for a in numbers for b in numbers if a != b),
+        dropped=((1, 2, k, "paused"),),
+        mfow=k,
+        fog_mean=k / 3,
+        seen=17 * k,
+    )
+
+
+def write(path: Path, *records: Record) -> Path:
+    with JournalWriter(path, HEADER) as journal:
+        for record in records:
+            journal.write(record)
+    return path
+
+
+numbers = st.floats(allow_nan=False)
+links = st.tuples(st.integers(1, 3), st.integers(1, 3), st.integers(0, 2))
+fates = st.lists(st.tuples(*[st.integers(1, 3)] * 3, st.sampled_from(["dead", "range:f1"])), max_size=8).map(tuple)
+robot_ticks = st.builds(
+    RobotTick,
+    number=st.integers(1, 65535),
+    status=st.sampled_from(Status),
+    x=numbers,
+    y=numbers,
+    heading=numbers,
+    c0=numbers,
+    c1=numbers,
+    bumped=st.booleans(),
+    state=st.sampled_from(["", "patrolling", "dead-end"]),
+    goal=st.none() | st.tuples(numbers, numbers),
+    decision_ms=st.none() | numbers,
+    rejected=st.none() | st.integers(0, 2**40),
+)
+tick_records = st.builds(
+    TickRecord,
+    k=st.integers(0, 2**31),
+    robots=st.lists(robot_ticks, max_size=3).map(tuple),
+    frames=st.lists(st.tuples(st.integers(1, 65535), st.binary(max_size=64)), max_size=3).map(tuple),
+    deliveries=st.lists(links, max_size=8).map(tuple),
+    dropped=fates,
+    mfow=st.integers(0, 2**31),
+    fog_mean=numbers,
+    seen=st.integers(0, 2**40),
+    copies=fates,
+    delayed=fates,
+    forged=st.lists(st.sampled_from(["f1", "f2"]), max_size=2).map(tuple),
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(tick_records, max_size=3))
+def test_what_is_written_is_read_to_the_bit(tmp_path: Path, ticks: list[TickRecord]) -> None:
+    path = tmp_path / "journal"
+    path.unlink(missing_ok=True)
+    write(path, *ticks)
+    read = list(read_journal(path).ticks)
+    assert read == ticks
+    # Equality calls -0.0 and 0.0 equal; their spelling does not.
+    assert repr(read) == repr(ticks)
+
+
+def test_a_whole_run_is_read(tmp_path: Path) -> None:
+    killed = Event(1, "killed", 2, "asked for by the timeline")
+    end = End("duration", "cd" * 32, {"exit_codes": {"r1": 0}})
+    journal = read_journal(write(tmp_path / "journal", tick(0), killed, tick(1), Event(2, "over"), end))
+    assert journal.header == HEADER
+    assert [record.k for record in journal.ticks] == [0, 1]
+    assert [record.k for record in journal.ticks] == [0, 1], "each pass begins anew"
+    assert journal.events == (killed, Event(2, "over"))
+    assert journal.end == end
+    assert not journal.truncated
+    assert load_scenario(journal.header.scenario).name == "yards"
+
+
+def test_a_run_that_was_cut_off_has_no_end(tmp_path: Path) -> None:
+    journal = read_journal(write(tmp_path / "journal", tick(0)))
+    assert journal.end is None
+    assert not journal.truncated
+
+
+def test_cut_off_at_any_byte_the_whole_records_are_read(tmp_path: Path) -> None:
+    whole = write(tmp_path / "whole", tick(0), tick(1)).read_bytes()
+    edges = [len(write(tmp_path / f"upto{n}", *map(tick, range(n))).read_bytes()) for n in range(3)]
+    for length in range(edges[0], len(whole) + 1):
+        cut = tmp_path / "cut"
+        cut.write_bytes(whole[:length])
+        journal = read_journal(cut)
+        assert [record.k for record in journal.ticks] == [k for k in range(2) if edges[k + 1] <= length]
+        assert journal.truncated == (length not in edges)
+
+
+@pytest.mark.parametrize("damage", [0x01, 0xFF])
+def test_nothing_after_a_damaged_record_is_trusted(tmp_path: Path, damage: int) -> None:
+    path = write(tmp_path / "journal", tick(0), tick(1), tick(2))
+    start = path.stat().st_size - 2 * (
+        path.stat().st_size - len(write(tmp_path / "two", tick(0), tick(1)).read_bytes())
+    )
+    for place in (start, start + 4, start + 8, start + 50):
+        data = bytearray(path.read_bytes())
+        data[place] ^= damage
+        (tmp_path / "damaged").write_bytes(data)
+        journal = read_journal(tmp_path / "damaged")
+        assert [record.k for record in journal.ticks] == [0]
+        assert journal.truncated
+
+
+def test_a_journal_still_being_written_can_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    with JournalWriter(path, HEADER) as writer:
+        for k in range(3):
+            writer.write(tick(k))
+            assert [record.k for record in read_journal(path).ticks] == list(range(k + 1))
+
+
+def framed(value: object) -> bytes:
+    payload = msgpack.packb(value)
+    return struct.pack("<II", len(payload), zlib.crc32(payload)) + bytes(payload)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "is empty; the run was ended before it began, so run it again"),
+        (b"name: yards\n", "no fogwatch journal"),
+        (b"\x89PNG\r\n\x1a\n" * 100, "no fogwatch journal"),
+        (b"fogwatch journal 2\n", "another format, and this version reads format 1; use the version that wrote it"),
+        (MAGIC, "no whole header"),
+        (MAGIC + b"\xff\xff\xff\xff\x00\x00\x00\x00", "no whole header"),
+        (MAGIC + framed({"type": "end", "reason": "", "trace_hash": "", "notes": {}}), "no whole header"),
+        (MAGIC + framed({"type": "poem"}), "not a journal's"),
+        (MAGIC + framed([1, 2, 3]), "not a journal's"),
+        (MAGIC + framed("header"), "not a journal's"),
+        (MAGIC + framed({"type": "header", "robots": []}), "not a journal's"),
+        (MAGIC + framed({"type": "tick", "k": 1}), "not a journal's"),
+    ],
+)
+def test_other_files_are_bad_input(tmp_path: Path, content: bytes, says: str) -> None:
+    path = tmp_path / "other"
+    path.write_bytes(content)
+    with pytest.raises(BadInput, match=says) as caught:
+        read_journal(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file_and_a_folder_are_bad_input(tmp_path: Path) -> None:
+    for path in (tmp_path / "none", tmp_path):
+        with pytest.raises(BadInput, match="cannot be read"):
+            read_journal(path)
+
+
+def test_a_journal_is_never_written_over(tmp_path: Path) -> None:
+    path = write(tmp_path / "journal", tick(0))
+    with pytest.raises(FileExistsError):
+        JournalWriter(path, HEADER)
+    assert [record.k for record in read_journal(path).ticks] == [0]
+
+
+def test_a_killed_writer_loses_nothing_that_it_wrote(tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    code = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pathlib import Path
+from test_file import HEADER, JournalWriter, tick
+journal = JournalWriter(Path({str(path)!r}), HEADER)
+for k in range(1_000_000):
+    journal.write(tick(k))
+    print(k, flush=True)
+"""
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        told = [int(child.stdout.readline()) for _ in range(200)]
+        os.kill(child.pid, signal.SIGKILL)
+        told += [int(line) for line in child.stdout.read().split("\n")[:-1]]
+    journal = read_journal(path)
+    ticks = [record.k for record in journal.ticks]
+    assert ticks == list(range(len(ticks)))
+    assert len(ticks) >= len(told)
+    assert journal.end is None
+
+
+def test_reading_streams(tmp_path: Path) -> None:
+    """However long the file, a reader holds about one record."""
+    path = write(tmp_path / "journal", *(replace(tick(k, robots=20), dropped=()) for k in range(400)))
+    tracemalloc.start()
+    try:
+        journal = read_journal(path)
+        count = sum(1 for _ in journal.ticks)
+        assert (count, journal.events, journal.end) == (400, (), None)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert path.stat().st_size > 1_000_000
+    assert peak < 500_000
+
+
+def test_a_tick_of_a_large_fleet_is_small(tmp_path: Path) -> None:
+    """50 robots that all hear one another: 2450 deliveries in less than 10 kB."""
+    sizes = [write(tmp_path / f"{n}", *(tick(k, robots=50) for k in range(n))).stat().st_size for n in (1, 11)]
+    assert (sizes[1] - sizes[0]) / 10 < 10_000
+
+
+def test_too_long_a_record_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("patrol.journal.file.MAX_RECORD", 5000)
+    with JournalWriter(tmp_path / "journal", HEADER) as journal:
+        with pytest.raises(ValueError, match="longer"):
+            journal.write(tick(0, robots=100))
+        journal.write(tick(0))
+    assert [record.k for record in read_journal(tmp_path / "journal").ticks] == [0]

@@ -1,0 +1,204 @@
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from patrol.net.link import Link, LinkDown, Mailbox, Payload, Presence, open_link, open_router
+from tests.routers import free_endpoint, routed
+
+
+class Bytes:
+    """A payload that has not been copied out of Zenoh yet."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.copied = False
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    def to_bytes(self) -> bytes:
+        self.copied = True
+        return self.data
+
+
+def whole(payload: bytes) -> int:
+    """Decodes what holds a number."""
+    return int(payload)
+
+
+def box(room: int = 3) -> Mailbox[int]:
+    return Mailbox(("a", "b"), whole, longest=4, room=room)
+
+
+def payload(text: str) -> Payload:
+    return Bytes(text.encode())
+
+
+def test_messages_wait_in_order_and_keys_take_turns() -> None:
+    mailbox = box()
+    for text in "123":
+        mailbox.deliver("a", payload(text))
+    mailbox.deliver("b", payload("9"))
+    assert [mailbox.get() for _ in range(5)] == [("a", 1), ("b", 9), ("a", 2), ("a", 3), None]
+
+
+def test_what_is_dropped_is_counted_by_reason() -> None:
+    mailbox = box()
+    long = Bytes(b"12345")
+    mailbox.deliver("a", long)
+    mailbox.deliver("a", payload("x"))
+    mailbox.deliver("c", payload("1"))
+    for text in "12345":
+        mailbox.deliver("a", payload(text))
+    assert not long.copied
+    assert mailbox.refused == {"oversized": 1, "malformed": 1, "unknown": 1, "overflow": 2}
+    assert [mailbox.get() for _ in range(4)] == [("a", 3), ("a", 4), ("a", 5), None]
+
+
+def test_a_flood_on_one_key_takes_no_room_from_another() -> None:
+    mailbox = box()
+    for number in range(1000):
+        mailbox.deliver("a", payload(str(number)))
+    mailbox.deliver("b", payload("7"))
+    assert ("b", 7) in [mailbox.get(), mailbox.get()]
+
+
+def test_waiting_ends_in_time() -> None:
+    assert box().get(0.01) is None
+
+
+# --- over a real router ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    with routed() as where:
+        yield where
+
+
+@pytest.fixture
+def links(endpoint: str) -> Iterator[Callable[[], Link]]:
+    made: list[Link] = []
+
+    def join() -> Link:
+        made.append(open_link(endpoint, 10.0))
+        return made[-1]
+
+    yield join
+    for link in made:
+        assert link.close(10.0)
+
+
+def reach(post: Callable[[bytes], None], mailbox: Mailbox[int], payload: bytes) -> tuple[str, int]:
+    """Send until it arrives, since a subscription takes a moment to be known."""
+    end = time.monotonic() + 20.0
+    while (arrived := mailbox.get(0.05)) is None:
+        assert time.monotonic() < end
+        post(payload)
+    return arrived
+
+
+def dropping(link: Link, key: str) -> Callable[[bytes], None]:
+    return link.post(key, waits=False)
+
+
+@pytest.mark.parametrize("way", [Link.post, dropping, Link.show])
+def test_what_is_sent_arrives_under_its_key(
+    way: Callable[..., Callable[[bytes], None]], links: Callable[[], Link]
+) -> None:
+    mailbox: Mailbox[int] = Mailbox(("t/x/a",), whole, 100)
+    receiver, sender = links(), links()
+    receiver.subscribe("t/*/a", mailbox)
+    assert reach(way(sender, "t/x/a"), mailbox, b"42") == ("t/x/a", 42)
+
+
+def test_a_burst_that_may_be_dropped_is_not(links: Callable[[], Link]) -> None:
+    """One message to each robot of a fleet, as at the beginning of a tick."""
+    keys = [f"t/{number}" for number in range(12)]
+    mailbox: Mailbox[int] = Mailbox(keys, whole, 100)
+    receiver, sender = links(), links()
+    receiver.subscribe("t/*", mailbox)
+    posts = [dropping(sender, key) for key in keys]
+    for post in posts:
+        reach(post, mailbox, b"0")
+    while mailbox.get(0.1):
+        pass
+    for burst in range(1, 51):
+        for post in posts:
+            post(str(burst).encode())
+        arrived = [mailbox.get(10.0) for _ in keys]
+        assert sorted(filter(None, arrived)) == sorted((key, burst) for key in keys)
+
+
+def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Link]) -> None:
+    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    receiver, sender = links(), links()
+    receiver.subscribe("t", mailbox)
+    post = sender.post("t")
+    reach(post, mailbox, b"1")
+    while mailbox.get(0.1):
+        pass
+    post(bytes(5_000_000))
+    post(b"2")
+    assert mailbox.get(10.0) == ("t", 2)
+    assert mailbox.refused["oversized"] == 1
+
+
+def test_tokens_tell_who_is_there_and_who_has_gone(links: Callable[[], Link], endpoint: str) -> None:
+    early = open_link(endpoint, 10.0)
+    early.live("alive/early")
+    mailbox: Mailbox[int | Presence] = Mailbox(("alive/early", "alive/late"), whole, 100)
+    watcher = links()
+    watcher.watch("alive/*", mailbox)
+    assert mailbox.get(10.0) == ("alive/early", Presence(True))
+    late = links()
+    late.live("alive/late")
+    assert mailbox.get(10.0) == ("alive/late", Presence(True))
+    assert early.close(10.0)
+    assert mailbox.get(10.0) == ("alive/early", Presence(False))
+
+
+def test_a_link_waits_for_its_router_and_finds_back_to_it() -> None:
+    where = free_endpoint()
+    waited: list[float] = []
+    routers: list[Link] = []
+
+    def waiting(waited_s: float) -> None:
+        waited.append(waited_s)
+        if not routers:
+            routers.append(open_router(where))
+
+    link = open_link(where, 30.0, waiting)
+    assert waited
+    assert link.connected
+    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    link.subscribe("t", mailbox)
+    routers.pop().close(10.0)
+    end = time.monotonic() + 20.0
+    while link.connected:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    routers.append(open_router(where))
+    other = open_link(where, 10.0)
+    assert reach(other.post("t"), mailbox, b"5") == ("t", 5)
+    assert link.connected
+    for closing in (link, other, routers[0]):
+        assert closing.close(10.0)
+
+
+def test_a_router_that_never_comes_is_given_up() -> None:
+    where = free_endpoint()
+    with pytest.raises(LinkDown, match=f"no router answers at {where}"):
+        open_link(where, 0.3)
+    with pytest.raises(LinkDown):
+        open_link(where, 60.0, stopped=lambda: True)
+
+
+def test_a_busy_port_and_a_foreign_address_are_said_in_one_line(endpoint: str) -> None:
+    with pytest.raises(LinkDown, match=f"^{endpoint}: the port is busy; choose another$"):
+        open_router(endpoint)
+    with pytest.raises(LinkDown, match=r"cannot listen there \([^()\n]+\)$"):
+        open_router("tcp/192.0.2.1:7447")

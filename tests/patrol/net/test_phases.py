@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import replace
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from patrol.net.phases import (
+    MAX_REPLY,
+    Hello,
+    HelloReply,
+    Malformed,
+    PhaseA,
+    PhaseB,
+    ReplyA,
+    ReplyB,
+    Stop,
+    ToRobot,
+    ToWorld,
+    decode_to_robot,
+    decode_to_world,
+    encode,
+)
+from patrol.pose import Drive, Pose, Velocity
+from patrol.radio.message import MAX_CONTACTS, MAX_FRAMES
+
+counts = st.integers(0, 2**31 - 1)
+ids = st.integers(0, 2**63 - 1)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+anything = st.floats(allow_nan=False)
+words = st.text("abcdefghij -", max_size=32)
+heads = (counts, ids, counts)
+pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
+
+to_robot: st.SearchStrategy[ToRobot] = st.one_of(
+    st.builds(Hello, *heads, ids),
+    st.builds(PhaseA, *heads, st.builds(Pose, finite, finite, finite), st.booleans(), pairs, finite),
+    st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple)),
+    st.builds(Stop, *heads, st.booleans(), words),
+)
+to_world: st.SearchStrategy[ToWorld] = st.one_of(
+    st.builds(HelloReply, *heads, ids, words, counts),
+    st.builds(ReplyA, *heads, st.lists(st.binary(max_size=100), max_size=MAX_FRAMES).map(tuple)),
+    st.builds(
+        ReplyB,
+        *heads,
+        st.builds(Drive, anything, anything) | st.builds(Velocity, anything, anything),
+        words,
+        st.none() | st.tuples(finite, finite),
+        finite,
+        ids,
+    ),
+)
+junk = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=80) | st.text(),
+    lambda inner: st.lists(inner, max_size=10) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=20,
+)
+
+
+@given(to_robot)
+def test_a_message_to_a_robot_comes_back_bit_for_bit(message: ToRobot) -> None:
+    assert decode_to_robot(encode(message)) == message
+
+
+@given(to_world)
+def test_a_message_to_the_world_comes_back_bit_for_bit(message: ToWorld) -> None:
+    assert decode_to_world(encode(message)) == message
+
+
+def test_negative_zero_survives() -> None:
+    reply = decode_to_world(encode(ReplyB(1, 2, 3, Drive(-0.0, 0.0), "patrolling", None, 0.0, 0)))
+    assert isinstance(reply, ReplyB)
+    assert isinstance(reply.command, Drive)
+    assert math.copysign(1.0, reply.command.speed) == -1.0
+
+
+def test_a_command_that_is_not_finite_is_for_the_world_to_refuse() -> None:
+    reply = decode_to_world(encode(ReplyB(1, 2, 3, Velocity(math.nan, math.inf), "x", None, 0.0, 0)))
+    assert isinstance(reply, ReplyB)
+    assert isinstance(reply.command, Velocity)
+    assert math.isnan(reply.command.vx)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_give_a_message_or_malformed(payload: bytes) -> None:
+    for decode in (decode_to_robot, decode_to_world):
+        try:
+            decode(payload)
+        except Malformed:
+            continue
+
+
+@given(st.integers(0, 4), st.lists(junk, max_size=12))
+def test_any_array_gives_a_message_or_malformed(kind: int, rest: list[object]) -> None:
+    payload = msgpack.packb([kind, *rest])
+    for decode in (decode_to_robot, decode_to_world):
+        try:
+            decode(payload)
+        except Malformed:
+            continue
+
+
+@given(to_robot, st.data())
+def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.DataObject) -> None:
+    payload = bytearray(encode(message))
+    place = data.draw(st.integers(0, len(payload) - 1))
+    with pytest.raises(Malformed):
+        decode_to_robot(bytes(payload[:place]))
+    with pytest.raises(Malformed):
+        decode_to_robot(bytes(payload) + b"\x00")
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"\xc1",
+        b"\x91" * 5000,
+        b"\xdd\xff\xff\xff\xff",
+        b"\xc6\xff\xff\xff\xff",
+        b"\xd6\xff\x00\x00\x00\x00",
+        msgpack.packb({"kind": 1}),
+        msgpack.packb([True, 1, 1, 0, 0]),
+        msgpack.packb([1, 1.0, 1, 0, b""]),
+        msgpack.packb([2, 1, 1, 0, [b"x" * 65]]),
+        msgpack.packb([2, 1, 1, 0, ["text"]]),
+        msgpack.packb([1, 1, 1, 0, [b"x"] * (MAX_FRAMES + 1)]),
+        msgpack.packb([1, 1, 1, 0, b"frame"]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0], 0.0]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0, math.nan], 0.0]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [], math.inf]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, []]),
+        msgpack.packb([1, 1, 1, 0, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1), 0.0]),
+        msgpack.packb([3, 1, 1, 0, True, "\x1b[2J"]),
+    ],
+)
+def test_hostile_bytes_are_malformed(payload: bytes) -> None:
+    with pytest.raises(Malformed):
+        decode_to_robot(payload)
+    with pytest.raises(Malformed):
+        decode_to_world(payload)
+
+
+def test_an_oversized_reply_is_malformed() -> None:
+    with pytest.raises(Malformed, match="at most"):
+        decode_to_world(encode(ReplyA(1, 1, 0, (bytes(MAX_REPLY),))))
+
+
+def test_a_pose_that_is_not_finite_is_malformed() -> None:
+    payload = encode(PhaseA(1, 1, 0, Pose(1.0, 2.0, 3.0), bumped=False))
+    with pytest.raises(Malformed):
+        decode_to_robot(payload.replace(struct.pack(">d", 2.0), struct.pack(">d", math.nan)))
+
+
+def test_a_long_reason_is_cut_to_what_fits() -> None:
+    stop = Stop(1, 1, 0, orderly=False, reason="x" * 5000)
+    assert decode_to_robot(encode(stop)) == replace(stop, reason="x" * 400)

@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from patrol.process.lifeline import CRASHED, INTERRUPTED, Ending
+
+CHILD = """
+import sys, threading
+from patrol.process.lifeline import heed, run_process
+
+def main():
+    ending = heed(int(sys.argv[1]) if sys.argv[1:2] != ["-"] else None)
+    print("ready", flush=True)
+    {work}
+    print(ending.reason, ending.times, flush=True)
+    return {code}
+
+run_process(main)
+"""
+
+
+def child(work: str = "ending.wait(60)", code: str = "0", lifeline: str = "-") -> subprocess.Popen[str]:
+    program = CHILD.format(work=work, code=code)
+    fds = [] if lifeline == "-" else [int(lifeline)]
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", program, lifeline],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        pass_fds=fds,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_asks_to_leave(number: signal.Signals) -> None:
+    process = child(code="7")
+    process.send_signal(number)
+    assert process.communicate(timeout=20)[0] == f"told to by {number.name} 1\n"
+    assert process.returncode == 7
+
+
+def test_the_end_of_the_lifeline_asks_to_leave() -> None:
+    reading, writing = os.pipe()
+    process = child(lifeline=str(reading))
+    os.close(reading)
+    os.close(writing)
+    assert process.communicate(timeout=20)[0] == "its launcher has died 1\n"
+    assert process.returncode == 0
+
+
+def test_who_does_not_leave_in_time_is_made_to() -> None:
+    reading, writing = os.pipe()
+    process = child(work="threading.Event().wait()", lifeline=str(reading))
+    os.close(reading)
+    os.close(writing)
+    process.communicate(timeout=20)
+    assert process.returncode == INTERRUPTED
+
+
+def test_a_stopped_process_notices_too() -> None:
+    """Its parent dies while it is stopped: the system continues it, and then it reads the lifeline's end."""
+    program = CHILD.format(work="ending.wait(60)", code="0")
+    parent = (
+        "import os, subprocess, sys\n"
+        "reading, writing = os.pipe()\n"
+        f"child = subprocess.Popen([sys.executable, '-P', '-c', {program!r}, str(reading)], pass_fds=[reading],\n"
+        "    start_new_session=True)\n"
+        "print(child.pid, flush=True)\n"
+        "sys.stdin.read()\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", parent], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    lines = {process.stdout.readline().strip(), process.stdout.readline().strip()}
+    pid = int(next(line for line in lines if line != "ready"))
+    os.kill(pid, signal.SIGSTOP)
+    process.kill()
+    assert process.communicate(timeout=20)[0] == "its launcher has died 1\n"
+
+
+def test_a_crash_is_printed_and_has_a_code_of_its_own() -> None:
+    process = child(work="raise RuntimeError('no')")
+    assert "RuntimeError: no" in process.communicate(timeout=20)[1]
+    assert process.returncode == CRASHED
+
+
+def test_threads_that_never_end_do_not_hold_up_the_end() -> None:
+    process = child(work="threading.Thread(target=threading.Event().wait).start()", code="3")
+    process.communicate(timeout=20)
+    assert process.returncode == 3
+
+
+def test_the_first_reason_counts() -> None:
+    ending = Ending()
+    assert not ending
+    assert not ending.wait(0.0)
+    ending.ask("one")
+    ending.ask("two")
+    assert ending
+    assert (ending.reason, ending.times) == ("one", 2)
+
+
+def test_waiting_for_a_path(tmp_path: Path) -> None:
+    ending = Ending()
+    assert ending.wait_for(tmp_path, 0.0)
+    assert not ending.wait_for(tmp_path / "none", 0.05)
+    ending.ask("now")
+    assert not ending.wait_for(tmp_path / "none", 60.0)

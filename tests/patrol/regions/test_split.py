@@ -1,0 +1,326 @@
+"""Regions against an independent geometry library: convex, disjoint, covering, and connected where bodies pass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import distance_transform_edt
+
+from patrol.errors import BadInput
+from patrol.ground.builtins import builtin_terrain
+from patrol.ground.fields import cspace_of, parts_of
+from patrol.ground.maps import read_terrain
+from patrol.ground.shapes import cover
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.prepare import Prepared, prepare
+from patrol.regions.split import RegionSplit, regions_by_hand, split_regions
+from patrol.scenario import load_scenario
+
+MAPS = Path(__file__).parents[4] / "shared" / "maps"
+YARDS = (
+    ((0, 0), (15.5, 0), (20, 48), (20, 88), (0, 88)),
+    ((24.5, 0), (40, 0), (40, 40), (35.5, 88), (20, 88), (20, 48)),
+    ((40, 0), (55.5, 0), (60, 48), (60, 88), (44.5, 88), (40, 40)),
+    ((64.5, 0), (80, 0), (80, 40), (75.5, 88), (60, 88), (60, 48)),
+    ((80, 0), (100, 0), (100, 88), (84.5, 88), (80, 40)),
+)
+
+
+def terrain_of(free: BoolGrid, point: float = 1.0) -> Terrain:
+    return Terrain("made", free, point)
+
+
+def check_split(terrain: Terrain, split: RegionSplit) -> None:
+    """Convex, disjoint, covering; all tolerances in points."""
+    polygons = [shapely.Polygon((np.array(polygon) - terrain.origin) / terrain.point) for polygon in split.polygons]
+    for polygon in polygons:
+        assert polygon.is_valid
+        assert shapely.Polygon(polygon.exterior).exterior.is_ccw
+        assert polygon.convex_hull.area - polygon.area < 1e-6
+    tree = shapely.STRtree(polygons)
+    for number, polygon in enumerate(polygons):
+        for other in tree.query(polygon):
+            if other < number:
+                assert polygon.intersection(polygons[other]).buffer(-1e-5).is_empty
+    assert np.array_equal(split.labels >= 0, terrain.free)
+    assert set(np.unique(split.labels[terrain.free])) == set(range(len(polygons)))
+    walls = distance_transform_edt(~terrain.free)
+    for number, polygon in enumerate(polygons):
+        rows, cols = np.nonzero(split.labels == number)
+        away = shapely.distance(polygon, shapely.points(cols + 0.5, rows + 0.5))
+        assert away.max() <= 1.2
+        assert np.count_nonzero(away > 1e-5) <= 3
+        west, south, east, north = (int(bound) for bound in polygon.bounds)
+        rows, cols = np.nonzero(walls[south : north + 1, west : east + 1])
+        inside = shapely.contains_xy(polygon, cols + west + 0.5, rows + south + 0.5)
+        assert walls[rows[inside] + south, cols[inside] + west].max(initial=0.0) <= 2.5
+
+
+def check_connections(terrain: Terrain, split: RegionSplit, body: BoolGrid) -> None:
+    """Connections lie where the body fits, on the border between their parts, and no border is forgotten."""
+    assert np.array_equal(split.parts >= 0, body & terrain.free)
+    parts, labels = split.parts.ravel(), split.labels.ravel()
+    for link in split.connections:
+        first, second = link.points
+        assert abs(first - second) in (1, terrain.width)
+        assert (parts[first], parts[second]) == link.parts
+        assert (labels[first], labels[second]) == link.regions
+        assert link.regions[0] != link.regions[1]
+        assert terrain.point_at(link.x, link.y) == divmod(first, terrain.width)
+    linked = {frozenset(link.parts) for link in split.connections}
+    for one, two in ((split.parts[:, 1:], split.parts[:, :-1]), (split.parts[1:], split.parts[:-1])):
+        meets = (one >= 0) & (two >= 0) & (one != two)
+        assert {frozenset(map(int, pair)) for pair in zip(one[meets], two[meets], strict=True)} <= linked
+
+
+def islands(split: RegionSplit) -> int:
+    """How many groups of parts the connections leave, counted the slow way."""
+    group = list(range(int(split.parts.max(initial=-1)) + 1))
+    for link in split.connections:
+        one, two = (group[part] for part in link.parts)
+        group = [one if each == two else each for each in group]
+    return len(set(group))
+
+
+@pytest.mark.parametrize("point", [0.1, 0.5])
+@pytest.mark.parametrize(("name", "most"), [("open", 1), ("yards", 5), ("clutter", 85), ("site", 50)])
+def test_builtin_terrains_split_into_few_regions(name: str, point: float, most: int) -> None:
+    if (name, point) == ("site", 0.1):
+        point = 0.2  # a quarter of the checking
+    terrain = builtin_terrain(name, point)
+    body = cspace_of(terrain, 1.0)
+    split = split_regions(terrain, body)
+    check_split(terrain, split)
+    check_connections(terrain, split, body)
+    assert len(split.polygons) <= most
+    assert islands(split) == parts_of(body)[1] == 1
+
+
+@pytest.mark.parametrize("point", [0.1, 0.2, 0.25, 0.3, 0.5, 1.0])
+def test_yards_are_the_papers_five(point: float) -> None:
+    terrain = builtin_terrain("yards", point)
+    split = split_regions(terrain, cspace_of(terrain, 1.0))
+    assert len(split.polygons) == 5
+    middles = sorted((round(link.x), round(link.y)) for link in split.connections)
+    for middle, expected in zip(middles, [(20, 68), (40, 20), (60, 68), (80, 20)], strict=True):
+        assert middle == pytest.approx(expected, abs=1.5)
+
+
+@pytest.mark.parametrize("name", ["cumberland", "example"])
+@pytest.mark.parametrize("point", [0.1, 0.5])
+def test_real_maps(name: str, point: float) -> None:
+    if not (MAPS / f"{name}.yaml").exists():
+        pytest.skip("the map is not here")
+    terrain = read_terrain(MAPS / f"{name}.yaml", point)
+    body = cspace_of(terrain, 0.3)
+    split = split_regions(terrain, body)
+    check_split(terrain, split)
+    check_connections(terrain, split, body)
+    assert len(split.polygons) <= 100
+    assert islands(split) == parts_of(body)[1]
+
+
+rectangles = st.lists(
+    st.tuples(st.integers(0, 45), st.integers(0, 45), st.integers(1, 18), st.integers(1, 18)), max_size=12
+)
+
+
+@settings(max_examples=60)
+@given(boxes=rectangles, solid=st.booleans(), shape=st.tuples(st.integers(1, 50), st.integers(1, 50)))
+def test_random_rectangles(boxes: list[tuple[int, int, int, int]], solid: bool, shape: tuple[int, int]) -> None:
+    free = np.full(shape, solid)
+    for row, col, height, width in boxes:
+        free[row : row + height, col : col + width] = not solid
+    terrain = terrain_of(free)
+    split = split_regions(terrain)
+    if free.any():
+        check_split(terrain, split)
+    check_connections(terrain, split, free)
+    assert islands(split) == parts_of(free)[1]
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_random_slanted_obstacles(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    free = np.ones((60, 70), dtype=np.bool_)
+    for _ in range(rng.integers(1, 7)):
+        turns = np.sort(rng.random(rng.integers(3, 7))) * 2 * np.pi
+        x, y, radius = rng.random(3) * (70, 60, 14) + (0, 0, 2)
+        corners = [(x + radius * np.cos(turn), y + radius * np.sin(turn)) for turn in turns]
+        free &= ~cover(corners, free.shape, 1.0, (0.0, 0.0))
+    terrain = terrain_of(free)
+    split = split_regions(terrain)
+    check_split(terrain, split)
+    assert islands(split) == parts_of(free)[1]
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 2**32 - 1), density=st.sampled_from([0.02, 0.1, 0.3, 0.5]))
+def test_noise_breaks_nothing(seed: int, density: float) -> None:
+    free = np.random.default_rng(seed).random((24, 31)) >= density
+    split = split_regions(terrain_of(free))
+    polygons = [shapely.Polygon(polygon) for polygon in split.polygons]
+    for number, polygon in enumerate(polygons):
+        assert polygon.convex_hull.area - polygon.area < 1e-6
+        assert all(polygon.intersection(other).buffer(-1e-5).is_empty for other in polygons[:number])
+    assert np.array_equal(split.labels >= 0, free)
+    assert islands(split) == parts_of(free)[1]
+
+
+def test_the_same_terrain_splits_the_same_way() -> None:
+    first, second = (split_regions(builtin_terrain("clutter", 0.5)) for _ in range(2))
+    assert first.polygons == second.polygons
+    assert first.connections == second.connections
+
+
+def test_too_broken_a_terrain_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("patrol.regions.MOST_CORNERS", 20)
+    with pytest.raises(BadInput, match=r"patrol.paths = regions: yards is too broken up.*choose wave"):
+        split_regions(builtin_terrain("yards", 0.5))
+
+
+def two_rooms(*doors: tuple[int, int]) -> Terrain:
+    """Two rooms of 10 x 8 m with a wall of one point between them, and doors in it, from row to row."""
+    free = np.ones((80, 201), dtype=np.bool_)
+    free[:, 100] = False
+    for low, high in doors:
+        free[low:high, 100] = True
+    return terrain_of(free, 0.1)
+
+
+def test_a_door_connects_only_bodies_that_fit_through() -> None:
+    terrain = two_rooms((30, 36))
+    split = split_regions(terrain)
+    narrow, wide = cspace_of(terrain, 0.2), cspace_of(terrain, 0.4)
+    assert [len(split.for_body(terrain, body).connections) for body in (narrow, wide)] == [1, 0]
+    link = split.for_body(terrain, narrow).connections[0]
+    assert (link.x, link.y) == pytest.approx((10.0, 3.3), abs=0.11)
+    assert split.for_body(terrain, wide).labels is split.labels
+
+
+def test_each_separate_stretch_of_a_border_has_its_connection() -> None:
+    terrain = two_rooms((10, 20), (50, 70))
+    west, east = ((0, 0), (10.05, 0), (10.05, 8), (0, 8)), ((10.05, 0), (20.1, 0), (20.1, 8), (10.05, 8))
+    split = regions_by_hand(terrain, [west, east])
+    assert [link.regions for link in split.connections] == [(0, 1), (0, 1)]
+    assert sorted(link.y for link in split.connections) == pytest.approx([1.5, 6.0], abs=0.11)
+
+
+def test_parts_of_a_region_that_a_body_cannot_join_are_told_apart() -> None:
+    terrain = two_rooms((30, 36))
+    split = regions_by_hand(terrain, [((0, 0), (20.1, 0), (20.1, 8), (0, 8))], cspace_of(terrain, 0.4))
+    assert len(split.polygons) == 1
+    assert split.parts.max() == 1
+    assert split.connections == ()
+
+
+# --- regions by hand -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("point", [0.1, 0.5])
+def test_regions_by_hand(point: float) -> None:
+    terrain = builtin_terrain("yards", point)
+    body = cspace_of(terrain, 1.0)
+    split = regions_by_hand(terrain, [YARDS[0], *(polygon[::-1] for polygon in YARDS[1:])], body)
+    assert np.array_equal(split.labels >= 0, terrain.free)
+    numbers = [split.labels[terrain.point_at(x, y)] for x, y in ((10, 44), (30, 44), (50, 44), (70, 44), (90, 44))]
+    assert sorted(numbers) == [0, 1, 2, 3, 4]
+    check_connections(terrain, split, body)
+    assert len(split.connections) == 4
+
+
+@pytest.mark.parametrize("name", ["yards", "clutter"])
+def test_what_was_found_can_be_given(name: str) -> None:
+    terrain = builtin_terrain(name, 0.5)
+    found = split_regions(terrain)
+    given_back = regions_by_hand(terrain, found.polygons)
+    assert len(given_back.polygons) == len(found.polygons)
+    assert np.count_nonzero(given_back.labels != found.labels) <= 0.002 * found.labels.size
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({0: YARDS[0][:2]}, "patrol.regions.0: has 2 corners; give at least 3"),
+        ({0: ((0, 37), (10, 37), (15, 37))}, "patrol.regions.0: covers less than one point"),
+        ({4: ((80, 0), (100, 0), (90, 40), (100, 88), (80, 40))}, "patrol.regions.4: is not convex at (90, 40); split"),
+        ({0: ((0, 0), (20, 88), (20, 0), (0, 88))}, "patrol.regions.0: its sides cross; list the corners in order"),
+        ({0: ((0, 0), (23, 0), (23, 88), (0, 88))}, "patrol.regions.1: overlaps region 0 by 3.00 m; move"),
+        ({2: ((157, 51), (196, 51), (196, 88))}, "patrol.regions.2: holds no free point of yards; correct or drop it"),
+        ({4: ((80, 0), (98, 0), (98, 88), (84.5, 88), (80, 40))}, "patrol.regions: 176.00 m2 of free ground lie in no"),
+    ],
+)
+def test_regions_by_hand_that_are_no_split(change: dict[int, tuple[tuple[float, float], ...]], problem: str) -> None:
+    polygons = [change.get(number, polygon) for number, polygon in enumerate(YARDS)]
+    with pytest.raises(BadInput) as caught:
+        regions_by_hand(builtin_terrain("yards", 0.5), polygons)
+    assert str(caught.value).startswith(problem)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_gap_is_told_with_its_place() -> None:
+    with pytest.raises(BadInput, match=r"m2 of them around \(70\.\d+, 4[34]\.\d+\); widen the regions or add one"):
+        regions_by_hand(builtin_terrain("yards", 0.5), [YARDS[0], YARDS[1], YARDS[2], YARDS[4]])
+
+
+def test_ground_that_no_body_gets_to_may_be_left_out() -> None:
+    terrain = two_rooms()
+    west = ((0, 0), (10, 0), (10, 8), (0, 8))
+    with pytest.raises(BadInput, match="in no region"):
+        regions_by_hand(terrain, [west])
+    body = cspace_of(terrain, 0.4)
+    body = body & (np.arange(terrain.width) < 100)
+    assert len(regions_by_hand(terrain, [west], body).polygons) == 1
+
+
+# --- in a scenario ---------------------------------------------------------------------------------------------------
+
+
+def test_a_scenario_is_prepared_with_a_split_for_each_body(tmp_path: Path) -> None:
+    scenario = load_scenario(
+        {
+            "terrain": {"builtin": "yards"},
+            "point": 0.5,
+            "robots": [{"radius": 1.0}, {"radius": 0.4, "model": "holonomic"}, {"radius": 1.0}],
+            "patrol": {"paths": "regions"},
+        }
+    )
+    prepared = prepare(scenario)
+    assert prepared.regions is not None
+    assert prepared.regions[1] is prepared.regions[3]
+    assert np.count_nonzero(prepared.regions[1].parts >= 0) < np.count_nonzero(prepared.regions[2].parts >= 0)
+    prepared.save(tmp_path / "static")
+    loaded = Prepared.load(scenario, tmp_path / "static").regions
+    assert loaded is not None
+    assert loaded[1] is loaded[3]
+    for number, split in prepared.regions.items():
+        assert loaded[number].polygons == split.polygons
+        assert loaded[number].connections == split.connections
+        assert np.array_equal(loaded[number].labels, split.labels)
+        assert np.array_equal(loaded[number].parts, split.parts)
+        assert not loaded[number].labels.flags.writeable
+
+
+def test_other_paths_need_no_regions(tmp_path: Path) -> None:
+    scenario = load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5})
+    prepared = prepare(scenario)
+    assert prepared.regions is None
+    assert prepared.regions_of(1) is None
+    prepared.save(tmp_path / "static")
+    assert Prepared.load(scenario, tmp_path / "static").regions is None
+
+
+def test_a_scenarios_own_regions_are_used_and_checked() -> None:
+    raw = {"terrain": {"builtin": "yards"}, "point": 0.5, "patrol": {"paths": "regions", "regions": YARDS}}
+    regions = prepare(load_scenario(raw)).regions
+    assert regions is not None
+    assert len(regions[1].polygons) == 5
+    assert any((20.0, 48.0) in polygon for polygon in regions[1].polygons)
+    with pytest.raises(BadInput, match="lie in no region"):
+        prepare(load_scenario({**raw, "patrol": {"paths": "regions", "regions": YARDS[:4]}}))

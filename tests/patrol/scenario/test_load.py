@@ -1,0 +1,334 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from patrol.errors import BadInput
+from patrol.pose import Pose, wrap
+from patrol.scenario import (
+    Scenario,
+    as_mapping,
+    dump_scenario,
+    load_scenario,
+    open_scenario,
+    parse_overrides,
+    scenario_hash,
+    scenario_schema,
+    with_spares,
+)
+
+YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
+DESIGNED = """
+name: yards-five
+terrain: {builtin: yards}        # or {map: path/to/map.yaml}, relative to this file
+point: 0.1                       # m, side of one point of the grid
+step: 0.5                        # s per tick
+duration: 5000                   # simulated s
+seed: 7
+pace: lockstep                   # lockstep | realtime | a factor of real time
+robots: {count: 5, model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5}
+sensor: {range: 10, angle: 360, line_of_sight: true, quality: 1.0}
+patrol:
+  policy: potential-field
+  fow: f3
+  distance: g4
+  alpha: 40
+  beta: 4000
+  length: 800
+  paths: wave
+  direction: mode
+  sectors: 8
+  dilatation: 5
+  avoidance: goal-refinement
+  separation: none
+  random_move: 0.1
+radio: {trail: 0, key: null, forget_after: 10}
+faults: []
+"""
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def write_map(folder: Path, origin: str = "[0, 0, 0]", pixels: bytes = b"\xff" * 16) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "hall.pgm").write_bytes(b"P5 4 4 255\n" + pixels)
+    keys = f"resolution: 0.5\norigin: {origin}\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    return write(folder / "hall.yaml", f"image: hall.pgm\n{keys}")
+
+
+# --- reading ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_defaults_are_those_of_the_designed_file(tmp_path: Path) -> None:
+    designed = load_scenario(write(tmp_path / "five.yaml", DESIGNED))
+    assert load_scenario({**YARDS, "name": "yards-five"}) == designed
+    assert designed.ticks == 10_000
+    assert designed.factor is None
+    assert [spec.name for spec in designed.roster] == ["r1", "r2", "r3", "r4", "r5"]
+
+
+def test_the_name_comes_from_the_file_or_the_terrain(tmp_path: Path) -> None:
+    assert load_scenario(write(tmp_path / "two yards!.yaml", "terrain: {builtin: yards}")).name == "two-yards"
+    assert load_scenario(write(tmp_path / "(ä).yaml", "terrain: {builtin: yards}")).name == "scenario"
+    assert load_scenario(YARDS).name == "yards"
+    assert load_scenario({"terrain": {"map": "maps/hall.yaml"}}).name == "hall"
+
+
+def test_a_group_makes_a_roster() -> None:
+    robots = {"count": 3, "model": "holonomic", "speed": 1, "starts": [[1, 2], [3, 4, 7]]}
+    roster = load_scenario({**YARDS, "robots": robots}).roster
+    assert [spec.number for spec in roster] == [1, 2, 3]
+    assert [spec.start for spec in roster] == [
+        Pose(1, 2, 0),
+        Pose(3, 4, wrap(7)),
+        None,
+    ]
+    assert {(spec.model, spec.speed, spec.radius) for spec in roster} == {("holonomic", 1.0, 1.0)}
+
+
+def test_a_list_makes_a_roster() -> None:
+    robots = [{"name": "scout", "radius": 0.3, "start": [5, 6]}, {"model": "holonomic"}, {"start": "random"}]
+    roster = load_scenario({**YARDS, "robots": robots}).roster
+    assert [(spec.name, spec.radius, spec.model) for spec in roster] == [
+        ("scout", 0.3, "car"),
+        ("r2", 1.0, "holonomic"),
+        ("r3", 1.0, "car"),
+    ]
+    assert [spec.start for spec in roster] == [Pose(5, 6, 0), None, None]
+
+
+def test_spare_robots_come_last_and_change_nothing_that_is_there_without_them() -> None:
+    plain = load_scenario({**YARDS, "robots": {"count": 3}})
+    spared = with_spares(plain, 2)
+    assert [spec.name for spec in spared.roster] == ["r1", "r2", "r3", "r4", "r5"]
+    assert spared.spares == {4, 5}
+    assert spared.roster[:3] == plain.roster
+    assert "spare" not in as_mapping(plain)["robots"]
+    assert load_scenario(as_mapping(spared)) == spared
+    assert scenario_hash(with_spares(plain, 0)) == scenario_hash(plain) != scenario_hash(spared)
+    listed = load_scenario({**YARDS, "robots": [{}, {"name": "extra", "spare": True}]})
+    assert listed.spares == {2}
+    with pytest.raises(BadInput, match=r"^--spare 1: scenario lists its robots; mark those that are to join as spare"):
+        with_spares(load_scenario({**YARDS, "name": "scenario", "robots": [{}]}), 1)
+
+
+@pytest.mark.parametrize(
+    ("robots", "problem"),
+    [
+        ({"count": 64_999, "spare": 2}, "there may be 65000 robots in all; give at most 1"),
+        ([{"spare": True}], "all of them are spare, so nobody patrols; take spare off one"),
+        ({"spare": -1}, "expected a whole number from 0 to 65000"),
+        ({"count": 1, "spare": 1, "starts": [[1, 1], [2, 2], [3, 3]]}, "3 starts for 2 robots"),
+    ],
+)
+def test_spare_robots_that_cannot_be(robots: Any, problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        load_scenario({**YARDS, "robots": robots})
+
+
+def test_sizes_are_of_the_robots_that_are_not_spare() -> None:
+    fault = {"kind": "kill", "at": 1, "who": {"count": 3}}
+    with pytest.raises(BadInput, match="there are 2 robots; give at most that"):
+        load_scenario({**YARDS, "robots": {"count": 2, "spare": 2}, "faults": [fault]})
+
+
+def test_paths_are_relative_to_the_file_and_absolute_once_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.yaml", "terrain: {map: maps/hall.yaml}\nradio: {key: fleet.key}")
+    monkeypatch.chdir(tmp_path.parent)
+    scenario = load_scenario(Path(tmp_path.name) / path.name)
+    assert scenario.terrain.map == str(tmp_path / "maps/hall.yaml")
+    assert scenario.radio.key == str(tmp_path / "fleet.key")
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario({"terrain": {"map": "maps/hall.yaml"}}).terrain.map == scenario.terrain.map
+
+
+@pytest.mark.parametrize(("pace", "factor"), [("lockstep", None), ("realtime", 1.0), (2, 2.0), (0.5, 0.5)])
+def test_a_pace_is_lockstep_or_a_factor(pace: object, factor: float | None) -> None:
+    assert load_scenario({**YARDS, "pace": pace}).factor == factor
+
+
+def test_a_scenario_cannot_be_changed() -> None:
+    scenario = load_scenario(YARDS)
+    with pytest.raises(ValidationError):
+        scenario.seed = 3  # type: ignore[misc]
+    assert load_scenario(as_mapping(scenario)) == scenario
+    assert hash(scenario) == hash(load_scenario(YARDS))
+
+
+def test_reading_leaves_the_callers_mapping_alone() -> None:
+    raw = {"terrain": {"builtin": "yards"}, "robots": [{"speed": 1}]}
+    before = json.dumps(raw)
+    load_scenario(raw, {"robots.0.speed": "2", "patrol.alpha": 3})
+    assert json.dumps(raw) == before
+
+
+# --- overrides -------------------------------------------------------------------------------------------------------
+
+
+def test_overrides_replace_single_fields() -> None:
+    scenario = load_scenario(
+        {**YARDS, "robots": {"count": 5, "speed": 2}, "sensor": {"range": 20}},
+        {
+            "patrol.dilatation": "0",
+            "sensor.range": "12",
+            "robots.count": "3",
+            "pace": "realtime",
+            "radio.forget_after": 7.5,
+        },
+    )
+    assert (scenario.patrol.dilatation, scenario.sensor.range, scenario.pace) == (0.0, 12.0, "realtime")
+    assert [spec.speed for spec in scenario.roster] == [2.0, 2.0, 2.0]
+    assert scenario.radio.forget_after == 7.5
+
+
+def test_overrides_are_read_as_yaml() -> None:
+    scenario = load_scenario(
+        YARDS,
+        {"robots.starts": "[[1, 2], [3, 4, 0]]", "sensor": "{range: 5, line_of_sight: false}", "patrol.beta": "4e3"},
+    )
+    assert [spec.start for spec in scenario.roster][:2] == [Pose(1, 2, 0), Pose(3, 4, 0)]
+    assert (scenario.sensor.range, scenario.sensor.line_of_sight, scenario.patrol.beta) == (5.0, False, 4000.0)
+
+
+def test_overrides_reach_one_entry_of_a_list_or_all() -> None:
+    raw = {**YARDS, "robots": [{"name": "a"}, {"name": "b"}]}
+    assert [spec.speed for spec in load_scenario(raw, {"robots.0.speed": "2"}).roster] == [2.0, 4.4]
+    assert [spec.speed for spec in load_scenario(raw, {"robots.speed": "2"}).roster] == [2.0, 2.0]
+    assert [spec.name for spec in load_scenario(raw, {"robots.1": "{name: c}"}).roster] == ["a", "c"]
+    later = load_scenario(raw, {"robots.speed": "2", "robots.1.speed": "3"})
+    assert [spec.speed for spec in later.roster] == [2.0, 3.0]
+
+
+def test_settings_of_the_command_line_become_overrides() -> None:
+    settings = ["a.b=1", "c = x=y", "d=", "a.b=2"]
+    assert list(parse_overrides(settings).items()) == [("c", " x=y"), ("d", ""), ("a.b", "2")]
+    for wrong in ("a.b", "=1", ""):
+        with pytest.raises(BadInput, match="expected FIELD=VALUE"):
+            parse_overrides([wrong])
+
+
+# --- opening what the command line names -----------------------------------------------------------------------------
+
+
+def test_a_builtin_a_map_and_a_scenario_can_be_opened(tmp_path: Path) -> None:
+    assert open_scenario("yards", {"seed": "3"}) == load_scenario({**YARDS, "seed": 3})
+    hall = write_map(tmp_path)
+    assert open_scenario(str(hall)).terrain.map == str(hall)
+    assert open_scenario(str(hall)).name == "hall"
+    path = write(tmp_path / "mine.yaml", "terrain: {map: hall.yaml}")
+    assert open_scenario(str(path)).terrain.map == str(hall)
+
+
+def test_what_cannot_be_opened_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"yrads: no such scenario or map file.*did you mean yards\?"):
+        open_scenario("yrads")
+    with pytest.raises(BadInput, match="is an image; give the map's YAML"):
+        open_scenario(str(tmp_path / "hall.pgm"))
+    with pytest.raises(BadInput, match="is a folder"):
+        open_scenario(str(tmp_path))
+
+
+# --- writing ---------------------------------------------------------------------------------------------------------
+
+LONG = {
+    **YARDS,
+    "name": "1e3",
+    "pace": 2,
+    "robots": [{"name": "on", "start": [1, 2.5]}, {"name": "007", "radius": 0.3, "model": "holonomic"}],
+    "sensor": {"quality": [[1, 1], [10, 0.25]]},
+    "radio": {"key": "keys/a fleet: #1 'ä'.key"},
+}
+LONG["terrain"] = {"builtin": "site", "keep_out": [[[0, 0], [1.5, 0], [0, 1e-7]]]}
+
+
+@pytest.mark.parametrize("raw", [YARDS, LONG, {"terrain": {"map": "~/maps/a b.yaml"}, "robots": {"starts": [[1, 2]]}}])
+def test_a_dump_loads_back_equal(raw: dict[str, Any], tmp_path: Path) -> None:
+    scenario = load_scenario(raw)
+    for n, text in enumerate((dump_scenario(scenario), json.dumps(as_mapping(scenario)))):
+        assert load_scenario(write(tmp_path / f"{n}.yaml", text)) == scenario
+    assert dump_scenario(load_scenario(tmp_path / "0.yaml")) == dump_scenario(scenario)
+
+
+def test_a_dump_says_the_same_to_any_yaml_reader() -> None:
+    import yaml
+
+    scenario = load_scenario(LONG)
+    assert load_scenario(yaml.safe_load(dump_scenario(scenario))) == scenario
+
+
+def test_a_dump_has_one_field_a_line_with_its_unit() -> None:
+    lines = dump_scenario(load_scenario(LONG)).splitlines()
+    assert "point: 0.1                       # m, side of one point of the grid" in lines
+    assert "  dilatation: 5.0                # m, half-width of the window that spreads staleness; 0: none" in lines
+    assert any(
+        line.startswith("  - {model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5, name: 'on', ") for line in lines
+    )
+
+
+def test_the_schema_knows_every_field_and_its_unit() -> None:
+    schema = scenario_schema()
+    assert set(schema["properties"]) == set(Scenario.model_fields)
+    assert schema["required"] == ["terrain"]
+    assert schema["additionalProperties"] is False
+    for definition in [schema, *schema["$defs"].values()]:
+        assert all(field.get("description") for field in definition["properties"].values())
+    json.dumps(schema, allow_nan=False)
+
+
+# --- the hash --------------------------------------------------------------------------------------------------------
+
+
+def test_the_hash_is_of_the_meaning(tmp_path: Path) -> None:
+    reference = scenario_hash(load_scenario(write(tmp_path / "five.yaml", DESIGNED)))
+    backwards = "\n".join(reversed(["seed: 7", "point: 0.10", "terrain:\n  builtin: yards", "name: other"]))
+    assert scenario_hash(load_scenario(write(tmp_path / "other.yaml", backwards))) == reference
+    assert scenario_hash(load_scenario({**YARDS, "robots": [{}] * 5})) == reference
+    assert scenario_hash(load_scenario({**YARDS, "robots": [{"name": f"r{n}"} for n in range(1, 6)]})) == reference
+
+
+@pytest.mark.parametrize(
+    "field",
+    ["seed=8", "point=0.2", "pace=realtime", "robots.count=4", "robots.starts=[[1,2]]", "radio.key=a", "patrol.fow=f4"],
+)
+def test_the_hash_changes_with_the_meaning(field: str) -> None:
+    assert scenario_hash(load_scenario(YARDS, parse_overrides([field]))) != scenario_hash(load_scenario(YARDS))
+
+
+def test_a_map_enters_the_hash_by_its_content(tmp_path: Path) -> None:
+    def digest(**other: Any) -> str:
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        return scenario_hash(open_scenario(str(write_map(folder, **other))))
+
+    reference = digest()
+    assert digest() == reference
+    assert digest(origin="[0.0, 0.0, 0]") == reference
+    assert digest(origin="[1, 0, 0]") != reference
+    assert digest(pixels=b"\x00" + b"\xff" * 15) != reference
+
+
+def test_without_its_map_a_scenario_has_no_hash(tmp_path: Path) -> None:
+    hall = write_map(tmp_path)
+    scenario = open_scenario(str(hall))
+    (tmp_path / "hall.pgm").unlink()
+    with pytest.raises(BadInput, match=r"hall\.yaml: image = .*hall\.pgm: cannot be read"):
+        scenario_hash(scenario)
+    hall.unlink()
+    with pytest.raises(BadInput, match=r"hall\.yaml: no such file"):
+        scenario_hash(scenario)
+
+
+def test_the_hash_is_the_same_in_another_process() -> None:
+    code = "from patrol.scenario.load import *; print(scenario_hash(load_scenario({'terrain': {'builtin': 'yards'}})))"
+    env = {**os.environ, "PYTHONHASHSEED": "12345"}
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=env)
+    assert told.stdout.strip() == scenario_hash(load_scenario(YARDS))

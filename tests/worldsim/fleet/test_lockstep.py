@@ -1,0 +1,402 @@
+"""Seats, lockstep and pace against scripted robots and a clock of the test's own."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pytest
+
+from patrol.errors import BadInput
+from patrol.journal import Status
+from patrol.net.keys import FleetKeys
+from patrol.net.link import Presence
+from patrol.net.phases import (
+    ANYONE,
+    NO_RUN,
+    PROTOCOL,
+    Hello,
+    HelloReply,
+    PhaseA,
+    PhaseB,
+    ReplyA,
+    ReplyB,
+    Stop,
+    ToRobot,
+    ToWorld,
+    decode_to_robot,
+)
+from patrol.pose import Pose, Velocity
+from worldsim.fleet.lockstep import LockstepFleet
+from worldsim.fleet.paced import PacedFleet
+from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Missing, Seats, Wire
+from worldsim.world import Report
+
+KEYS = FleetKeys("f")
+NAMES = {1: "r1", 2: "r2", 3: "r3"}
+RUN, HASH = 9, "c" * 64
+REPORTS = {number: Report(Pose(float(number), 0.0, 0.0), bumped=False) for number in NAMES}
+
+
+class Net:
+    """Robots that answer at once unless told otherwise, and time that passes only while somebody waits."""
+
+    def __init__(self) -> None:
+        self.time = 1000.0
+        self.refused: Counter[str] = Counter()
+        self.letters: deque[tuple[float, str, Any]] = deque()
+        self.sent: list[tuple[int, ToRobot]] = []
+        self.delays: dict[tuple[int, int, str], float] = {}
+        self.mute: set[int] = set()
+        self.connected = True
+        self.ending = False
+        self.wire = Wire(
+            KEYS,
+            NAMES,
+            {number: self.post_of(number) for number in NAMES},
+            self,
+            lambda: self.connected,
+            lambda: self.time,
+            lambda: self.ending,
+        )
+        self.seats = Seats(self.wire, RUN, HASH)
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
+        due = sorted(self.letters, key=lambda letter: letter[0])
+        if due and due[0][0] <= self.time + timeout_s:
+            self.letters.remove(due[0])
+            self.time = max(self.time, due[0][0])
+            return due[0][1:]
+        self.time += timeout_s
+        return None
+
+    def deliver(self, number: int, message: ToWorld, after_s: float = 0.0) -> None:
+        self.letters.append((self.time + after_s, KEYS.reply(NAMES[number]), message))
+
+    def presence(self, number: int, present: bool, after_s: float = 0.0) -> None:
+        self.letters.append((self.time + after_s, KEYS.alive(NAMES[number]), Presence(present)))
+
+    def post_of(self, number: int) -> Callable[[bytes], None]:
+        def post(payload: bytes) -> None:
+            message = decode_to_robot(payload)
+            self.sent.append((number, message))
+            if number not in self.mute:
+                self.answer(number, message)
+
+        return post
+
+    def answer(self, number: int, message: ToRobot) -> None:
+        me = (1, 70 + number, message.k)
+        if isinstance(message, Hello):
+            self.deliver(number, HelloReply(1, 70 + number, 0, message.run, HASH))
+        elif isinstance(message, PhaseA):
+            self.deliver(number, ReplyA(*me, (b"frame",)), self.delays.pop((number, message.k, "A"), 0.001))
+        elif isinstance(message, PhaseB):
+            reply = ReplyB(*me, Velocity(float(message.k), 0.0), "patrolling", None, 2.0, 0)
+            self.deliver(number, reply, self.delays.pop((number, message.k, "B"), 0.001))
+        else:
+            self.presence(number, False)
+
+    def gather(self) -> None:
+        for number in NAMES:
+            self.presence(number, True)
+        self.seats.gather(10.0, lambda _names, _s: None)
+
+    def told(self, kind: type[ToRobot], number: int) -> list[ToRobot]:
+        return [message for to, message in self.sent if to == number and isinstance(message, kind)]
+
+
+def fleet_of(net: Net, deadline_s: float = 10.0) -> LockstepFleet:
+    net.gather()
+    return LockstepFleet(net.seats, deadline_s)
+
+
+def heard(numbers: Sequence[int] = (1, 2, 3)) -> dict[int, list[bytes]]:
+    return {number: [b"x"] for number in numbers}
+
+
+# --- gathering -------------------------------------------------------------------------------------------------------
+
+
+def test_robots_are_greeted_when_they_come() -> None:
+    net = Net()
+    for number, after_s in ((3, 0.0), (1, 4.0), (2, 8.0)):
+        net.presence(number, True, after_s)
+    waited: list[list[str]] = []
+    net.seats.gather(60.0, lambda names, _s: waited.append(names))
+    assert waited == [["r2"]]
+    assert [number for number, message in net.sent if isinstance(message, Hello)] == [3, 1, 2]
+    assert all(message.instance == ANYONE for _, message in net.sent)
+
+
+def test_who_does_not_come_is_named() -> None:
+    net = Net()
+    net.presence(1, True)
+    with pytest.raises(Missing, match="nobody came for r2, r3 within 10 s"):
+        net.seats.gather(10.0, lambda _names, _s: None)
+
+
+def test_a_hello_is_repeated_to_those_who_are_there() -> None:
+    net = Net()
+    net.mute = {2}
+    for number in NAMES:
+        net.presence(number, True)
+    with pytest.raises(Missing, match="r2"):
+        net.seats.gather(5.0, lambda _names, _s: None)
+    assert 4 <= len(net.told(Hello, 2)) <= 8
+    assert len(net.told(Hello, 1)) == 1
+
+
+@pytest.mark.parametrize(
+    ("reply", "problem"),
+    [
+        (HelloReply(1, 5, 0, RUN, "d" * 64), "r1 was started with another scenario"),
+        (HelloReply(1, 5, 0, RUN, HASH, PROTOCOL + 1), "r1 speaks protocol"),
+    ],
+)
+def test_a_robot_that_means_something_else_is_bad_input(reply: HelloReply, problem: str) -> None:
+    net = Net()
+    net.deliver(1, reply)
+    with pytest.raises(BadInput, match=problem):
+        net.seats.gather(5.0, lambda _names, _s: None)
+
+
+def test_an_answer_to_another_world_takes_no_seat() -> None:
+    net = Net()
+    net.deliver(1, HelloReply(1, 5, 0, RUN + 1, HASH))
+    with pytest.raises(Missing):
+        net.seats.gather(1.0, lambda _names, _s: None)
+    assert net.refused["stranger"] == 1
+
+
+def test_who_asks_for_a_greeting_gets_one_or_is_turned_away() -> None:
+    net = Net()
+    net.deliver(1, HelloReply(1, 71, 0, NO_RUN, HASH))
+    net.seats.take(0.0)
+    assert len(net.told(Hello, 1)) == 1
+    net.gather()
+    net.deliver(1, HelloReply(1, 99, 0, NO_RUN, HASH))
+    net.seats.take(0.0)
+    (stop,) = net.told(Stop, 1)
+    assert isinstance(stop, Stop)
+    assert (stop.instance, stop.orderly) == (99, False)
+    assert "r1 already" in stop.reason
+
+
+# --- lockstep --------------------------------------------------------------------------------------------------------
+
+
+def test_a_tick_takes_everybodys_answers() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    assert fleet.phase_a(0, REPORTS) == dict.fromkeys(NAMES, (b"frame",))
+    replies = fleet.phase_b(0, heard())
+    assert list(replies) == [1, 2, 3]
+    assert fleet.lost() == []
+    assert net.told(PhaseA, 2) == [PhaseA(1, 72, 0, Pose(2.0, 0.0, 0.0), False)]
+    assert net.told(PhaseB, 2) == [PhaseB(1, 72, 0, (b"x",))]
+
+
+def test_answers_of_other_ticks_phases_and_processes_do_not_count() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.mute = {1}
+    net.deliver(1, ReplyA(1, 71, 4, (b"old",)))
+    net.deliver(1, ReplyA(1, 99, 5, (b"stranger",)))
+    net.deliver(1, ReplyA(2, 71, 5, (b"other incarnation",)))
+    net.deliver(1, ReplyB(1, 71, 5, Velocity(0.0, 0.0), "patrolling", None, 1.0, 0))
+    net.deliver(1, ReplyA(1, 71, 5, (b"mine",)), 0.5)
+    assert fleet.phase_a(5, REPORTS) == {1: (b"mine",), 2: (b"frame",), 3: (b"frame",)}
+    assert net.refused["stranger"] == 2
+
+
+def test_whoever_has_not_answered_is_asked_again() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.delays[2, 1, "B"] = 3.5
+    fleet.phase_b(1, heard())
+    assert [len(net.told(PhaseB, number)) for number in NAMES] == [1, 2, 1]  # the second was answered at once
+
+
+def test_a_pause_below_the_deadline_only_takes_time() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.mute = {2}
+    net.deliver(2, ReplyA(1, 72, 3, (b"late",)), 9.0)
+    assert fleet.phase_a(3, REPORTS)[2] == (b"late",)
+    assert len(net.told(PhaseA, 2)) == 9
+    assert fleet.lost() == []
+
+
+def test_who_misses_the_deadline_is_lost_and_told_so_whenever_it_asks() -> None:
+    net = Net()
+    fleet = fleet_of(net, deadline_s=5.0)
+    net.mute = {2}
+    began = net.time
+    assert list(fleet.phase_a(3, REPORTS)) == [1, 3]
+    assert 5.0 <= net.time - began < 6.0
+    assert list(fleet.phase_b(3, heard((1, 3)))) == [1, 3]
+    assert fleet.lost() == [(2, Status.LOST, "no answer in phase A of tick 3 for 5 s")]
+    assert fleet.lost() == []
+    net.deliver(2, HelloReply(1, 72, 3, RUN, HASH))
+    fleet.phase_a(4, {number: REPORTS[number] for number in (1, 3)})
+    stops = net.told(Stop, 2)
+    assert [stop.reason for stop in stops if isinstance(stop, Stop)] == [
+        "left out: no answer in phase A of tick 3 for 5 s"
+    ] * 2
+
+
+def test_the_first_tick_may_take_longer() -> None:
+    net = Net()
+    fleet = fleet_of(net, deadline_s=5.0)
+    net.mute = {2}
+    net.deliver(2, ReplyA(1, 72, 0, (b"slow start",)), 30.0)
+    assert fleet.phase_a(0, REPORTS)[2] == (b"slow start",)
+
+
+def test_a_pause_of_the_world_itself_is_nobodys_death() -> None:
+    net = Net()
+    fleet = fleet_of(net, deadline_s=5.0)
+    net.mute = {2}
+    get = net.get
+
+    def get_after_a_long_sleep(timeout_s: float = 0.0) -> tuple[str, Any] | None:
+        net.time += 3600.0 + 0.0 * timeout_s
+        net.get = get  # type: ignore[method-assign]
+        return None
+
+    net.get = get_after_a_long_sleep  # type: ignore[method-assign]
+    net.deliver(2, ReplyA(1, 72, 3, (b"here",)), 3601.0)
+    assert fleet.phase_a(3, REPORTS)[2] == (b"here",)
+
+
+def test_a_token_that_goes_ends_the_wait_early() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.mute = {2}
+    net.presence(2, False, 0.2)
+    began = net.time
+    assert list(fleet.phase_a(3, REPORTS)) == [1, 3]
+    assert GRACE_S <= net.time - began < 1.5
+    assert fleet.lost() == [(2, Status.LOST, "its process was gone in phase A of tick 3")]
+
+
+def test_tokens_that_go_with_the_router_come_back() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.mute = {1, 2, 3}
+    net.connected = False
+    for number in NAMES:
+        net.presence(number, False)
+        net.presence(number, True, 4.0)
+        net.deliver(number, ReplyA(1, 70 + number, 3, (b"back",)), 4.5)
+    assert fleet.phase_a(3, REPORTS) == dict.fromkeys(NAMES, (b"back",))
+    assert fleet.lost() == []
+
+
+def test_who_does_not_find_back_to_the_router_is_lost() -> None:
+    net = Net()
+    fleet = fleet_of(net, deadline_s=60.0)
+    net.mute = {2}
+    net.connected = False
+    net.presence(2, False)
+    net.seats.take(0.0)
+    assert net.seats.gone([1, 2]) == []
+    net.connected = True
+    began = net.time
+    assert list(fleet.phase_a(3, REPORTS)) == [1, 3]
+    assert net.time - began >= RECOVERY_S - 1.0
+
+
+def test_an_interrupted_world_stops_waiting() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.mute = {2}
+    net.ending = True
+    with pytest.raises(Interrupted):
+        fleet.phase_a(3, REPORTS)
+
+
+def test_at_the_end_everybody_is_sent_home() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    fleet.finish(7)
+    for number in NAMES:
+        assert net.told(Stop, number) == [Stop(1, 70 + number, 7, True, "the run is over")]
+
+
+def test_the_end_does_not_wait_for_ever() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.mute = {1, 2, 3}
+    began = net.time
+    fleet.finish(7)
+    assert net.time - began < 3.0
+    assert len(net.told(Stop, 1)) >= 2
+
+
+# --- at a pace -------------------------------------------------------------------------------------------------------
+
+
+def test_the_world_keeps_to_the_clock() -> None:
+    net = Net()
+    net.gather()
+    fleet = PacedFleet(net.seats, 0.5)
+    began = net.time
+    for k in range(4):
+        assert fleet.phase_a(k, REPORTS) == dict.fromkeys(NAMES, (b"frame",))
+        assert net.time - began == pytest.approx(0.5 * k + 0.1)
+        replies = fleet.phase_b(k, heard())
+        assert net.time - began == pytest.approx(0.5 * (k + 1))
+        assert all(reply is not None and reply.command == Velocity(float(k), 0.0) for reply in replies.values())
+    assert fleet.notes() == {"late_frames": {}, "too_late": {}, "late_commands": {}, "slipped_s": 0.0}
+
+
+def test_late_frames_are_lost_and_late_commands_count_where_they_come() -> None:
+    net = Net()
+    net.gather()
+    fleet = PacedFleet(net.seats, 0.5)
+    net.delays = {(1, 0, "A"): 0.2, (2, 0, "B"): 0.6, (3, 0, "B"): 0.45, (3, 1, "B"): 0.1}
+    assert fleet.phase_a(0, REPORTS) == {1: (), 2: (b"frame",), 3: (b"frame",)}
+    first = fleet.phase_b(0, heard())
+    assert first[1] is not None
+    assert (first[2], first[3]) == (None, None)
+    net.mute = {2}
+    fleet.phase_a(1, REPORTS)
+    second = fleet.phase_b(1, heard())
+    assert second[2] is not None
+    assert second[2].command == Velocity(0.0, 0.0)  # of tick 0
+    assert second[3] is not None
+    assert second[3].command == Velocity(1.0, 0.0)  # its own beats the late one
+    assert fleet.lost() == []
+    notes = fleet.notes()
+    assert notes["late_frames"] == {1: 1, 2: 1}
+    assert notes["too_late"] == {1: 1}
+    assert notes["late_commands"] == {2: 2, 3: 1}
+
+
+def test_a_world_that_falls_behind_gives_up_on_catching_up() -> None:
+    net = Net()
+    net.gather()
+    fleet = PacedFleet(net.seats, 0.5)
+    fleet.phase_a(0, REPORTS)
+    fleet.phase_b(0, heard())
+    net.time += 5.0
+    began = net.time
+    fleet.phase_a(1, REPORTS)
+    fleet.phase_b(1, heard())
+    assert net.time - began == pytest.approx(0.5)
+    assert fleet.slipped_s == pytest.approx(5.0)
+
+
+def test_at_a_pace_only_a_lost_token_loses_a_robot() -> None:
+    net = Net()
+    net.gather()
+    fleet = PacedFleet(net.seats, 0.5)
+    net.mute = {1, 2}
+    net.presence(2, False)
+    for k in range(30):
+        fleet.phase_a(k, REPORTS)
+        fleet.phase_b(k, heard())
+    assert fleet.lost() == [(2, Status.LOST, "its process was gone")]

@@ -1,0 +1,126 @@
+"""The summary: what summary.json says, from the journal alone."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from patrol.journal import Status, trace_hash
+from patrol.scenario import load_scenario, scenario_hash
+from worldsim.output.record import MemoryJournal, lower_bound
+from worldsim.output.summary import summarise
+from worldsim.verdict.judge import judge
+
+if TYPE_CHECKING:
+    from tests.worldsim.conftest import Lab
+    from worldsim.world import World
+
+
+def summary_of(world: World, journal: MemoryJournal, wall_s: float | None = 2.0) -> dict[str, Any]:
+    return summarise(journal, judge(journal, {}, world.prepared), wall_s)
+
+
+def test_the_summary_has_what_it_promises(lab: Lab) -> None:
+    world = lab.patrol(ticks=20)
+    journal = lab.run(world)
+    summary = summary_of(world, journal)
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert summary["scenario_hash"] == scenario_hash(world.scenario)
+    assert summary["trace_hash"] == trace_hash(journal.ticks)
+    assert (summary["ticks"], summary["simulated_s"], summary["realtime_factor"]) == (20, 10.0, 5.0)
+    assert summary["mfow_mean_s"] == np.mean([record.mfow for record in journal.ticks]) * 0.5
+    assert summary["mfow_max_s"] == max(record.mfow for record in journal.ticks) * 0.5
+    assert summary["fog_mean_s"] == pytest.approx(np.mean([record.fog_mean for record in journal.ticks]) * 0.5)
+    assert summary["patrolled_area_m2"] == np.count_nonzero(lab.room.free) * 0.25
+    assert summary["seen_share"] == journal.records[-1].seen / np.count_nonzero(lab.room.free)
+    assert (summary["point_m"], summary["sensor_range_m"]) == (0.5, 3.0)
+    assert summary["verdict"]["valid"] is True
+    assert {"name", "ok", "detail", "judged"} == set(summary["verdict"]["checks"][0])
+
+
+def test_robots_are_summed_up(lab: Lab) -> None:
+    world = lab.patrol(ticks=20)
+    summary = summary_of(world, lab.run(world))
+    assert list(summary["robots"]) == ["r1", "r2", "r3", "r4"]
+    for body in world.bodies.values():
+        facts = summary["robots"][body.spec.name]
+        assert facts["distance_m"] == pytest.approx(body.distance_m)
+        assert facts["collisions"] == body.collisions
+        assert (facts["decisions"], facts["missed"], facts["dead_end_share"]) == (20, 0, 0.25)
+        assert facts["decision_ms_p50"] == facts["decision_ms_p99"] == float(body.spec.number)
+        assert (facts["sent"], facts["delivered"], facts["dropped"], facts["rejected"]) == (60, 60, 0, 0)
+        assert facts["refused_commands"] == 0
+    assert sum(facts["distance_m"] for facts in summary["robots"].values()) > 0
+
+
+def test_messages_are_counted_once_per_receiver(lab: Lab) -> None:
+    world = lab.patrol(ticks=20)
+    journal = lab.run(world, lab.fleet(world, killed={9: (3, Status.DEAD)}))
+    summary = summary_of(world, journal)
+    messages = summary["messages"]
+    assert messages["frames"] == 4 * 10 + 3 * 10
+    assert messages["sent"] == 3 * messages["frames"] == messages["delivered"] + messages["dropped"]
+    assert messages["dropped_by_cause"] == {"receiver dead": 30}
+    length = sum(len(frame) for record in journal.ticks for _, frame in record.frames)
+    assert messages["bytes_per_robot_s"] == length / (70 * 0.5)
+    assert summary["robots"]["r3"]["status"] == "dead"
+    assert summary["robots"]["r3"]["decisions"] == 10
+    assert messages["delivered"] == sum(len(record.deliveries) for record in journal.ticks)
+    assert messages["dropped"] == sum(len(record.dropped) for record in journal.ticks)
+
+
+def test_commands_that_made_no_sense_are_counted_by_robot(lab: Lab) -> None:
+    world = lab.patrol(ticks=20)
+    journal = lab.run(world)
+    for k in (3, 4, 11):
+        robots = list(journal.records[k].robots)
+        robots[2] = replace(robots[2], refused=True)
+        journal.records[k] = replace(journal.records[k], robots=tuple(robots))
+    counts = {name: facts["refused_commands"] for name, facts in summary_of(world, journal)["robots"].items()}
+    assert counts == {"r1": 0, "r2": 0, "r3": 3, "r4": 0}
+
+
+def test_a_robot_that_is_lost_at_the_very_end_is_called_lost(lab: Lab) -> None:
+    world = lab.patrol(ticks=5)
+    summary = summary_of(world, lab.run(world, lab.fleet(world, silent={(4, 4, "B")})))
+    assert summary["robots"]["r4"]["status"] == "lost"
+    assert summary["robots"]["r4"]["missed"] == 1
+
+
+def test_a_run_cut_off_before_its_first_tick_has_a_summary(lab: Lab) -> None:
+    world = lab.patrol(ticks=5)
+    journal = lab.run(world, stop=lambda: True)
+    journal.end = None
+    summary = summary_of(world, journal, wall_s=None)
+    assert (summary["ticks"], summary["mfow_mean_s"], summary["realtime_factor"]) == (0, None, None)
+    assert summary["verdict"]["outcome"] == "unknown"
+
+
+def test_the_bound_is_that_of_the_formula() -> None:
+    roster = load_scenario({"terrain": {"builtin": "open"}, "robots": {"count": 3, "model": "holonomic"}}).roster
+    area = 100.0 * 88.0
+    expected = (area / 3 - math.pi * 100.0) / (2 * 10.0 * 4.4)
+    assert lower_bound(area, roster, 10.0) == pytest.approx(expected)
+    assert lower_bound(area, roster, 10.0) == pytest.approx(29.8, abs=0.05)
+    slower = [replace(spec, speed=spec.speed / 2) for spec in roster]
+    assert lower_bound(area, slower, 10.0) == pytest.approx(2 * expected)
+    assert lower_bound(500.0, roster, 10.0) == 0.0
+
+
+def test_the_longest_stay_is_the_longest_time_within_a_metre_of_a_place_alive(lab: Lab) -> None:
+    world = lab.patrol(ticks=20)
+    journal = lab.run(world)
+    for k in range(20):
+        robots = list(journal.records[k].robots)
+        robots[0] = replace(robots[0], x=2.0 * k, y=5.0)
+        robots[1] = replace(robots[1], x=5.0 + (0.9 if k % 2 else 0.0) + (3.0 if k > 13 else 0.0), y=5.0)
+        robots[2] = replace(robots[2], x=7.0, y=7.0, status=Status.PAUSED if k == 8 else Status.ALIVE)
+        robots[3] = replace(robots[3], x=0.3 * k, y=9.0)
+        journal.records[k] = replace(journal.records[k], robots=tuple(robots))
+    stays = {name: facts["longest_stay_s"] for name, facts in summary_of(world, journal)["robots"].items()}
+    assert stays == {"r1": 0.0, "r2": 13 * 0.5, "r3": 10 * 0.5, "r4": 3 * 0.5}

@@ -1,0 +1,184 @@
+"""What the world makes of robots that hear each other directly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import pytest
+
+from patrol.errors import BadInput
+from patrol.journal import End, Header
+from patrol.net.keys import FleetKeys
+from patrol.net.link import Mailbox
+from patrol.net.telemetry import Traffic
+from patrol.pose import Pose
+from patrol.prepare import prepare
+from patrol.radio.message import Position, encode
+from patrol.scenario import load_scenario
+from worldsim.output.record import COMPLETED, MemoryJournal, header_of
+from worldsim.radio.overheard import LAST_WORDS_S, DirectLinks, Ear, as_measured
+from worldsim.world import World
+
+KEYS = FleetKeys("f")
+NUMBERS = {"r1": 1, "r2": 2}
+
+
+class Scene:
+    """An ear, what reaches it, and a clock that waiting moves on."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.positions: Mailbox[bytes] = Mailbox([KEYS.position(name) for name in NUMBERS], bytes, 64)
+        self.telemetry = Waiting(self)
+        self.ear = Ear(KEYS, NUMBERS, self.positions, self.telemetry, lambda: self.time)
+
+    def send(self, robot: str, *frames: bytes) -> None:
+        for frame in frames:
+            self.positions.put(KEYS.position(robot), frame)
+
+    def say(self, robot: str, *, incarnation: int = 1, final: bool = True, sent: int = 10, **heard: int) -> None:
+        self.telemetry.put(KEYS.telemetry(robot), Traffic(incarnation, sent, heard, 1, final))
+
+
+class Waiting(Mailbox[Traffic]):
+    """A mailbox in which waiting passes the time of the test's clock."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__([KEYS.telemetry(name) for name in NUMBERS], lambda _payload: pytest.fail("undecoded"), 0, 1)
+        self._scene = scene
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Traffic] | None:
+        arrived = super().get()
+        self._scene.time += 0.0 if arrived else timeout_s
+        return arrived
+
+
+def position(number: int, k: int) -> bytes:
+    return encode(Position.of(number, k, k * 0.5, Pose(1.0, 2.0, 0.0)))
+
+
+def contact(k: int) -> bytes:
+    return encode(Position.of_contact(k, k * 0.5, 3.0, 4.0))
+
+
+def test_the_world_overhears_the_frames_of_its_tick() -> None:
+    scene = Scene()
+    scene.send("r1", position(1, 7), contact(7))
+    scene.send("r2", position(2, 6))
+    assert scene.ear.overhear(7) == {1: [position(1, 7), contact(7)]}
+    assert scene.ear.overhear(8) == {}
+    assert scene.ear.missed == {2: 1}
+
+
+def test_a_robots_position_is_the_first_and_only_one_of_its_frames() -> None:
+    scene = Scene()
+    scene.send("r1", contact(7), position(1, 7), position(1, 7), b"junk")
+    assert scene.ear.overhear(7) == {1: [position(1, 7)]}
+    assert scene.ear.missed == {1: 3}
+
+
+def test_what_robots_say_of_their_radio_adds_up_over_their_processes() -> None:
+    scene = Scene()
+    scene.say("r1", sent=10, r2=3)
+    scene.ear.overhear(0)
+    scene.say("r1", incarnation=2, sent=5, r2=1, stranger=99)
+    scene.ear.overhear(1)
+    scene.say("r1", sent=1000, r2=1000)  # the process that is no more
+    scene.say("r2", sent=20, r1=8)
+    said = scene.ear.notes()["direct"]["said"]
+    assert said["r1"] == {"sent": 15, "heard": {"r2": 4}, "refused": 2, "final": True}
+    assert said["r2"] == {"sent": 20, "heard": {"r1": 8}, "refused": 1, "final": True}
+    assert scene.time == 0.0
+
+
+def test_the_world_waits_a_moment_for_last_words() -> None:
+    scene = Scene()
+    scene.say("r1", final=False)
+    notes = scene.ear.notes()["direct"]
+    assert list(notes["said"]) == ["r1"]
+    assert not notes["said"]["r1"]["final"]
+    assert scene.time == pytest.approx(LAST_WORDS_S)
+
+
+def direct(**more: object) -> Mapping[str, Any]:
+    robots = {"count": 2, "model": "holonomic"}
+    values = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 2.0, "robots": robots, "pace": 1.0}
+    return {**values, "radio": {"via": "direct"}, **more}
+
+
+@pytest.fixture(scope="module")
+def header() -> Header:
+    return header_of(World(prepare(load_scenario(direct()))))
+
+
+@pytest.fixture
+def ended(header: Header) -> Callable[..., MemoryJournal]:
+    def make(said: Mapping[str, Any]) -> MemoryJournal:
+        journal = MemoryJournal(header)
+        journal.write(End(COMPLETED, "", {"direct": {"said": said, "missed": {"r1": 0, "r2": 1}}}))
+        return journal
+
+    return make
+
+
+def says(sent: int, *, final: bool = True, **heard: int) -> dict[str, Any]:
+    return {"sent": sent, "heard": heard, "refused": 0, "final": final}
+
+
+def test_links_are_measured_and_not_judged(ended: Callable[..., MemoryJournal]) -> None:
+    journal = ended({"r1": says(10, r2=15), "r2": says(20, r1=8)})
+    check = DirectLinks(journal).check()
+    assert check.ok
+    assert "not judged" in check.detail
+    assert "23 of 30" in check.detail
+    facts = {"sent": 0, "delivered": 0, "dropped": 0}
+    robots = {"r1": facts, "r2": facts}
+    summary = as_measured({"messages": {"frames": 29, "rejected": 0}, "robots": robots}, journal)
+    assert summary["direct"] == {
+        "links": {"r2 to r1": {"sent": 20, "heard": 15}, "r1 to r2": {"sent": 10, "heard": 8}},
+        "heard_share": 23 / 30,
+        "missed": {"r1": 0, "r2": 1},
+        "unsaid": [],
+    }
+    assert summary["robots"]["r2"] == {"sent": 20, "delivered": 15, "dropped": None, "in_flight": None}
+    assert summary["messages"]["dropped"] is None
+
+
+def test_a_robot_that_has_said_nothing_is_named(ended: Callable[..., MemoryJournal]) -> None:
+    journal = ended({"r1": says(10, r2=15)})
+    assert DirectLinks(journal).check().ok
+    summary = as_measured({"messages": {}, "robots": {}}, journal)["direct"]
+    assert summary["links"] == {}
+    assert summary["heard_share"] is None
+    assert summary["unsaid"] == ["r2"]
+
+
+def test_nobody_can_have_heard_more_than_was_sent(ended: Callable[..., MemoryJournal]) -> None:
+    check = DirectLinks(ended({"r1": says(10, r2=21), "r2": says(20, r1=8)})).check()
+    assert not check.ok
+    assert check.detail == "r1 heard 21 frames of r2, which sent 20"
+    killed = ended({"r1": says(10, r2=21), "r2": says(20, final=False, r1=8)})
+    assert DirectLinks(killed).check().ok, "what a killed robot sent last it could not say"
+
+
+def test_the_world_carries_nothing() -> None:
+    world = World(prepare(load_scenario(direct())))
+    world.begin_tick()
+    frames = {number: [position(number, 0)] for number in (1, 2)}
+    assert world.exchange(frames) == {1: [], 2: []}
+    record = world.end_tick({})
+    assert [source for source, _ in record.frames] == [1, 2]
+    assert record.deliveries == ()
+    assert record.dropped == ()
+
+
+def test_lockstep_has_no_direct_radio() -> None:
+    with pytest.raises(BadInput, match=r"radio\.via.*pace is lockstep; set pace"):
+        load_scenario(direct(pace="lockstep"))
+
+
+def test_an_ethers_faults_need_an_ether() -> None:
+    loss = {"kind": "loss", "rate": 0.5}
+    with pytest.raises(BadInput, match=r"faults\.1.*: loss befalls frames of an ether"):
+        load_scenario(direct(faults=[{"kind": "drift", "who": "one", "bias": [1, 0]}, loss]))

@@ -1,0 +1,285 @@
+"""An operator's controls on a world in this process: when they act, what they leave, and the same trace again."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from experiments.inprocess import InProcessFleet, mind_maker, run_in_process
+from patrol.errors import BadInput
+from patrol.journal.records import Status, TickRecord
+from patrol.net.phases import FIRST_INCARNATION
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import load_scenario, scenario_hash
+from patrol.scenario.controls import OPERATOR, Answer, amended, in_force, prepared_as_operated, read_control
+from patrol.scenario.copying import FILE, keep_scenario
+from worldsim.fleet.loop import run_ticks
+from worldsim.operator import Asked, Operator
+from worldsim.output.record import MemoryJournal, Recorder, header_of
+from worldsim.requests import TIMELINE, keep_timeline
+from worldsim.verdict.judge import judge
+from worldsim.world import World
+
+SMALL: dict[str, Any] = {
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "duration": 20,
+    "patrol": {"dilatation": 0.0},
+    "robots": 4 * [{}],
+    "faults": [{"kind": "loss", "rate": 0.2, "at": 2}, {"kind": "leave", "who": "r4", "at": 3}],
+}
+
+
+class Hour:
+    """A clock that only waiting moves."""
+
+    def __init__(self) -> None:
+        self.s = 0.0
+
+    def __call__(self) -> float:
+        return self.s
+
+
+class Script:
+    """A desk at which controls come before given ticks."""
+
+    def __init__(self, hour: Hour, controls: Mapping[int, list[dict[str, Any]]]) -> None:
+        self.world: World | None = None
+        self.answers: list[tuple[int, Answer]] = []
+        self.waited: deque[float] = deque()
+        self._hour = hour
+        self._controls = {k: deque(asked) for k, asked in controls.items()}
+
+    def get(self, timeout_s: float) -> Asked | None:
+        assert self.world is not None
+        k = self.world.tick
+        if self._controls.get(k):
+            control: Any = self._controls[k].popleft()
+            try:
+                control = read_control(control)
+            except BadInput as bad:
+                control = bad
+            return Asked(control, lambda answer: self.answers.append((k, answer)))
+        self._hour.s += timeout_s
+        return None
+
+
+class Rests:
+    """Counts how often nothing was due."""
+
+    def __init__(self) -> None:
+        self.times = 0
+        self.steps: list[float] = []
+
+    def rest(self) -> None:
+        self.times += 1
+
+    def hasten(self, step_s: float) -> None:
+        self.steps.append(step_s)
+
+
+def run(
+    prepared: Prepared, controls: Mapping[int, list[dict[str, Any]]], *, handy: bool = True, ticks: int = 10**9
+) -> tuple[MemoryJournal, Script, Rests, list[float]]:
+    """Run a world to its end under these controls; also the time of each tick."""
+    hour, rests = Hour(), Rests()
+    desk = Script(hour, controls)
+    world = desk.world = World(prepared, operated=True)
+    make = mind_maker(prepared)
+    fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in world.living}, make)
+    journal = MemoryJournal(header_of(world))
+    recorder = Recorder(journal, world.scenario.spares)
+    times: list[float] = []
+
+    def on_tick(record: TickRecord) -> None:
+        recorder.tick(record)
+        times.append(hour.s)
+
+    operator = Operator(world, rests, desk, hour, handy=handy)
+    stop = lambda: hour.s > 1000.0 or world.tick >= ticks  # noqa: E731
+    recorder.end(run_ticks(world, fleet, on_tick, recorder.event, stop, fleet, operator))
+    return journal, desk, rests, times
+
+
+EVERYTHING: dict[int, list[dict[str, Any]]] = {
+    5: [{"do": "fault", "fault": {"kind": "kill", "who": "r2", "wreck": "removed"}}],
+    8: [{"do": "fault", "fault": {"kind": "loss", "rate": 0.9}, "instead": "f1"}, {"do": "pace", "factor": 5}],
+    9: [
+        {"do": "fault", "fault": {"kind": "join", "who": "r4"}},
+        {"do": "fault", "fault": {"kind": "restart", "who": "r2", "at": 1.2}},
+        {"do": "intruder", "place": [30, 30], "stay": 3},
+    ],
+    14: [{"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 2.0}, "for": 3}}],
+    15: [{"do": "fault", "fault": {"kind": "delay", "delay": {"exponential": 1.0}}}, {"do": "pace", "factor": None}],
+    17: [{"do": "fault", "fault": {"kind": "pause", "who": "r1", "id": "nap"}}],
+    18: [
+        {"do": "fault", "fault": {"kind": "loss", "id": "slid", "rate": 1.0}},
+        {"do": "fault", "fault": {"kind": "loss", "rate": 0.5, "mean_burst": 3}, "instead": "slid"},
+    ],
+    21: [{"do": "heal", "id": "nap"}, {"do": "heal", "id": "op6"}],
+    22: [{"do": "fault", "fault": {"kind": "silence", "who": "minority", "direction": "in", "for": 4}}],
+    23: [{"do": "fault", "fault": {"kind": "drift", "who": "half", "noise": 0.4}}],
+    24: [{"do": "fault", "fault": {"kind": "bandwidth", "bytes_per_s": 40}}, {"do": "step", "ticks": 3}],
+    27: [{"do": "fault", "fault": {"kind": "kill", "who": "one"}}, {"do": "go"}],
+}
+
+
+def test_all_that_an_operator_does_is_judged_and_gives_the_same_trace_again() -> None:
+    prepared = prepare(load_scenario(SMALL))
+    journal, desk, rests, _ = run(prepared, EVERYTHING)
+    assert [answer.text for _, answer in desk.answers if not answer.done] == []
+    assert rests.times == 0  # whoever holds the ticks for no time keeps nobody waiting
+    verdict = judge(journal, {}, prepared)
+    assert verdict.valid, verdict.failed
+    again = run_in_process(prepared_as_operated(prepared, journal.events), threads=1)
+    assert again.verdict.valid, again.verdict.failed
+    assert journal.end is not None
+    assert again.journal.end is not None
+    assert again.journal.end.trace_hash == journal.end.trace_hash
+    theirs = [event for event in journal.events if event.kind != OPERATOR]
+    assert tuple(theirs) == again.journal.events
+    without = run_in_process(prepared)
+    assert without.journal.end is not None
+    assert without.journal.end.trace_hash != journal.end.trace_hash
+
+
+def test_a_verdict_that_knows_nothing_of_the_operator_is_invalid() -> None:
+    prepared = prepare(load_scenario(SMALL))
+    journal, *_ = run(prepared, EVERYTHING)
+    journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
+    assert {check.name for check in judge(journal, {}, prepared).failed} >= {"statuses", "radio"}
+
+
+def test_ticks_are_held_stepped_and_paced_without_changing_the_trace() -> None:
+    prepared = prepare(load_scenario(SMALL))
+    untouched, *_ = run(prepared, {})
+    manner: dict[int, list[dict[str, Any]]] = {
+        4: [{"do": "pause"}, {"do": "step", "ticks": 2}],
+        6: [{"do": "pace", "factor": 0.5}, {"do": "go"}],
+    }
+    journal, desk, rests, times = run(prepared, manner)
+    assert journal.end == untouched.end
+    assert all(answer.done for _, answer in desk.answers)
+    assert times[5] == times[0] == 0.0
+    assert [round(later - sooner, 6) for sooner, later in pairwise(times[6:])] == [1.0] * 33
+    assert rests.steps == [1.0]
+
+
+def test_a_held_world_waits_until_it_is_told_to_stop() -> None:
+    prepared = prepare(load_scenario(SMALL))
+    journal, _, rests, times = run(prepared, {4: [{"do": "pause"}]})
+    assert len(times) == 4
+    assert rests.times > 100
+    assert journal.end is not None
+    assert journal.end.reason == "interrupted"
+    assert judge(journal, {}, prepared).valid
+
+
+REFUSED: dict[str, dict[str, Any]] = {
+    "no robot r9": {"do": "fault", "fault": {"kind": "kill", "who": "r9"}},
+    "r1 cannot join": {"do": "fault", "fault": {"kind": "join", "who": "r1"}},
+    "there is no such fault": {"do": "heal", "id": "f7"},
+    "has not begun": {"do": "heal", "id": "f1"},
+    "happens at once": {"do": "heal", "id": "f2"},
+    "are remembered": {"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 5000.0}}},
+    "rename one": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "id": "f1"}},
+    "would never happen": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "at": 40}},
+    "seconds from now": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "at": -1}},
+    "from 0 to 1": {"do": "fault", "fault": {"kind": "loss", "rate": 1.1}},
+    "did you mean loss": {"do": "fault", "fault": {"kind": "los", "rate": 1.0}},
+    "did you mean pause": {"do": "pause_"},
+    "expected [x, y]": {"do": "intruder", "place": "here"},
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_what_cannot_be_is_refused_and_leaves_no_trace(why: str) -> None:
+    prepared = prepare(load_scenario(SMALL))
+    journal, desk, *_ = run(prepared, {1: [REFUSED[why]]}, ticks=3)
+    ((_, answer),) = desk.answers
+    assert not answer.done
+    assert why in answer.text
+    assert answer.text.startswith("control: ")
+    assert not [event for event in journal.events if event.kind == OPERATOR]
+
+
+def test_robots_that_nobody_here_started_are_not_killed() -> None:
+    prepared = prepare(load_scenario(SMALL))
+    kill = {"do": "fault", "fault": {"kind": "kill", "who": "r1"}}
+    _, desk, *_ = run(prepared, {1: [kill]}, handy=False, ticks=3)
+    assert "were not started" in desk.answers[0][1].text
+
+
+def test_what_an_operator_has_asked_for_is_in_force_until_it_ends() -> None:
+    scenario = load_scenario(SMALL)
+    silence = {"do": "fault", "fault": {"kind": "silence", "id": "hush", "who": "r1"}}
+    for control in (silence, {"do": "fault", "fault": {"kind": "loss", "id": "fade", "rate": 0.4, "for": 2}}):
+        scenario, _ = amended(scenario, 6, read_control(control))
+    scenario, _ = amended(scenario, 6, read_control({"do": "fault", "fault": {"kind": "pause", "who": "r2"}}))
+
+    def ids(k: int) -> list[str]:
+        return [fault["id"] for fault in in_force(scenario, k, len(SMALL["faults"]))]
+
+    assert [ids(k) for k in (5, 6, 9, 10)] == [[], ["hush", "fade"], ["hush", "fade"], ["hush"]]
+    assert [fault["kind"] for fault in in_force(scenario, 10)] == ["loss", "silence"]
+    scenario, _ = amended(scenario, 12, read_control({"do": "heal", "id": "hush"}))
+    assert ids(11) == ["hush"]
+    assert ids(12) == []
+
+
+def test_a_fault_that_is_replaced_before_it_has_acted_never_acts() -> None:
+    """A loss that is moved while the run is paused: the last one counts."""
+    scenario = load_scenario(SMALL)
+    for name, rate, instead in (("a", 0.5, None), ("b", 0.3, "a"), ("c", 0.1, "b")):
+        control = {"do": "fault", "fault": {"kind": "loss", "id": name, "rate": rate}, "instead": instead}
+        scenario, _ = amended(scenario, 8, read_control(control))
+    own = len(SMALL["faults"])
+    assert [fault["rate"] for fault in in_force(scenario, 8, own)] == [0.1]
+    assert [fault.id for fault in scenario.faults[own:]] == ["a", "b", "c"], "places go into draws"
+    scenario, _ = amended(scenario, 8, read_control({"do": "heal", "id": "c"}))
+    assert not in_force(scenario, 8, own)
+
+
+def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
+    faults = [
+        {"kind": "loss", "rate": 0.2, "at": 2},
+        {"kind": "spoof", "as": "all", "payload": "random", "at": 3, "for": 3},
+        {"kind": "kill", "who": "one", "at": 14},
+    ]
+    prepared = prepare(load_scenario({**SMALL, "robots": {"count": 3, "spare": 2}, "faults": faults}))
+    unasked, *_ = run(prepared, {})
+    journal, desk, *_ = run(prepared, {5: [{"do": "fault", "fault": {"kind": "join", "who": "r5"}}]})
+    assert [answer.done for _, answer in desk.answers] == [True]
+    there = [row.status for row in journal.records[-1].robots]
+    assert sorted(there[:3]) == [Status.ALIVE, Status.ALIVE, Status.DEAD]
+    assert there[3:] == [Status.ABSENT, Status.ALIVE]
+    assert len({(row.x, row.y) for record in journal.records[6:] for row in record.robots[4:]}) > 5
+    again = run_in_process(prepared_as_operated(prepared, journal.events), threads=1)
+    assert again.verdict.valid, again.verdict.failed
+    assert again.journal.end == journal.end
+    without = run_in_process(prepare(load_scenario({**SMALL, "robots": {"count": 3}, "faults": faults})), threads=1)
+    assert without.journal.end == unasked.end
+
+
+def test_a_timeline_moves_with_the_folder_that_has_its_map(tmp_path: Path) -> None:
+    Image.new("L", (30, 20), 254).save(tmp_path / "plan.png")
+    (tmp_path / "plan.yaml").write_text(
+        "image: plan.png\nresolution: 1.0\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2\n",
+        encoding="utf-8",
+    )
+    scenario = load_scenario({"terrain": {"map": str(tmp_path / "plan.yaml")}, "robots": {"count": 1}})
+    out = tmp_path / "out"
+    out.mkdir()
+    keep_scenario(scenario, out)
+    keep_timeline(out, scenario)
+    for gone in ("plan.png", "plan.yaml"):
+        (tmp_path / gone).unlink()
+    out.rename(tmp_path / "moved")
+    again = load_scenario(tmp_path / "moved" / TIMELINE)
+    assert scenario_hash(again) == scenario_hash(load_scenario(tmp_path / "moved" / FILE))

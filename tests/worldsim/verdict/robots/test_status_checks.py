@@ -1,0 +1,201 @@
+"""The verdict on faults that befall robots: planned ones pass, and every check can fail."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from patrol.journal import Event, RobotTick, Status
+from worldsim.fleet.acts import LOOKED_AT
+from worldsim.fleet.process_control import STOPPED, UNSEEN
+from worldsim.output.record import MemoryJournal
+from worldsim.verdict.judge import judge
+
+if TYPE_CHECKING:
+    from tests.worldsim.conftest import Lab
+    from worldsim.world import World
+
+TICKS = 16
+DISC = {"model": "holonomic", "radius": 0.4}
+STARTS = [(3.0, 3.0, 0.0), (7.0, 11.0, 0.0), (14.0, 4.0, 0.0)]
+FAULTS = [
+    {"kind": "kill", "who": "r2", "at": 2.0, "wreck": "removed"},
+    {"kind": "restart", "who": "r2", "at": 5.0},
+    {"kind": "pause", "who": "r1", "at": 3.0, "for": 1.5},
+    {"kind": "join", "who": "r3", "at": 1.0},
+    {"kind": "leave", "who": "r3", "at": 6.0},
+]
+"""r2 is dead over ticks 4 to 9, r1 paused over 6 to 8, r3 there over 2 to 11."""
+
+Run = tuple[MemoryJournal, "World"]
+
+
+@pytest.fixture
+def run(lab: Lab) -> Run:
+    world = lab.world([DISC] * 3, STARTS, duration=0.5 * TICKS, faults=FAULTS)
+    return lab.run(world, lab.fleet(world, seed=world.scenario.seed, seen=STOPPED)), world
+
+
+def failures(run: Run, exits: dict[str, int | None] | None = None) -> dict[str, str]:
+    """The details of the checks that failed, by name; the trace is not of interest here."""
+    verdict = judge(run[0], exits or {}, run[1].prepared)
+    return {check.name: check.detail for check in verdict.failed if check.name != "trace"}
+
+
+EXITS: dict[str, int | None] = {"the world": 0, "r1": 0, "r2": -9, "r2 (2)": 0, "r3": 0}
+
+
+def alter(run: Run, k: int, number: int, **fields: Any) -> None:
+    """Change one robot's row in one tick."""
+    record = run[0].records[k]
+    robots = tuple(replace(row, **fields) if row.number == number else row for row in record.robots)
+    run[0].records[k] = replace(record, robots=robots)
+
+
+def row(run: Run, k: int, number: int) -> RobotTick:
+    return run[0].records[k].robots[number - 1]
+
+
+def test_what_was_planned_is_valid(run: Run) -> None:
+    verdict = judge(run[0], EXITS, run[1].prepared)
+    assert verdict.valid, verdict.failed
+    details = {check.name: check.detail for check in verdict.checks}
+    assert details["statuses"] == "6 changes as planned"
+    assert details["exit codes"] == "4 processes ended with 0, 1 were killed as planned"
+    assert details["the down are silent"] == "over 15 ticks of robots"
+    assert details["the paused stand still"] == "2 times they were seen to"
+
+
+@pytest.mark.parametrize(
+    ("k", "number", "status", "says"),
+    [
+        (4, 2, Status.ALIVE, "r2 is alive at tick 4 and dead by the faults"),
+        (10, 2, Status.DEAD, "r2 is dead at tick 10 and alive by the faults"),
+        (3, 1, Status.DEAD, "r1 is dead at tick 3 and alive by the faults"),
+        (7, 1, Status.DEAD, "r1 is dead at tick 7 and paused by the faults"),
+        (1, 3, Status.ALIVE, "r3 is alive at tick 1 and absent by the faults"),
+        (12, 3, Status.ALIVE, "r3 is alive at tick 12 and left by the faults"),
+    ],
+)
+def test_another_status_than_planned_fails(run: Run, k: int, number: int, status: Status, says: str) -> None:
+    alter(run, k, number, status=status)
+    assert failures(run)["statuses"] == says
+
+
+def test_who_appears_where_another_stands_fails(lab: Lab) -> None:
+    faults = [{"kind": "kill", "who": "r1", "at": 0.0}, {"kind": "join", "who": "r2", "at": 1.0}]
+    world = lab.world([DISC] * 2, [(3.0, 3.0, 0.0), (3.1, 3.0, 0.0)], duration=4.0, faults=faults)
+    run = lab.run(world), world
+    assert failures(run) == {}
+    alter(run, 5, 2, status=Status.ALIVE)
+    found = failures(run)
+    assert found["statuses"] == "r2 is alive at tick 5 and absent by the faults"
+    assert found["bodies apart"].startswith("r1 and r2 overlap at tick 5")
+
+
+def test_at_a_pace_a_robot_may_come_late_but_not_early(lab: Lab) -> None:
+    faults = [{"kind": "join", "who": "r3", "at": 2.0}]
+    world = lab.world([DISC] * 3, STARTS, duration=0.5 * TICKS, pace=10, faults=faults)
+    run = lab.run(world, lab.fleet(world, late={3: 9})), world
+    assert failures(run) == {}
+    alter(run, 3, 3, status=Status.ALIVE)
+    assert failures(run)["statuses"] == "r3 is alive at tick 3 and absent by the faults"
+
+
+def test_a_removed_wreck_may_be_driven_over_and_one_that_stays_may_not(run: Run) -> None:
+    there = row(run, 8, 1)
+    for k in range(8, 10):
+        alter(run, k, 2, x=there.x, y=there.y)
+    assert "bodies apart" not in failures(run)
+    alter(run, 3, 2, x=row(run, 3, 1).x, y=row(run, 3, 1).y)
+    assert failures(run)["bodies apart"].startswith("r1 and r2 overlap at tick 3")
+
+
+def test_who_comes_back_elsewhere_than_at_its_start_fails(run: Run) -> None:
+    for k in range(10, TICKS):
+        alter(run, k, 2, x=row(run, k, 2).x + 0.5)
+    assert failures(run)["moves"].startswith("r2 is at (7.5, 11.0; 0.0 rad) and not at (7.0, 11.0; 0.0 rad)")
+
+
+@pytest.mark.parametrize(("k", "number", "status"), [(5, 2, "dead"), (7, 1, "paused"), (0, 3, "absent")])
+def test_the_down_neither_send_hear_nor_decide(run: Run, k: int, number: int, status: str) -> None:
+    record = run[0].records[k]
+    frame = next(frame for _, frame in record.frames)
+    variants = {
+        "sends": replace(record, frames=(*record.frames, (number, frame))),
+        "hears": replace(record, deliveries=(*record.deliveries, (2 if number != 2 else 3, number, k))),
+    }
+    for what, changed in variants.items():
+        run[0].records[k] = changed
+        assert failures(run)["the down are silent"] == f"r{number} is {status} at tick {k} and {what}"
+    run[0].records[k] = record
+    alter(run, k, number, decision_ms=3.0)
+    assert failures(run)["the down are silent"] == f"r{number} is {status} at tick {k} and decides"
+
+
+@pytest.mark.parametrize(
+    ("exits", "says"),
+    [
+        ({"r2": 0}, "r2 ended with 0, not with -9 as planned"),
+        ({"r2": -9, "r2 (2)": -9}, "r2 (2) ended with -9"),
+        ({"r1": -9}, "r1 ended with -9"),
+        ({"r3": 130}, "r3 ended with 130"),
+        ({"the world": -9}, "the world ended with -9"),
+        ({"r2": None}, "r2 did not end, not with -9 as planned"),
+    ],
+)
+def test_a_process_that_ends_otherwise_than_planned_fails(run: Run, exits: dict[str, int | None], says: str) -> None:
+    assert failures(run, EXITS | exits) == {"exit codes": says}
+
+
+@pytest.mark.parametrize("name", ["r1", "r2", "r2 (2)", "r3"])
+def test_a_process_of_which_nobody_knows_how_it_ended_fails(run: Run, name: str) -> None:
+    """A launcher that forgets a process it killed, started again, or started at the beginning."""
+    told = {other: code for other, code in EXITS.items() if other != name}
+    assert failures(run, told) == {"exit codes": f"nobody knows how {name} ended"}
+
+
+def test_how_a_lost_or_belated_process_ends_says_nothing(run: Run) -> None:
+    assert failures(run, EXITS | {"r2 (3)": 130, "r3 (2)": 130}) == {}
+    run[0].events += (Event(TICKS, "lost", 1, "its process was gone"),)
+    assert list(failures(run, EXITS | {"r1": 1})) == ["nobody lost"]
+    assert list(failures(run, {name: code for name, code in EXITS.items() if name != "r1"})) == ["nobody lost"]
+
+
+def seen(run: Run, *details: str, k: int = 6) -> None:
+    """What was seen of r1 when it was paused, or at tick 9 when that ended."""
+    events = [event for event in run[0].events if (event.kind, event.k) != (LOOKED_AT, k)]
+    place = next(place for place, e in enumerate(events) if (e.k, e.robot) == (k, 1) and e.kind in ("paused", "alive"))
+    events[place + 1 : place + 1] = [Event(k, LOOKED_AT, 1, detail) for detail in details]
+    run[0].events = tuple(events)
+
+
+def test_a_paused_process_that_somebody_lets_go_on_meanwhile_fails(run: Run) -> None:
+    seen(run, "its process has the state S and does not stand still", k=9)
+    says = "r1 was paused until tick 9, and its process has the state S and does not stand still"
+    assert failures(run, EXITS) == {"the paused stand still": says}
+    seen(run, k=9)
+    says = "r1 was paused until tick 9, and nobody looked whether it was"
+    assert failures(run, EXITS) == {"the paused stand still": says}
+
+
+def test_a_paused_process_that_does_not_stand_still_fails(run: Run) -> None:
+    seen(run, "its process has the state S and does not stand still")
+    says = "r1 was paused at tick 6, and its process has the state S and does not stand still"
+    assert failures(run, EXITS) == {"the paused stand still": says}
+
+
+def test_a_pause_that_nobody_looked_at_fails_where_there_are_processes(run: Run) -> None:
+    seen(run)
+    says = "r1 was paused at tick 6, and nobody looked whether it was"
+    assert failures(run, EXITS) == {"the paused stand still": says}
+    (check,) = [c for c in judge(run[0], {}, run[1].prepared).checks if c.name == "the paused stand still"]
+    assert (check.ok, check.judged, check.detail) == (True, False, "there were no processes")
+
+
+def test_where_nobody_can_look_it_is_not_judged(run: Run) -> None:
+    seen(run, UNSEEN)
+    (check,) = [c for c in judge(run[0], EXITS, run[1].prepared).checks if c.name == "the paused stand still"]
+    assert (check.ok, check.judged, check.detail) == (True, False, "1 of 2 times nobody could look")

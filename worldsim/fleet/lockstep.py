@@ -1,0 +1,126 @@
+"""A fleet of processes in lockstep: the world waits in each phase for exactly the robots that are living."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from patrol.journal import Status
+from patrol.net.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
+from worldsim.fleet.sessions import POLL_S, Seats
+from worldsim.world import Reply, Report
+
+DEADLINE_S = 10.0
+FIRST_DEADLINE_S = 60.0
+"""For the first tick, in which minds may still load what they need."""
+RESEND_S = 1.0
+_DRAINED = 16
+
+T = TypeVar("T", ReplyA, ReplyB)
+Make = Callable[[int, int], ToRobot]
+"""Builds a message for an incarnation and instance."""
+
+
+class LockstepFleet:
+    """A `worldsim.fleet.loop.Fleet` of processes.
+
+    A phase's messages are sent again every `RESEND_S` to whoever has not answered; whoever has not after deadline_s of
+    waiting, or whose process is gone, has died unasked. Waiting is counted in the slices that were spent on it, so that
+    a pause of the world's own process (a suspended machine) is nobody's death.
+    """
+
+    def __init__(self, seats: Seats, deadline_s: float = DEADLINE_S) -> None:
+        self._seats = seats
+        self._deadline_s = deadline_s
+        self._lost: list[tuple[int, Status, str]] = []
+
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+        """The frames of those that answer in time."""
+        answers = self._ask(k, "A", {number: tell(k, report) for number, report in reports.items()}, ReplyA)
+        return {number: answer.frames for number, answer in answers.items()}
+
+    def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
+        """The replies of those that answer in time."""
+        asked = {number: pass_on(k, frames) for number, frames in heard.items()}
+        return {number: reply_of(answer) for number, answer in self._ask(k, "B", asked, ReplyB).items()}
+
+    def lost(self) -> list[tuple[int, Status, str]]:
+        """Who has died in this tick, and how it was noticed."""
+        lost, self._lost = self._lost, []
+        return lost
+
+    def rest(self) -> None:
+        """No tick is due for now: deal with what arrives meanwhile."""
+        drain(self._seats)
+
+    def hasten(self, _step_s: float) -> None:
+        """Nothing: the next tick begins when the world says so."""
+
+    def finish(self, k: int) -> None:
+        """Send everybody home."""
+        self._seats.close(k, "the run is over")
+
+    def notes(self) -> dict[str, Any]:
+        """What the journal's end says of the pace: nothing in lockstep."""
+        return {}
+
+    def _ask(self, k: int, phase: str, messages: Mapping[int, Make], kind: type[T]) -> dict[int, T]:
+        """Send each robot its message and wait for all answers."""
+        seats = self._seats
+        sent = {number: seats.send(number, make) for number, make in messages.items()}
+        answers: dict[int, T] = {}
+        deadline_s = self._deadline_s if k else max(self._deadline_s, FIRST_DEADLINE_S)
+        waited_s = 0.0
+        before = seats.now
+        resend = before + RESEND_S
+        while len(answers) < len(sent):
+            arrived = seats.take(POLL_S)
+            if arrived is not None:
+                number, answer = arrived
+                if isinstance(answer, kind) and answer.k == k and number in sent:
+                    answers[number] = answer
+                    continue
+            now = seats.now
+            waited_s += min(now - before, 2.0 * POLL_S)
+            before = now
+            waiting = [number for number in sent if number not in answers]
+            for number in seats.gone(waiting):
+                self._lose(number, f"its process was gone in phase {phase} of tick {k}")
+                del sent[number]
+            if waited_s >= deadline_s:
+                for number in waiting:
+                    if number in sent:
+                        self._lose(number, f"no answer in phase {phase} of tick {k} for {deadline_s:g} s")
+                        del sent[number]
+            elif now >= resend:
+                resend = now + RESEND_S
+                for number in waiting:
+                    if number in sent:
+                        seats.repeat(number, sent[number])
+        return {number: answers[number] for number in messages if number in answers}
+
+    def _lose(self, number: int, reason: str) -> None:
+        self._lost.append((number, Status.LOST, reason))
+        self._seats.dismiss(number, f"left out: {reason}", orderly=False)
+
+
+def drain(seats: Seats) -> None:
+    """Deal with what has come between two ticks, when no answer is due."""
+    for _ in range(_DRAINED):
+        seats.take(0.0)
+
+
+def tell(k: int, report: Report) -> Make:
+    """Phase A for one robot."""
+    sensed = (report.pose, report.bumped, report.contacts, report.clock_s)
+    return lambda incarnation, instance: PhaseA(incarnation, instance, k, *sensed)
+
+
+def pass_on(k: int, frames: list[bytes]) -> Make:
+    """Phase B for one robot."""
+    return lambda incarnation, instance: PhaseB(incarnation, instance, k, tuple(frames))
+
+
+def reply_of(answer: ReplyB) -> Reply:
+    """A robot's answer as the world takes it."""
+    return Reply(answer.command, answer.state, answer.goal, answer.decision_ms, answer.rejected)

@@ -1,0 +1,133 @@
+"""A fleet of processes at the pace of the wall clock: the world waits for nobody.
+
+Tick k begins k steps after the first. Its phase A goes out at once, phase B a fifth of a step later with the frames
+that have come by then, and the step ends with the commands that have come by then. A frame that comes later is lost; a
+command that comes later counts for the tick it comes in, when that has none of its own. Each is a missed deadline.
+Where robots hear each other directly, the world only overhears their frames, and none can be late.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from patrol.journal import Status
+from patrol.net.phases import ReplyA, ReplyB
+from worldsim.fleet.lockstep import drain, pass_on, reply_of, tell
+from worldsim.fleet.sessions import POLL_S, Seats
+from worldsim.radio.rules import PHASE_B_SHARE
+from worldsim.world import Reply, Report
+
+if TYPE_CHECKING:
+    from worldsim.radio.overheard import Ear
+
+
+class PacedFleet:
+    """A `worldsim.fleet.loop.Fleet` of processes that keeps to the clock. step_s: of wall time.
+
+    late_frames, late_commands: missed deadlines by robot number. too_late: frames that came after theirs, and went to
+    nobody; the others never came. slipped_s: by how much the world itself has fallen
+    behind and given up on catching up. ear: what overhears a direct radio, or None.
+    """
+
+    def __init__(self, seats: Seats, step_s: float, ear: Ear | None = None) -> None:
+        self.late_frames: Counter[int] = Counter()
+        self.late_commands: Counter[int] = Counter()
+        self.too_late: Counter[int] = Counter()
+        self.slipped_s = 0.0
+        self._seats = seats
+        self._ear = ear
+        self._step_s = step_s
+        self._k = 0
+        self._closed = False  # no frame of this tick is taken any more
+        self._begins: float | None = None
+        self._living: list[int] = []
+        self._commands: dict[int, ReplyB] = {}
+
+    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+        """The frames that have come when phase B is due, none for the others."""
+        self._living = list(reports)
+        self._k = k
+        self._closed = False
+        begins = self._begin()
+        for number, report in reports.items():
+            self._seats.send(number, tell(k, report))
+        frames: dict[int, Sequence[bytes]] = {}
+        self._collect(frames, begins + PHASE_B_SHARE * self._step_s)
+        self._closed = True
+        if self._ear is not None:
+            overheard = self._ear.overhear(k)
+            return {number: overheard.get(number, ()) for number in reports}
+        self.late_frames.update(number for number in reports if number not in frames)
+        return {number: frames.get(number, ()) for number in reports}
+
+    def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
+        """The newest commands that have come when the step ends, None for robots that sent none."""
+        begins = self._begins
+        assert begins is not None
+        for number, frames in heard.items():
+            self._seats.send(number, pass_on(k, frames))
+        self._collect({}, begins + self._step_s)
+        commands, self._commands = self._commands, {}
+        self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)
+        return {number: reply_of(commands[number]) if number in commands else None for number in heard}
+
+    def lost(self) -> list[tuple[int, Status, str]]:
+        """Whose process is gone. One that is only slow or paused is not lost: its watchdog has stopped it."""
+        gone = self._seats.gone(self._living)
+        for number in gone:
+            self._seats.dismiss(number, "left out: its process was gone", orderly=False)
+        return [(number, Status.LOST, "its process was gone") for number in gone]
+
+    def rest(self) -> None:
+        """No tick is due for now: the next one begins when it is asked for, and nobody is late for it."""
+        drain(self._seats)
+        self._begins = None
+
+    def hasten(self, step_s: float) -> None:
+        """Steps take so long from now on, s of wall time."""
+        self._step_s = step_s
+
+    def finish(self, k: int) -> None:
+        """Send everybody home."""
+        self._seats.close(k, "the run is over")
+
+    def notes(self) -> dict[str, Any]:
+        """What the journal's end says of the pace: missed deadlines by robot number, and the world's own slip."""
+        return {
+            "late_frames": dict(sorted(self.late_frames.items())),
+            "too_late": dict(sorted(self.too_late.items())),
+            "late_commands": dict(sorted(self.late_commands.items())),
+            "slipped_s": self.slipped_s,
+            **({} if self._ear is None else self._ear.notes()),
+        }
+
+    def _begin(self) -> float:
+        """Set when this tick begins: a step after the last one, or now when that is more than a step ago."""
+        now = self._seats.now
+        due = now if self._begins is None else self._begins + self._step_s
+        if now > due + self._step_s:
+            self.slipped_s += now - due
+            due = now
+        self._begins = due
+        return due
+
+    def _collect(self, frames: dict[int, Sequence[bytes]], until: float) -> None:
+        """Take what has come, and what comes until then."""
+        while True:
+            left = until - self._seats.now
+            arrived = self._seats.take(min(max(left, 0.0), POLL_S))
+            if arrived is not None:
+                self._note(*arrived, frames)
+            elif left <= 0.0:
+                return
+
+    def _note(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, Sequence[bytes]]) -> None:
+        if isinstance(answer, ReplyA):
+            if answer.k == self._k and not self._closed:
+                frames[number] = answer.frames
+            else:
+                self.too_late[number] += len(answer.frames)
+        elif number not in self._commands or answer.k >= self._commands[number].k:
+            self._commands[number] = answer

@@ -1,0 +1,151 @@
+"""Shows a run while it goes on: whatever the journal gets, those who watch get too, in batches, unless they are slow.
+
+Watching costs the ticks nothing but one message each `BATCH_S` of wall time, which is dropped where it cannot be sent
+at once. Who comes late asks for the fog so far; that is copied between two ticks, and packed by somebody else.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from patrol.journal import pack
+from patrol.journal.records import Event, TickRecord
+from patrol.net.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
+from patrol.scenario.controls import OPERATOR
+
+if TYPE_CHECKING:
+    from patrol.journal import JournalWriter
+    from patrol.journal.records import Header, Record
+    from patrol.prepare import Prepared
+    from worldsim.operator import Manner
+    from worldsim.requests import Mailbox, Question
+    from worldsim.world import World
+
+BATCH_S = 0.05
+"""Wall time between two batches."""
+BATCH_BYTES = 1 << 15
+"""A batch that has grown to this is sent at once: what fits into one piece is dropped at once where it must be."""
+ANSWER_S = 0.5
+"""Wall time between two answers; whoever asks meanwhile shares the next."""
+MOST_EVENTS = 2000
+MOST_POINTS = 5000
+"""Events and points of the curves that an answer holds at most."""
+
+
+class Feed:
+    """A `worldsim.output.record.Writer` that passes records on to a journal and to those who watch.
+
+    post: sends a batch, or drops it. questions: those for the fog so far. submit: has something done elsewhere, while
+    the ticks go on. now: wall clock, s. manner: how the ticks go.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        journal: JournalWriter,
+        header: Header,
+        post: Callable[[bytes], None],
+        questions: Mailbox,
+        submit: Callable[[Callable[[], None]], None],
+        now: Callable[[], float],
+        manner: Callable[[], Manner],
+    ) -> None:
+        self._world = world
+        self._journal = journal
+        self._post = post
+        self._questions = questions
+        self._submit = submit
+        self._now = now
+        self._manner = manner
+        self._said = manner()
+        self._header = pack(header)
+        self._ground = ground_of(world.prepared)
+        self._number = 1
+        self._waiting: list[bytes] = []
+        self._size = 0
+        self._due = self._answer_due = 0.0
+        self._last: bytes | None = None
+        self._events: deque[bytes] = deque(maxlen=MOST_EVENTS)
+        self._happened = 0
+        self._asked: list[bytes] = []
+        self._mfow, self._fog_mean = array("f"), array("f")
+        self._asking: list[Question] = []
+
+    def write(self, record: Record) -> None:
+        """Write a record to the journal, and show it when it is time to."""
+        payload = pack(record)
+        self._journal.append(payload)
+        self._number += 1
+        self._waiting.append(payload)
+        self._size += len(payload)
+        if isinstance(record, TickRecord):
+            self._last = payload
+            self._mfow.append(record.mfow)
+            self._fog_mean.append(record.fog_mean)
+        elif isinstance(record, Event):
+            self._events.append(payload)
+            self._happened += 1
+            if record.kind == OPERATOR:
+                self._asked.append(payload)
+        if self._size >= BATCH_BYTES or self._now() >= self._due:
+            self.flush()
+
+    def between(self) -> None:
+        """Between two ticks: answer those who have asked for the fog."""
+        while (arrived := self._questions.get()) is not None:
+            self._asking.append(arrived[1])
+        if self._asking and self._now() >= self._answer_due:
+            self._answer_due = self._now() + ANSWER_S
+            asking, self._asking = self._asking, []
+            so_far = self._so_far()
+
+            def answer() -> None:
+                payload = so_far_bytes(so_far)
+                for question in asking:
+                    question.answer(payload)
+
+            self._submit(answer)
+
+    def rest(self) -> None:
+        """No tick is due for now: nobody waits for what has happened already."""
+        if self._waiting or self._manner() != self._said:
+            self.flush()
+        self.between()
+
+    def flush(self) -> None:
+        """Show what there is."""
+        records, self._waiting = tuple(self._waiting), []
+        self._size = 0
+        self._due = self._now() + BATCH_S
+        self._said = self._manner()
+        self._post(batch_bytes(Batch(self._number - len(records), records, self._said.running, self._said.pace)))
+
+    def _so_far(self) -> SoFar:
+        every = -(-max(len(self._mfow), 1) // MOST_POINTS)
+        manner = self._manner()
+        return SoFar(
+            number=self._number,
+            header=self._header,
+            last=self._last,
+            last_seen=self._world.truth.fog.last_seen.copy(),
+            events=tuple(self._events),
+            event=self._happened - len(self._events),
+            asked=tuple(self._asked),
+            every=every,
+            mfow=thinned(self._mfow, every),
+            fog_mean=thinned(self._fog_mean, every),
+            running=manner.running,
+            pace=manner.pace,
+            ground=self._ground,
+        )
+
+
+def ground_of(prepared: Prepared) -> Ground:
+    """The grids of a prepared scenario."""
+    areas = {id(fields): fields.patrolled for fields in prepared.fields.values()}
+    places = {key: place for place, key in enumerate(areas)}
+    area_of = {number: places[id(fields)] for number, fields in prepared.fields.items()}
+    return Ground(prepared.terrain.passable, prepared.terrain.keep_out, tuple(areas.values()), area_of)

@@ -1,0 +1,250 @@
+"""The summary of a run, as `summary.json` has it: from the journal's records, the verdict and the wall time alone."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from patrol.journal import Event, Header, RobotTick, Status, TickRecord
+from patrol.journal.records import DEAD_END, FORGED, standing_after
+from patrol.pose import Drive, Velocity
+from worldsim.motion import length
+from worldsim.radio.ether import there
+from worldsim.radio.overheard import as_measured
+from worldsim.radio.traffic import Traffic
+
+if TYPE_CHECKING:
+    from worldsim.output.record import RunRecord
+    from worldsim.verdict.judge import Verdict
+
+STAY_M = 1.0
+"""A robot that keeps within this distance of a place stays there."""
+
+
+@dataclass(slots=True)
+class _Robot:
+    """What one robot's rows add up to; sent, delivered and dropped are of its own frames, counted per receiver.
+
+    Copies that a fault makes count as sent.
+    """
+
+    model: str
+    distance_m: float = 0.0
+    collisions: int = 0
+    refused: int = 0
+    dead_ends: int = 0
+    living: int = 0
+    frames: int = 0
+    frame_bytes: int = 0
+    sent: int = 0
+    delivered: int = 0
+    rejected: int = 0
+    rejected_before: int = 0
+    status: Status = Status.ABSENT
+    place: tuple[float, float] | None = None
+    stayed: int = 0
+    longest_stay: int = 0
+    decision_ms: list[float] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)
+
+    def take(self, row: RobotTick, step: float) -> None:
+        """Add one tick's row."""
+        self.status = row.status
+        self.living += row.status is Status.ALIVE
+        self.collisions += row.bumped
+        self.refused += row.refused
+        self._stay(row)
+        if not row.bumped:
+            command = Drive(row.c0, row.c1) if self.model == "car" else Velocity(row.c0, row.c1)
+            self.distance_m += length(command, step)
+        if row.decision_ms is not None:
+            self.decision_ms.append(row.decision_ms)
+            self.dead_ends += row.state == DEAD_END
+        if row.rejected is not None:
+            if row.rejected < self.rejected:  # a new process, which counts from zero
+                self.rejected_before += self.rejected
+            self.rejected = row.rejected
+
+    def _stay(self, row: RobotTick) -> None:
+        """A stay begins where the last one was left, and ends with the robot's life or `STAY_M` from there."""
+        if row.status is not Status.ALIVE:
+            self.place, self.stayed = None, 0
+        elif self.place is None or math.dist(self.place, (row.x, row.y)) > STAY_M:
+            self.place, self.stayed = (row.x, row.y), 0
+        else:
+            self.stayed += 1
+            self.longest_stay = max(self.longest_stay, self.stayed)
+
+    def facts(self, step: float) -> dict[str, Any]:
+        """This robot's part of the summary; step: of the run, s."""
+        decisions = len(self.decision_ms)
+        return {
+            "status": self.status.name.lower(),
+            "distance_m": self.distance_m,
+            "dead_end_share": self.dead_ends / decisions if decisions else 0.0,
+            "collisions": self.collisions,
+            "longest_stay_s": self.longest_stay * step,
+            "decisions": decisions,
+            "missed": self.living - decisions,
+            "refused_commands": self.refused,
+            "decision_ms_p50": _percentile(self.decision_ms, 50),
+            "decision_ms_p99": _percentile(self.decision_ms, 99),
+            "sent": self.sent,
+            "delivered": self.delivered,
+            "dropped": self.dropped.total(),
+            "in_flight": self.sent - self.delivered - self.dropped.total(),
+            "rejected": self.rejected_before + self.rejected,
+        }
+
+
+class Totals:
+    """What a run's ticks add up to, one by one; see `summarise`."""
+
+    def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
+        """events: those of the whole run, where operators may have added faults."""
+        self._header = header
+        self._step = float(header.scenario["step"])
+        self._robots = {robot.number: _Robot(robot.model) for robot in header.robots}
+        self._mfow: list[int] = []
+        self._fog: list[float] = []
+        self._seen = 0
+        self._forged = 0
+        self._traffic = Traffic(header, events)
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        self._mfow.append(record.mfow)
+        self._fog.append(record.fog_mean)
+        self._seen = record.seen
+        self._forged += len(record.forged)
+        self._traffic.tick(record)
+        _take(self._robots, record, self._step)
+
+    def summary(self, journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
+        """The run's summary, once all ticks are in and the journal has ended; the journal's ticks are not looked at."""
+        header, step, mfow = self._header, self._step, self._mfow
+        ticks = len(mfow)
+        for event in journal.events:
+            standing = standing_after(event.kind)
+            if event.k >= ticks and event.robot in self._robots and standing is not None:
+                self._robots[event.robot].status = standing
+        patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
+        summary = {
+            "name": header.scenario["name"],
+            "scenario_hash": header.scenario_hash,
+            "trace_hash": journal.end.trace_hash if journal.end else None,
+            "ended": journal.end.reason if journal.end else None,
+            "ticks": ticks,
+            "simulated_s": ticks * step,
+            "wall_s": wall_s,
+            "realtime_factor": ticks * step / wall_s if wall_s else None,
+            "mfow_mean_s": float(np.mean(mfow)) * step if ticks else None,
+            "mfow_late_mean_s": float(np.mean(mfow[ticks // 2 :])) * step if ticks else None,
+            "mfow_max_s": max(mfow) * step if ticks else None,
+            "mfow_end_s": mfow[-1] * step if ticks else None,
+            "fog_mean_s": float(np.mean(self._fog)) * step if ticks else None,
+            "seen_share": self._seen / patrolled,
+            "bound_s": header.bound_s,
+            "patrolled_area_m2": header.patrolled_area_m2,
+            "point_m": header.terrain.point,
+            "sensor_range_m": float(header.scenario["sensor"]["range"]),
+            "messages": {**_messages(list(self._robots.values()), step), "forged": self._forged},
+            "robots": {facts.name: self._robots[facts.number].facts(step) for facts in header.robots},
+            "links": self._traffic.links(),
+            "faults": self._traffic.faults(),
+            **_of_processes(journal),
+            "verdict": {
+                "valid": verdict.valid,
+                "outcome": verdict.outcome,
+                "checks": [asdict(check) for check in verdict.checks],
+            },
+        }
+        return as_measured(summary, journal) if header.scenario["radio"].get("via") == "direct" else summary
+
+
+def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
+    """The run's summary, ready for JSON.
+
+    Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first, and
+    `mfow_late_mean_s` over those of the second half.
+
+    A message is counted once per receiver, and so are the copies that faults make: sent = delivered + dropped + in
+    flight. `frames` counts it once, and `bytes` are those of these frames. What is forged is counted apart: as `forged`
+    frames, and in `links` under the sender `forger`. `links`: by sender and receiver, for fleets of at most
+    `worldsim.radio.traffic.MOST_ROBOTS`. `faults`: by id, the frames on a fault's links while it was active, and what
+    it did
+    to them. `bytes_per_robot_s`: bytes that a living robot sends per second.
+
+    `longest_stay_s`: the longest that a living robot kept within `STAY_M` of one place.
+    `missed`: ticks in which no command came in time. `refused_commands`:
+    those that made no sense. wall_s: wall time of the ticks, s, or None when unknown. For a fleet of processes,
+    `refused`: messages that the world dropped unread, by reason;
+    at the pace of the clock also `deadlines`: frames and commands that were not there in time by robot, how
+    many of the frames came after all (`too_late`; they reach nobody and are not among the sent), and how far the world
+    itself fell behind (wall s). For direct radio see `worldsim.radio.overheard.as_measured`.
+    """
+    totals = Totals(journal.header, journal.events)
+    for record in journal.ticks:
+        totals.tick(record)
+    return totals.summary(journal, verdict, wall_s)
+
+
+def _of_processes(journal: RunRecord) -> dict[str, Any]:
+    """What the journal's end notes of a fleet of processes; nothing for a fleet in one."""
+    notes = journal.end.notes if journal.end else {}
+    facts = {"refused": notes["refused"]} if "refused" in notes else {}
+    if "late_commands" in notes:
+        names = {robot.number: robot.name for robot in journal.header.robots}
+        late = {
+            what: {names[robot]: n for robot, n in notes.get(what, {}).items()}
+            for what in ("late_frames", "too_late", "late_commands")
+        }
+        facts["deadlines"] = {**late, "slipped_s": notes["slipped_s"]}
+    return facts
+
+
+def _take(robots: dict[int, _Robot], record: TickRecord, step: float) -> None:
+    for row in record.robots:
+        robots[row.number].take(row, step)
+    receivers = sum(there(row.status) for row in record.robots) - 1
+    for source, frame in record.frames:
+        if source != FORGED:
+            robots[source].frames += 1
+            robots[source].frame_bytes += len(frame)
+            robots[source].sent += receivers
+    for source, _, _, _ in record.copies:
+        if source != FORGED:
+            robots[source].sent += 1
+    for source, _, _ in record.deliveries:
+        if source != FORGED:
+            robots[source].delivered += 1
+    for source, _, _, cause in record.dropped:
+        if source != FORGED:
+            robots[source].dropped[cause.partition(":")[0]] += 1
+
+
+def _messages(robots: list[_Robot], step: float) -> dict[str, Any]:
+    causes: Counter[str] = Counter()
+    for robot in robots:
+        causes.update(robot.dropped)
+    living_s = sum(robot.living for robot in robots) * step
+    return {
+        "frames": sum(robot.frames for robot in robots),
+        "bytes": sum(robot.frame_bytes for robot in robots),
+        "sent": sum(robot.sent for robot in robots),
+        "delivered": sum(robot.delivered for robot in robots),
+        "dropped": causes.total(),
+        "dropped_by_cause": dict(sorted(causes.items())),
+        "in_flight": sum(robot.sent - robot.delivered for robot in robots) - causes.total(),
+        "rejected": sum(robot.rejected_before + robot.rejected for robot in robots),
+        "bytes_per_robot_s": sum(robot.frame_bytes for robot in robots) / living_s if living_s else 0.0,
+    }
+
+
+def _percentile(values: list[float], percent: float) -> float | None:
+    return float(np.percentile(values, percent)) if values else None

@@ -1,0 +1,1 @@
+"""The simulated radio: what reaches whom, and what faults do to it."""

@@ -1,0 +1,217 @@
+"""The ether: whether and when a frame reaches each of the other robots, decided for each directed pair by itself."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+from patrol.journal.records import FORGED, Status, frame_sequence
+from patrol.radio.fleet_key import fleet_key
+from patrol.radio.message import MAX_FRAME
+from patrol.scenario.faults.kinds import Spoof
+from worldsim.radio.forging import MEMORY, Forged, Forger
+from worldsim.radio.rules import NOBODY, RadioRules, arrival
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
+    from patrol.pose import Pose
+    from patrol.scenario import Scenario
+    from worldsim.senses import Senses
+    from worldsim.timeline import Timeline
+
+OVERSIZED = "oversized"
+RECEIVER_DEAD = "receiver dead"
+RECEIVER_PAUSED = "receiver paused"
+RECEIVER_ABSENT = "receiver absent"
+OWN = "own"
+"""Why a robot that forges does not hear what it forges."""
+
+_DEAF = {
+    Status.PAUSED: RECEIVER_PAUSED,
+    Status.ABSENT: RECEIVER_ABSENT,
+    Status.LEFT: RECEIVER_ABSENT,
+    Status.DEAD: RECEIVER_DEAD,
+    Status.LOST: RECEIVER_DEAD,
+}
+"""Why a frame is lost that arrives at a robot that is not alive."""
+
+Link = tuple[int, int, int]
+"""(source, destination, sequence) of a frame on its way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """What the ether did in one tick, ordered by sender, sequence and receiver.
+
+    heard: for each receiver its frames, by sender, sequence and copy, forged ones first. arrived: (source, destination,
+    sequence), once for each copy. dropped: the same and the cause. forged: what somebody made up; the source of its
+    frames is `patrol.journal.records.FORGED`. copies, delayed: as in `patrol.journal.records.TickRecord`.
+    """
+
+    heard: dict[int, list[bytes]]
+    arrived: tuple[Link, ...]
+    dropped: tuple[tuple[int, int, int, str], ...]
+    forged: tuple[Forged, ...] = ()
+    copies: tuple[tuple[int, int, int, str], ...] = ()
+    delayed: tuple[tuple[int, int, int, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class _Flying:
+    """A frame in flight. copy: 0 for the frame itself."""
+
+    source: int
+    sequence: int
+    destination: int
+    copy: int
+    frame: bytes
+
+
+class Ether:
+    """The radio between robots: every frame to every other robot within the tick, less what the faults do to it.
+
+    A frame's sequence says in which tick the world took it and which of its sender's frames it was
+    (`patrol.journal.records.frame_sequence`). Its fate on a link is fixed when it is sent, except that it is lost
+    where it
+    arrives at a robot that is not alive then. The ether keeps no counts: the journal has every frame's fate, and what
+    of it does not is still in flight.
+    """
+
+    def __init__(self, step: float = 0.5, rules: RadioRules | None = None, forger: Forger | None = None) -> None:
+        """rules: what befalls frames. forger: who sends forged ones. None for a radio that does no wrong."""
+        self._step = step
+        self._rules = rules
+        self._forger = forger
+        self._flying: dict[int, list[_Flying]] = defaultdict(list)
+
+    @property
+    def in_flight(self) -> Counter[Link]:
+        """The frames that have not arrived yet, copies included."""
+        return Counter((f.source, f.destination, f.sequence) for flying in self._flying.values() for f in flying)
+
+    def follow(self, timeline: Timeline) -> None:
+        """Go on with a timeline that has other faults from the next tick on; BadInput where they cannot be followed."""
+        if self._rules is None or self._forger is None:
+            raise BadInput("control: this run takes no faults while it goes on")
+        self._forger.follow(timeline)
+        self._rules.timeline = timeline
+
+    def carry(
+        self,
+        tick: int,
+        frames: Mapping[int, Sequence[bytes]],
+        statuses: Mapping[int, Status],
+        poses: Mapping[int, Pose],
+    ) -> Delivery:
+        """Send each robot's frames, in their order, to all others that are there; returns what happens in this tick.
+
+        To be called for each tick in turn. frames: those of robots that are alive. statuses: of all robots; only those
+        alive hear. poses: the true ones.
+        """
+        forged = self._forger.forge(tick, frames, statuses, poses) if self._forger is not None else []
+        troubled = self._rules is not None and self._rules.begin(tick, poses)
+        if troubled or forged or self._flying:
+            return self._carry_through(tick, frames, statuses, forged, self._rules if troubled else None)
+        receivers = [(number, _DEAF.get(statuses[number])) for number in sorted(statuses) if there(statuses[number])]
+        heard: dict[int, list[bytes]] = {number: [] for number, deaf in receivers if deaf is None}
+        arrived, dropped = [], []
+        for source in sorted(frames):
+            for place, frame in enumerate(frames[source]):
+                sequence = frame_sequence(tick, place)
+                oversized = OVERSIZED if len(frame) > MAX_FRAME else None
+                for destination, deaf in receivers:
+                    if destination == source:
+                        continue
+                    cause = oversized or deaf
+                    if cause is None:
+                        heard[destination].append(frame)
+                        arrived.append((source, destination, sequence))
+                    else:
+                        dropped.append((source, destination, sequence, cause))
+        return Delivery(heard, tuple(arrived), tuple(dropped))
+
+    def _carry_through(
+        self,
+        tick: int,
+        frames: Mapping[int, Sequence[bytes]],
+        statuses: Mapping[int, Status],
+        forged: Sequence[Forged],
+        rules: RadioRules | None,
+    ) -> Delivery:
+        """The same where there is something to ask about a frame, or some are in flight."""
+        sent = [(FORGED, one.origin, place, one.frame) for place, one in enumerate(forged)]
+        sent += [
+            (source, source, place, frame) for source in sorted(frames) for place, frame in enumerate(frames[source])
+        ]
+        receivers = [number for number in sorted(statuses) if there(statuses[number])]
+        dropped: list[tuple[int, int, int, str]] = []
+        copies: list[tuple[int, int, int, str]] = []
+        delayed: list[tuple[int, int, int, str]] = []
+        for source, origin, place, frame in sent:
+            sequence = frame_sequence(tick, place)
+            oversized = len(frame) > MAX_FRAME
+            jam = None if rules is None or oversized else rules.jammed(origin, len(frame))
+            for destination in receivers:
+                if destination == source:
+                    continue
+                link = (source, destination, sequence)
+                cause = OVERSIZED if oversized else OWN if destination == origin else None
+                if cause is None and rules is not None:
+                    cause = rules.lost(origin, *link, jam)
+                if cause is not None:
+                    dropped.append((*link, cause))
+                    continue
+                held = [] if rules is None else rules.delays(origin, *link)
+                delay_s = sum(seconds for _, seconds in held)
+                due = arrival(tick, delay_s, self._step)
+                self._flying[due].append(_Flying(source, sequence, destination, 0, frame))
+                if due > tick:
+                    delayed += ((*link, fault) for fault, seconds in held if seconds > 0.0)
+                for copy, (fault, more_s) in enumerate([] if rules is None else rules.copies(origin, *link), start=1):
+                    copies.append((*link, fault))
+                    due = arrival(tick, delay_s + more_s, self._step)
+                    self._flying[due].append(_Flying(source, sequence, destination, copy, frame))
+        heard, arrived = self._land(tick, statuses, dropped)
+        return Delivery(heard, arrived, tuple(sorted(dropped)), tuple(forged), tuple(copies), tuple(delayed))
+
+    def _land(
+        self, tick: int, statuses: Mapping[int, Status], dropped: list[tuple[int, int, int, str]]
+    ) -> tuple[dict[int, list[bytes]], tuple[Link, ...]]:
+        """What arrives now, where somebody hears it; what arrives elsewhere is added to `dropped`."""
+        heard: dict[int, list[bytes]] = {n: [] for n in sorted(statuses) if statuses[n] is Status.ALIVE}
+        arrived = []
+        for flying in sorted(self._flying.pop(tick, ())):
+            link = (flying.source, flying.destination, flying.sequence)
+            deaf = _DEAF.get(statuses[flying.destination])
+            if deaf is None:
+                heard[flying.destination].append(flying.frame)
+                arrived.append(link)
+            else:
+                dropped.append((*link, deaf))
+        return heard, tuple(arrived)
+
+
+def ether_of(
+    scenario: Scenario, timeline: Timeline, terrain: Terrain, senses: Senses, *, operated: bool = False
+) -> Ether:
+    """The ether of a scenario. BadInput when a robot forges and the fleet's key cannot be read.
+
+    operated: whether it may be told to `follow` other timelines.
+    """
+    if not timeline.entries and not operated:
+        return Ether(scenario.step)
+    spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
+    forger = None
+    if spoofs or operated:
+        insiders = any(entry.sources[0] != NOBODY for entry in spoofs)
+        key = fleet_key(scenario) if insiders else None
+        forger = Forger(scenario, timeline, terrain, senses, key, MEMORY if operated else 0)
+    return Ether(scenario.step, RadioRules(scenario, timeline, terrain), forger)
+
+
+def there(status: Status) -> bool:
+    """Whether frames are sent to a robot at all."""
+    return status is not Status.ABSENT and status is not Status.LEFT

@@ -1,0 +1,165 @@
+"""Forged positions: what a stranger, or a robot of the fleet, sends in others' names.
+
+A stranger has no key; where the fleet uses one, its tags are wrong, but for frames that it only repeats. It is heard by
+everybody whose radio hears. A robot that forges has the key and its own radio, with all that befalls it, and can do so
+while it is alive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+from patrol.journal.records import Status
+from patrol.pose import Pose
+from patrol.radio.fleet_key import fleet_key
+from patrol.radio.message import MAX_ROBOT, Position, encode
+from patrol.random import Purpose, draw, mix
+from patrol.scenario.faults.kinds import Forgery, Spoof
+from worldsim.radio.rules import NOBODY
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
+    from patrol.scenario import Scenario
+    from worldsim.senses import Senses
+    from worldsim.timeline import Entry, Timeline
+
+_WRONG_KEY = -1
+
+MEMORY = 600
+"""Ticks whose frames are kept where an operator may ask for a replay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Forged:
+    """A forged frame. origin: whose radio it comes from, `NOBODY` for a stranger. fault: the id of the spoof."""
+
+    origin: int
+    fault: str
+    frame: bytes
+
+
+class Forger:
+    """The forged frames of each tick, in the order of the faults and their victims.
+
+    key: the fleet's, for the robots among the forgers; None when the fleet uses none. memory: ticks of which it keeps
+    the frames at least, for a replay that nobody has asked for yet.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        timeline: Timeline,
+        terrain: Terrain,
+        senses: Senses,
+        key: bytes | None,
+        memory: int = 0,
+    ) -> None:
+        self.timeline = timeline
+        self._scenario = scenario
+        self._seed = scenario.seed
+        self._step = scenario.step
+        self._robots = len(scenario.roster)
+        self._spares = scenario.spares
+        self._bounds = terrain.bounds
+        self._senses = senses
+        self._key = key
+        self._tags = scenario.radio.key is not None
+        self._depth = max((memory, *(self._age(entry) for entry in timeline.entries)))
+        self._sent: deque[Mapping[int, Sequence[bytes]]] = deque(maxlen=self._depth + 1)
+        self._frozen: dict[tuple[int, int], Pose] = {}
+
+    def follow(self, timeline: Timeline) -> None:
+        """Go on with another timeline; BadInput where its forgeries need what is not there."""
+        spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
+        if any(self._age(entry) > self._depth for entry in spoofs):
+            raise BadInput(f"control: fault.payload.replay: at most {self._depth * self._step:g} s are remembered")
+        if self._key is None and any(entry.sources[0] != NOBODY for entry in spoofs):
+            self._key = fleet_key(self._scenario)
+        self.timeline = timeline
+
+    def forge(
+        self, k: int, frames: Mapping[int, Sequence[bytes]], statuses: Mapping[int, Status], poses: Mapping[int, Pose]
+    ) -> list[Forged]:
+        """The frames forged in tick k; call for each tick in turn.
+
+        frames: what the robots send in this tick. poses: the true ones of all bodies. Nobody forges in the name of a
+        spare robot that has not joined yet.
+        """
+        self._sent.append(frames)
+        unknown = {number for number in self._spares if statuses[number] is Status.ABSENT}
+        forged: list[Forged] = []
+        for entry in self.timeline.at(k):
+            if not isinstance(entry.fault, Spoof):
+                continue
+            origin = entry.sources[0]
+            if origin == NOBODY or statuses[origin] is Status.ALIVE:
+                forged += (
+                    Forged(origin, entry.id, frame) for frame in self._frames(entry, entry.fault, k, poses, unknown)
+                )
+        return forged
+
+    def _frames(
+        self, entry: Entry, fault: Spoof, k: int, poses: Mapping[int, Pose], unknown: Collection[int]
+    ) -> Iterator[bytes]:
+        payload = fault.payload
+        if isinstance(payload, Forgery) and payload.invented is not None:
+            last = min(self._robots + payload.invented, MAX_ROBOT)
+            for number in range(self._robots + 1, last + 1):
+                yield self._sign(entry, Position.of(number, k, k * self._step, self._anywhere(entry, number, k)))
+            return
+        for victim in entry.who:
+            if victim in unknown:
+                continue
+            if isinstance(payload, Forgery) and payload.replay is not None:
+                yield from self._repeated(self._age(entry), victim)
+                continue
+            pose = self._claimed(entry, fault, victim, k, poses)
+            if pose is not None:
+                ahead = (isinstance(payload, Forgery) and payload.ahead) or 0
+                yield self._sign(entry, Position.of(victim, k + ahead, self._senses.clock(victim, k), pose))
+
+    def _claimed(self, entry: Entry, fault: Spoof, victim: int, k: int, poses: Mapping[int, Pose]) -> Pose | None:
+        """Where a forged frame says that the victim is; None while it is nowhere."""
+        if fault.payload == "random":
+            return self._anywhere(entry, victim, k)
+        true = poses.get(victim)
+        if isinstance(fault.payload, Forgery):
+            if true is None:
+                return None
+            dx, dy = fault.payload.offset or (0.0, 0.0)
+            said = self._senses.pose(victim, k, true)
+            return Pose(said.x + dx, said.y + dy, said.heading)
+        key = (entry.index, victim)
+        if key not in self._frozen and true is not None:
+            self._frozen[key] = self._senses.pose(victim, k, true)
+        return self._frozen.get(key)
+
+    def _repeated(self, ago: int, victim: int) -> Iterator[bytes]:
+        """The position that the victim sent so many ticks ago, byte by byte; nothing if it sent none."""
+        if ago < len(self._sent):
+            yield from self._sent[-1 - ago].get(victim, ())[:1]
+
+    def _anywhere(self, entry: Entry, number: int, k: int) -> Pose:
+        x_min, y_min, x_max, y_max = self._bounds
+        across, up = (draw(self._seed, Purpose.SPOOF, entry.index, number, k, axis) for axis in (0, 1))
+        return Pose(x_min + across * (x_max - x_min), y_min + up * (y_max - y_min), 0.0)
+
+    def _sign(self, entry: Entry, position: Position) -> bytes:
+        if entry.sources[0] != NOBODY:
+            return encode(position, self._key)
+        if not self._tags:
+            return encode(position)
+        guess = mix(self._seed, Purpose.SPOOF, entry.index, _WRONG_KEY)
+        return encode(position, guess.to_bytes(8, "little"))
+
+    def _age(self, entry: Entry) -> int:
+        """How old the frames are that a fault sends again, ticks; 0 when it does not."""
+        payload = entry.fault.payload if isinstance(entry.fault, Spoof) else None
+        if not isinstance(payload, Forgery) or payload.replay is None:
+            return 0
+        return max(1, math.ceil(payload.replay / self._step - 1e-9))

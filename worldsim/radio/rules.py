@@ -1,0 +1,253 @@
+"""What the radio faults do to one frame on one directed link.
+
+Faults compose in a fixed order. The first that applies drops the frame and is named: silence, partition, range,
+bandwidth, loss, and of two of one kind the earlier in the scenario. What gets through is held up by all delay and
+reorder faults together. Then each duplicate fault that hits adds one copy, which takes as long as the frame itself and
+the copy's own delay.
+
+Every draw is a hash of (seed, Purpose.ETHER, fault, source, destination, sequence), so what befalls one frame does not
+depend on any other. Only two things have a memory: a burst of losses, which is a function of the tick all the same, and
+what a sender has left of its bandwidth, which depends on the frames that it sent before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from patrol.ground.kernels import swept_path as sweep
+from patrol.pose import Pose
+from patrol.random import Purpose, draw, gauss
+from patrol.scenario.faults.kinds import Bandwidth, Delay, Duplicate, Loss, Partition, Range, Reorder, Silence, Wait
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
+    from patrol.scenario import Scenario
+    from worldsim.timeline import Entry, Timeline
+
+PHASE_B_SHARE = 0.2
+"""When phase B begins, as a share of the step: a frame that takes no longer is heard in its own tick."""
+
+LEAST_BUCKET = 64.0
+"""Bytes that may be sent at once however little the bandwidth, so that any frame fits sooner or later."""
+
+BEAM = 1e-6
+"""Radius (m) of a line of sight, so that none passes along the crack between two points of a wall."""
+
+NOBODY = 0
+"""The origin of a stranger's frames: no robot's radio, so no robot's links."""
+
+_OF_FRAMES = (Silence, Partition, Range, Bandwidth, Loss, Delay, Reorder, Duplicate)
+
+
+def arrival(k: int, delay_s: float, step: float) -> int:
+    """The tick in whose phase B a frame is heard that was sent in phase A of tick k and takes delay_s."""
+    return k + max(0, math.ceil((delay_s - PHASE_B_SHARE * step) / step - 1e-9))
+
+
+def waited(wait: Wait, *values: int) -> float:
+    """How long (s, not below 0) a wait is this time, drawn from the integers given."""
+    first, *rest = wait.values
+    match wait.shape:
+        case "uniform":
+            return first + (rest[0] - first) * draw(*values)
+        case "normal":
+            return max(first + rest[0] * gauss(*values), 0.0)
+        case "exponential":
+            return -first * math.log(1.0 - draw(*values))
+    return first
+
+
+class Burst:
+    """A Gilbert-Elliott chain, of one loss fault on one directed link: good or bad from tick to tick.
+
+    It is bad with probability `rate` when the fault begins. From then on it goes from bad to good with probability
+    r = 1 / mean_burst and from good to bad with p = rate r / (1 - rate), one draw a tick whether or not anything is
+    sent. All of a tick's frames share its fate.
+    """
+
+    def __init__(self, seed: int, entry: Entry, rate: float, mean_burst: float, link: tuple[int, int]) -> None:
+        self._draws = (seed, Purpose.ETHER, entry.index, *link)
+        self._recovers, self._fails = chain_of(rate, mean_burst)
+        self._k = entry.begin
+        self._bad = draw(*self._draws, entry.begin) < rate
+
+    def bad(self, k: int) -> bool:
+        """Whether the link is bad in tick k, which is none before those asked for already."""
+        while self._k < k:
+            self._k += 1
+            chance = draw(*self._draws, self._k)
+            self._bad = chance >= self._recovers if self._bad else chance < self._fails
+        return self._bad
+
+
+def chain_of(rate: float, mean_burst: float) -> tuple[float, float]:
+    """The probabilities r (bad to good) and p (good to bad) of a Gilbert-Elliott chain."""
+    r = 1.0 / mean_burst
+    return r, min(rate * r / (1.0 - rate), 1.0)
+
+
+class Bucket:
+    """What a sender has left of its bandwidth: a token bucket that holds one second's worth, full to begin with."""
+
+    def __init__(self, bytes_per_s: float, k: int, step: float) -> None:
+        self._rate = bytes_per_s * step
+        self._capacity = max(LEAST_BUCKET, bytes_per_s)
+        self._left = self._capacity
+        self._k = k
+
+    def holds(self, size: int, k: int) -> bool:
+        """Whether a frame of so many bytes may be sent in tick k."""
+        self._left = min(self._capacity, self._left + self._rate * (k - self._k))
+        self._k = k
+        return size <= self._left
+
+    def take(self, size: int) -> None:
+        """Send it."""
+        self._left -= size
+
+
+class RadioRules:
+    """The radio faults of a timeline. Say `begin` for each tick in turn, then ask about its frames in their order.
+
+    origin: the robot from whose radio a frame comes (`NOBODY` for a stranger), whoever the frame claims to be from.
+    """
+
+    def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
+        self.timeline = timeline
+        self._seed = scenario.seed
+        self._step = scenario.step
+        self._terrain = terrain
+        self._opaque = (~terrain.passable).view("uint8")
+        self._k = 0
+        self._poses: Mapping[int, Pose] = {}
+        self._entries: Sequence[Entry] = ()
+        self._active: dict[type, list[Entry]] = {}
+        self._bursts: dict[tuple[int, int, int], Burst] = {}
+        self._buckets: dict[tuple[int, int], Bucket] = {}
+
+    def begin(self, k: int, poses: Mapping[int, Pose]) -> bool:
+        """Tick k begins, the robots being at their true poses; whether any radio fault is active."""
+        self._k, self._poses = k, poses
+        entries = self.timeline.at(k)
+        if entries is not self._entries:
+            self._entries = entries
+            self._active = {kind: [e for e in entries if isinstance(e.fault, kind)] for kind in _OF_FRAMES}
+        return any(self._active.values())
+
+    def jammed(self, origin: int, size: int) -> str | None:
+        """Take a frame of so many bytes off its sender's bandwidth; why it cannot be sent, if it cannot.
+
+        A sender that is not heard at all sends nothing.
+        """
+        entries = [entry for entry in self._active.get(Bandwidth, ()) if origin in entry.who]
+        if not entries or any(_silences(entry, origin, "out") for entry in self._active.get(Silence, ())):
+            return None
+        buckets = [self._bucket(entry, origin) for entry in entries]
+        for entry, bucket in zip(entries, buckets, strict=True):
+            if not bucket.holds(size, self._k):
+                return cause(entry)
+        for bucket in buckets:
+            bucket.take(size)
+        return None
+
+    def lost(self, origin: int, source: int, destination: int, sequence: int, jam: str | None) -> str | None:
+        """Why a frame is lost on a link, or None. jam: what `jammed` said of it."""
+        for entry in self._active.get(Silence, ()):
+            if _silences(entry, origin, "out") or _silences(entry, destination, "in"):
+                return cause(entry)
+        for entry in self._active.get(Partition, ()):
+            if self._cut(entry, origin, destination):
+                return cause(entry)
+        for entry in self._active.get(Range, ()):
+            if self._out_of_reach(entry, origin, destination):
+                return cause(entry)
+        if jam is not None:
+            return jam
+        for entry in self._active.get(Loss, ()):
+            if self._loses(entry, origin, source, destination, sequence):
+                return cause(entry)
+        return None
+
+    def delays(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
+        """The faults that hold a frame up, by their ids, and how long each does, s."""
+        found = []
+        for entry in (*self._active.get(Delay, ()), *self._active.get(Reorder, ())):
+            if not _on_link(entry, origin, destination):
+                continue
+            values = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
+            fault = entry.fault
+            if isinstance(fault, Delay):
+                found.append((entry.id, waited(fault.delay, *values)))
+            elif isinstance(fault, Reorder) and draw(*values) < fault.rate:
+                found.append((entry.id, self._step if fault.hold is None else fault.hold))
+        return found
+
+    def copies(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
+        """The faults that copy a frame, by their ids, and how much longer (s) each copy takes than the frame."""
+        found = []
+        for entry in self._active.get(Duplicate, ()):
+            values = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
+            fault = entry.fault
+            if not isinstance(fault, Duplicate) or not _on_link(entry, origin, destination):
+                continue
+            if draw(*values) < fault.rate:
+                found.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *values, 1)))
+        return found
+
+    def _cut(self, entry: Entry, origin: int, destination: int) -> bool:
+        fault = entry.fault
+        if not isinstance(fault, Partition) or origin == NOBODY:
+            return False
+        here, there = _group(entry.groups, origin), _group(entry.groups, destination)
+        return here < there if fault.direction == "one-way" else here != there
+
+    def _out_of_reach(self, entry: Entry, origin: int, destination: int) -> bool:
+        fault = entry.fault
+        if not isinstance(fault, Range) or origin not in entry.who:
+            return False
+        a, b = self._poses[origin], self._poses[destination]
+        if math.hypot(a.x - b.x, a.y - b.y) > fault.reach:
+            return True
+        x, y = self._terrain.origin
+        line = (self._opaque, self._terrain.point, x, y, a.x, a.y, b.x, b.y, BEAM)
+        return not fault.through_walls and float(sweep.free_fraction_line(*line)) < 1.0
+
+    def _loses(self, entry: Entry, origin: int, source: int, destination: int, sequence: int) -> bool:
+        fault = entry.fault
+        if not isinstance(fault, Loss) or not _on_link(entry, origin, destination):
+            return False
+        if fault.mean_burst is None:
+            return draw(self._seed, Purpose.ETHER, entry.index, source, destination, sequence) < fault.rate
+        key = (entry.index, origin, destination)
+        burst = self._bursts.get(key)
+        if burst is None:
+            burst = Burst(self._seed, entry, fault.rate, fault.mean_burst, (origin, destination))
+            self._bursts[key] = burst
+        return burst.bad(self._k)
+
+    def _bucket(self, entry: Entry, number: int) -> Bucket:
+        bucket = self._buckets.get((entry.index, number))
+        if bucket is None:
+            assert isinstance(entry.fault, Bandwidth)
+            bucket = Bucket(entry.fault.bytes_per_s, entry.begin, self._step)
+            self._buckets[entry.index, number] = bucket
+        return bucket
+
+
+def cause(entry: Entry) -> str:
+    """How a journal names a fault that dropped a frame."""
+    return f"{entry.fault.kind}:{entry.id}"
+
+
+def _silences(entry: Entry, number: int, way: str) -> bool:
+    return isinstance(entry.fault, Silence) and entry.fault.direction in (way, "both") and number in entry.who
+
+
+def _on_link(entry: Entry, origin: int, destination: int) -> bool:
+    return origin in entry.sources and destination in entry.targets
+
+
+def _group(groups: Sequence[Collection[int]], number: int) -> int:
+    return next(place for place, group in enumerate(groups) if number in group)

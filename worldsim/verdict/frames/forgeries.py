@@ -1,0 +1,224 @@
+"""The verdict's check of what is forged, by what docs/faults.md says of each payload, without the code that forges."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict, deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from patrol.journal import Status, TickRecord
+from patrol.journal.records import FORGED
+from patrol.radio.message import MAX_ROBOT, Position, Rejected, decode
+from patrol.scenario.faults.kinds import Drift, Forgery, Spoof
+from worldsim.radio.ether import there
+from worldsim.verdict.checks import Check
+from worldsim.verdict.frames.airborne import NO_ROBOT, active
+
+if TYPE_CHECKING:
+    from patrol.journal.records import RobotTick
+    from patrol.prepare import Prepared
+    from worldsim.timeline import Entry, Timeline
+
+_HALF_CM = 0.5 + 1e-6
+"""How far a coordinate on the wire may be from the one that was rounded, cm."""
+
+Place = tuple[int, int, int]
+"""x and y in cm and the heading in mrad, as a frame has them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Spoof:
+    """A spoof and what its frames are to say.
+
+    kind: freeze or random, else the payload's field. offset: m. ahead: ticks. invented: robots. age: ticks, of what a
+    replay repeats.
+    """
+
+    entry: Entry
+    kind: str
+    offset: tuple[float, float] = (0.0, 0.0)
+    ahead: int = 0
+    invented: int = 0
+    age: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Victim:
+    """What is known of a robot in whose name somebody forges. said: its own frame of the tick, if it sent one.
+
+    honest: nothing makes it say that it is elsewhere than it is.
+    """
+
+    row: RobotTick
+    said: Position | None
+    honest: bool
+
+
+class SpoofsAsAsked:
+    """Each active spoof sends one frame in each victim's name, or as many as it invents, and each says what it is to.
+
+    Nothing else is forged: not before or after the fault, not by a robot that is not alive, not in the name of a robot
+    of which there is nothing to tell yet. A victim's own frame of the tick is what `offset`, `freeze` and `ahead` are
+    held against; where it sends none, its true place, unless it may be wrong about that.
+    """
+
+    def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
+        scenario = prepared.scenario
+        self._step = scenario.step
+        self._robots = len(scenario.roster)
+        self._spares = scenario.spares
+        self._bounds = prepared.terrain.bounds
+        self._spoofs = {
+            entry.id: _spoof(entry, entry.fault, self._step)
+            for entry in timeline.entries
+            if isinstance(entry.fault, Spoof)
+        }
+        self._drifts = [entry for entry in timeline.entries if isinstance(entry.fault, Drift)]
+        self._sent: deque[Mapping[int, bytes]] = deque(maxlen=1 + max(s.age for s in self._spoofs.values()))
+        self._frozen: dict[tuple[str, int], Place] = {}
+        self._problem = ""
+        self._forged = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        if self._problem:
+            return
+        frames = [frame for source, frame in record.frames if source == FORGED]
+        forged: dict[str, list[bytes]] = defaultdict(list)
+        for fault, frame in zip(record.forged, frames, strict=False):
+            forged[fault].append(frame)
+        if len(frames) != len(record.forged):
+            self._wrong(record.k, f"{len(frames)} frames are forged, by {len(record.forged)} faults")
+        own: dict[int, bytes] = {}
+        for source, frame in record.frames:
+            own.setdefault(source, frame)
+        self._sent.appendleft(own)
+        self._forged += len(frames)
+        rows = {row.number: row for row in record.robots}
+        for fault, spoof in self._spoofs.items():
+            origin = spoof.entry.sources[0]
+            on = active(spoof.entry, record.k) and (origin == NO_ROBOT or rows[origin].status is Status.ALIVE)
+            found = forged.pop(fault, [])
+            if on:
+                problem = self._problem_of(spoof, record.k, found, rows)
+            else:
+                problem = "forges, and should not" if found else ""
+            if problem:
+                self._wrong(record.k, f"{fault} {problem}")
+        for fault in forged:
+            self._wrong(record.k, f"{fault} forges, and is no spoof")
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        return Check("forgeries", not self._problem, self._problem or f"{self._forged} frames forged as asked")
+
+    def _problem_of(self, spoof: _Spoof, k: int, frames: list[bytes], rows: Mapping[int, RobotTick]) -> str:
+        """What is wrong with the frames that an active spoof sends in a tick."""
+        if spoof.kind == "replay":
+            return self._problem_of_repeats(spoof, frames, rows)
+        due = list(self._due(spoof, rows))
+        try:
+            said = sorted((decode(frame) for frame in frames), key=lambda position: position.robot)
+        except Rejected as rejected:
+            return f"sends what cannot be read ({rejected})"
+        if [position.robot for position in said] != due:
+            return f"forges as {[position.robot for position in said]}, and should as {due}"
+        for position in said:
+            problem = self._problem_of_one(spoof, k, position, self._victim(rows, position.robot, k))
+            if problem:
+                return f"says of robot {position.robot} {problem}"
+        return ""
+
+    def _due(self, spoof: _Spoof, rows: Mapping[int, RobotTick]) -> Iterator[int]:
+        """In whose names, ascending: of victims of whom there is something to tell, or who do not exist."""
+        if spoof.kind == "invented":
+            yield from range(self._robots + 1, min(self._robots + spoof.invented, MAX_ROBOT) + 1)
+            return
+        for number in self._known(spoof, rows):
+            if spoof.kind == "random" or (spoof.entry.id, number) in self._frozen or there(rows[number].status):
+                yield number
+
+    def _known(self, spoof: _Spoof, rows: Mapping[int, RobotTick]) -> Iterator[int]:
+        """The victims without the spare robots that have not joined yet."""
+        for number in spoof.entry.who:
+            if rows[number].status is not Status.ABSENT or number not in self._spares:
+                yield number
+
+    def _victim(self, rows: Mapping[int, RobotTick], number: int, k: int) -> _Victim | None:
+        """None for a robot that does not exist."""
+        if number not in rows:
+            return None
+        try:
+            said = decode(self._sent[0][number]) if number in self._sent[0] else None
+        except Rejected:
+            said = None
+        drifts = any(active(entry, k) and number in entry.who for entry in self._drifts)
+        return _Victim(rows[number], said, not drifts)
+
+    def _problem_of_one(self, spoof: _Spoof, k: int, position: Position, victim: _Victim | None) -> str:
+        """What is wrong with a forged position that is no replay."""
+        if position.sequence != k + spoof.ahead:
+            return f"sequence {position.sequence}"
+        stamp = position.time_ms
+        if victim is None:
+            stamp = round(k * self._step * 1000.0)
+        elif victim.said is not None:
+            stamp = victim.said.time_ms
+        if position.time_ms != stamp:
+            return f"{position.time_ms} ms, and not {stamp}"
+        place = (position.x_cm, position.y_cm, position.heading_mrad)
+        if victim is None or spoof.kind == "random":
+            return "" if self._on_terrain(position) else f"{place}, off the terrain"
+        if spoof.kind == "freeze":
+            frozen = self._frozen.get((spoof.entry.id, position.robot))
+            if frozen is not None:
+                return "" if place == frozen else f"{place}, and froze it at {frozen}"
+            self._frozen[spoof.entry.id, position.robot] = place
+        return "" if _shifted(place, victim, spoof.offset) else f"{place}, which is not what it says with that offset"
+
+    def _problem_of_repeats(self, spoof: _Spoof, frames: list[bytes], rows: Mapping[int, RobotTick]) -> str:
+        """Frames that are sent again are those of the time that is asked for, byte by byte."""
+        then = self._sent[spoof.age] if spoof.age < len(self._sent) else {}
+        due = sorted(then[number] for number in self._known(spoof, rows) if number in then)
+        return "" if sorted(frames) == due else f"does not repeat what its victims sent {spoof.age} ticks ago"
+
+    def _on_terrain(self, position: Position) -> bool:
+        x_min, y_min, x_max, y_max = (100.0 * bound for bound in self._bounds)
+        across = x_min - _HALF_CM <= position.x_cm <= x_max + _HALF_CM
+        return across and y_min - _HALF_CM <= position.y_cm <= y_max + _HALF_CM
+
+    def _wrong(self, k: int, what: str) -> None:
+        self._problem = self._problem or f"tick {k}: {what}"
+
+
+def _spoof(entry: Entry, fault: Spoof, step: float) -> _Spoof:
+    payload = fault.payload
+    if not isinstance(payload, Forgery):
+        return _Spoof(entry, payload)
+    if payload.replay is not None:
+        return _Spoof(entry, "replay", age=_ago(payload.replay, step))
+    if payload.invented is not None:
+        return _Spoof(entry, "invented", invented=payload.invented)
+    if payload.ahead is not None:
+        return _Spoof(entry, "ahead", ahead=payload.ahead)
+    return _Spoof(entry, "offset", offset=payload.offset or (0.0, 0.0))
+
+
+def _ago(seconds: float, step: float) -> int:
+    """The least number of whole ticks, at least one, that is not less than so many seconds."""
+    near = max(round(seconds / step), 1)
+    return near if near * step >= seconds - 1e-9 * step else near + 1
+
+
+def _shifted(place: Place, victim: _Victim, offset: tuple[float, float]) -> bool:
+    """Whether a place is the victim's, shifted by so many m, as far as the wire's rounding can tell."""
+    x, y, heading = place
+    if victim.said is not None:
+        near, said = 2.0 * _HALF_CM if any(offset) else 0.0, victim.said
+        own_x, own_y, same = float(said.x_cm), float(said.y_cm), heading == said.heading_mrad
+    else:
+        near, same = _HALF_CM if victim.honest else math.inf, True
+        own_x, own_y = 100.0 * victim.row.x, 100.0 * victim.row.y
+    return same and abs(x - own_x - 100.0 * offset[0]) <= near and abs(y - own_y - 100.0 * offset[1]) <= near

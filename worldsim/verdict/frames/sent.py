@@ -1,0 +1,173 @@
+"""The verdict's checks of what was sent: that frames say what is true, and that every one of them is accounted for."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+from patrol.ground.footprint import sensor_footprint
+from patrol.journal import Status, TickRecord
+from patrol.journal.records import FORGED, frame_sequence
+from patrol.pose import Pose
+from patrol.radio.fleet_key import fleet_key
+from patrol.radio.message import MAX_TRAIL, Position, Rejected, decode
+from worldsim.intruders import Intruders
+from worldsim.radio.ether import there
+from worldsim.senses import Senses
+from worldsim.timeline import Timeline
+from worldsim.verdict.checks import Check, names_of
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+    from worldsim.output.record import RunRecord
+    from worldsim.verdict.frames.recomputed import Replay
+
+
+_LOST = Status.LOST.name.lower()
+
+
+class FramesAreTrue:
+    """A sender's first frame says where it takes itself to be, as the wire has it, and its trail where it was before.
+
+    Each of the others reports an intruder that its footprint covers, and none twice. In lockstep, where the world waits
+    for all that a robot has to say, none of these may be missing but from a robot that is lost in that tick. Where the
+    fleet has a key and it can be read, each carries its tag. Forged frames are another check's business.
+    """
+
+    def __init__(self, journal: RunRecord, prepared: Prepared) -> None:
+        scenario = prepared.scenario
+        self._journal = journal
+        self._waits = scenario.factor is None
+        self._names = names_of(journal)
+        self._intruders = Intruders(scenario, sensor_footprint(scenario, prepared.terrain))
+        self._senses = Senses(scenario, Timeline(scenario), prepared.terrain)
+        self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
+        self._key: bytes | None = None
+        self._untold = ""
+        try:
+            self._key = fleet_key(scenario)
+        except BadInput as bad:
+            self._untold = f"; tags not judged: {bad}"
+        self._missing: list[tuple[int, int, str]] = []
+        self._problem = ""
+        self._looked = 0
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        self._miss()
+        if self._problem:
+            return
+        due: dict[int, Position] = {}
+        contacts: dict[int, list[Position]] = {}
+        for row in record.robots:
+            true = Pose(row.x, row.y, row.heading)
+            time_s = self._senses.clock(row.number, record.k)
+            said = self._senses.pose(row.number, record.k, true)
+            position = Position.of(row.number, record.k, time_s, said)
+            self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
+            if row.status is Status.ALIVE:
+                due[row.number] = position
+                seen = self._intruders.seen_by(row.number, record.k, true)
+                contacts[row.number] = [Position.of_contact(record.k, time_s, *place) for place in seen]
+        for source, frame in record.frames:
+            if source == FORGED:
+                continue
+            if source in due or source not in contacts:
+                problem = self._problem_of(source, frame, due.pop(source, None))
+            else:
+                problem = _problem_of_contact(frame, self._key, contacts[source])
+            if problem:
+                self._problem = f"frame {record.k} of {self._names.get(source, source)} {problem}"
+                return
+            self._looked += 1
+        if self._waits:
+            self._missing = [(record.k, number, "its position") for number in due]
+            self._missing += [(record.k, number, "a contact") for number, left in contacts.items() if left]
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        self._miss()
+        good = f"{self._looked} frames say what is true{self._untold}"
+        return Check("frames", not self._problem, self._problem or good)
+
+    def _miss(self) -> None:
+        """Whether who kept silent in the tick before was lost in it, which is known only now."""
+        for k, number, what in () if self._problem else self._missing:
+            if not any(e.k == k + 1 and e.robot == number and e.kind == _LOST for e in self._journal.events):
+                self._problem = f"{self._names[number]} did not send {what} in tick {k}"
+                return
+
+    def _problem_of(self, source: int, frame: bytes, due: Position | None) -> str:
+        if due is None:
+            return "has no living sender"
+        try:
+            said = decode(frame, self._key)
+        except Rejected as rejected:
+            return f"cannot be read ({rejected})"
+        track = list(self._tracks[source])
+        trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in pairwise(track[: len(said.trail) + 1]))
+        if said != replace(due, trail=trail):
+            return f"says {said}, the pose gives {replace(due, trail=trail)}"
+        return ""
+
+
+class LinksAddUp:
+    """On every directed link each frame sent, copies included, was delivered or dropped once, or is still in flight.
+
+    Nothing else was. replay: tells what is in flight at the end.
+    """
+
+    def __init__(self, journal: RunRecord, replay: Replay) -> None:
+        self._names = {**names_of(journal), FORGED: "a forger"}
+        self._replay = replay
+        self._sent = self._settled = 0
+        self._open: Counter[tuple[int, int, int]] = Counter()
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        here = [robot.number for robot in record.robots if there(robot.status)]
+        places: Counter[int] = Counter()
+        for source, _ in record.frames:
+            sequence = frame_sequence(record.k, places[source])
+            places[source] += 1
+            for destination in here:
+                if destination != source:
+                    self._open[source, destination, sequence] += 1
+                    self._sent += 1
+        for copy in record.copies:
+            self._open[copy[:3]] += 1
+            self._sent += 1
+        for link in [*record.deliveries, *(dropped[:3] for dropped in record.dropped)]:
+            self._settled += 1
+            self._open[link] -= 1
+            if self._open[link] == 0:
+                del self._open[link]
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        wrong = Counter(self._open)
+        wrong.subtract(self._replay.in_flight)
+        wrong = Counter({link: left for link, left in wrong.items() if left})
+        if not wrong:
+            flying = f", {self._open.total()} in flight" if self._open else ""
+            return Check("links add up", True, f"{self._sent} frames sent over links, {self._settled} settled{flying}")
+        (source, destination, sequence), left = min(wrong.items())
+        link = f"{self._names.get(source, source)} to {self._names.get(destination, destination)}"
+        what = "neither delivered nor dropped" if left > 0 else "delivered or dropped but not sent"
+        detail = f"frame {sequence} from {link} was {what} ({len(wrong)} such frames)"
+        return Check("links add up", False, detail)
+
+
+def _problem_of_contact(frame: bytes, key: bytes | None, due: list[Position]) -> str:
+    """What is wrong with a report; it is taken off those that are due."""
+    try:
+        said = decode(frame, key)
+    except Rejected as rejected:
+        return f"cannot be read ({rejected})"
+    if said not in due:
+        return f"says {said}, and its sender sees no such intruder"
+    due.remove(said)
+    return ""

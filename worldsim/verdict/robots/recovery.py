@@ -1,0 +1,93 @@
+"""The verdict's check of recovery: after the faults the patrol is as it was."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from patrol.ground.footprint import sensor_footprint
+from patrol.journal.records import RobotTick, Status, TickRecord
+from patrol.pose import Pose
+from worldsim.timeline import FAULT_EVENT, Timeline
+from worldsim.truth import Truth
+from worldsim.verdict.checks import Check
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+    from worldsim.output.record import RunRecord
+
+WITHIN = 5.0
+"""How many times the fault-free mean MFoW a patrol may take to see every point again."""
+
+
+class Recovers:
+    """Once everything has healed, every patrolled point is seen again within 5 x the fault-free mean MFoW.
+
+    It is judged only where the whole fleet is there again, there is a fault-free run of the same seed to compare with,
+    and the run goes on for long enough.
+    """
+
+    def __init__(self, journal: RunRecord, prepared: Prepared, baseline_s: float | None) -> None:
+        """baseline_s: mean MFoW (s) of the same scenario without its faults; None when nobody has run that."""
+        scenario = prepared.scenario
+        self._journal = journal
+        self._prepared = prepared
+        self._step = scenario.step
+        self._names = {spec.number: spec.name for spec in scenario.roster}
+        self._spares = scenario.spares
+        self._healed = Timeline(scenario).healed
+        self._baseline_s = baseline_s
+        self._missing = ""
+        self._truth: Truth | None = None
+        self._seen_at: int | None = None
+        self._last = -1
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        self._last = record.k
+        if self._healed is None or record.k < self._healed or self._seen_at is not None or self._missing:
+            return
+        if self._truth is None:
+            gone = [row for row in record.robots if row.status is not Status.ALIVE and not self._stays_away(row)]
+            if gone:
+                self._missing = f"{self._names.get(gone[0].number, gone[0].number)} is {gone[0].status.name.lower()}"
+                return
+            footprint = sensor_footprint(self._prepared.scenario, self._prepared.terrain)
+            self._truth = Truth(footprint, self._prepared.patrolled, self._step)
+        poses = [(row.number, Pose(row.x, row.y, row.heading)) for row in record.robots if row.status is Status.ALIVE]
+        self._truth.observe(record.k, poses)
+        if self._truth.fog.seen == self._truth.fog.points:
+            self._seen_at = record.k
+
+    def _stays_away(self, row: RobotTick) -> bool:
+        """Whether a robot is spare and nobody has called it."""
+        return row.status is Status.ABSENT and row.number in self._spares
+
+    def check(self) -> Check:
+        """The result, once all ticks are in."""
+        took_s = None if self._seen_at is None else (self._seen_at - (self._healed or 0)) * self._step
+        took = "not every point was seen again" if took_s is None else f"every point was seen again in {took_s:g} s"
+        limit_s = math.ceil(WITHIN * (self._baseline_s or 0.0) / self._step) * self._step
+        why = self._why_not(took, took_s, limit_s)
+        if why:
+            return Check("recovery", True, f"not judged: {why}", judged=False)
+        return Check("recovery", took_s is not None and took_s <= limit_s, f"{took}; {limit_s:g} s are allowed")
+
+    def _why_not(self, took: str, took_s: float | None, limit_s: float) -> str:
+        """Why recovery cannot be judged, empty when it can."""
+        healed = self._healed
+        asked = [event.k for event in self._journal.events if event.kind == FAULT_EVENT]
+        why = ""
+        if healed is None:
+            why = "a fault lasts to the end"
+        elif asked and asked[-1] > healed:
+            why = f"a fault was asked for at tick {asked[-1]}"
+        elif self._last < healed:
+            why = "the run ended before everything had healed"
+        elif self._missing:
+            why = f"{self._missing} when everything has healed"
+        elif self._baseline_s is None:
+            why = f"{took}; there is no fault-free run to compare with"
+        elif took_s is None and (self._last - healed) * self._step < limit_s:
+            why = f"the quiet window is shorter than {limit_s:g} s, {WITHIN:g} x the fault-free MFoW"
+        return why
