@@ -223,10 +223,11 @@ class Mind:
         live = self._live(k)
         rivals = []
         if "claims" in self._separations:
-            joined = [self._ground.join(peer.pose.x, peer.pose.y) for _, peer in sorted(live.items())]
+            static = self._ground.static
+            joined = [static.join(peer.pose.x, peer.pose.y) for _, peer in sorted(live.items())]
             rivals = [place for place in joined if place is not None]
         seen, dilated = self.belief.fog.last_seen, self.belief.dilated
-        pull = self._field.pull(self._ground, *start, seen, dilated, k, mfow, rivals)
+        pull = self._field.pull(self._ground, *start, seen, dilated, k, mfow, rivals, self.belief.looked)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
         if "repulsion" in self._separations:
@@ -317,6 +318,12 @@ class Mind:
             bumped = False
         if goal is None or bearing is None:
             return Drive(0.0, 0.0), State.HOLDING, None, None
+        patrol = self._setup.scenario.patrol
+        if not bumped and patrol.random_move_for == "all" and self._draw(k, 0) < patrol.random_move:
+            wander = TAU * self._draw(k, 1)
+            drive = self._car.turning(pose, wander, self.spec.speed)
+            if self._car.is_free(pose, drive):
+                return drive, State.PATROLLING, wander, None
         drive = self._car.towards(pose, goal.refined)
         if not bumped and self._car.is_free(pose, drive):
             return drive, State.PATROLLING, bearing, goal

@@ -28,6 +28,8 @@ class Belief:
     dilated: int32 (h, w), the tick at which each point was last seen, made worse by dilatation; without any, the
     fog's own.
 
+    looked: int32 (h, w), the tick at which each point was last in view; the fog's own where a look makes a point fresh.
+
     Staleness spreads over the points where this robot can stand, so it never crosses a wall nor a gap too narrow for
     the body. What is stale where no body fits first counts at its post, the place to see it from.
 
@@ -48,6 +50,7 @@ class Belief:
         self.contacts = Contacts()
         self._footprint = footprint
         self._posts = posts
+        self.looked = self.fog.last_seen.copy() if footprint.leaves_age else self.fog.last_seen
         self._ground = np.ascontiguousarray(ground).view(np.uint8)
         self._dilatation = dilatation
         self._carried = self.fog.last_seen.copy()
@@ -64,17 +67,23 @@ class Belief:
 
         What a position tells of is said in `patrol.radio.peers`.
         """
-        boxes = [self.fog.observe(self._footprint.visible(own), tick)]
+        boxes = [self._look(own, tick)]
         for frame in frames:
             position = self.inbox.accept(frame, tick * step)
             if position is not None and position.robot == CONTACT:
                 self.contacts.report(position, tick)
             elif position is not None:
                 looks = self._hearsay.hear(position, tick)
-                boxes += [self.fog.observe(self._footprint.visible(pose), at) for at, pose in looks]
+                boxes += [self._look(pose, at) for at, pose in looks]
         for box in boxes:
             if box is not None and self._spreads:
                 self._refresh(box, tick)
+
+    def _look(self, pose: Pose, tick: int) -> Box | None:
+        view = self._footprint.visible(pose)
+        if self._footprint.leaves_age:
+            view.mark(self.looked, tick)
+        return self.fog.observe(view, tick)
 
     def silent(self, tick: int, patience: int, radii: dict[int, float], margin: float) -> list[Disc]:
         """The last places of peers unheard for more than ``patience`` ticks, with their radius plus ``margin`` (m).

@@ -33,6 +33,16 @@ class Ground:
         self.state: NDArray[np.uint8] = np.zeros((height + 2, width + 2), dtype=np.uint8)
         self._encode((0, height + 2, 0, width + 2))
         self._closed: tuple[tuple[Disc, ...], tuple[int, ...]] = (), ()
+        self._static: Ground | None = None
+
+    @property
+    def static(self) -> Ground:
+        """The same ground with nothing closed: this one as long as nothing is, made when first needed otherwise."""
+        if self._closed == ((), ()):
+            return self
+        if self._static is None:
+            self._static = Ground(self.terrain, self._reach[1:-1, 1:-1])
+        return self._static
 
     def obstruct(self, discs: Sequence[Disc], areas: Sequence[int] = ()) -> None:
         """Block the points whose centres lie within these discs, these areas, and none else but the terrain's own."""

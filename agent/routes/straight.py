@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from agent.routes.kernels.straight import rays
 from agent.routes.kernels.wave import OPEN
 from agent.routes.path_window import Window
 
 
 class Straight(Window):
-    """The path to every point is the line to it, whatever lies between, and whether or not a body fits there."""
+    """The path to every patrolled point is the line to it, whatever lies between, and whether or not a body fits there.
+
+    Nothing else has a path: an obstacle has no age, so it must not pull.
+    """
+
+    def __init__(self, height: int, width: int, span: int, patrolled: NDArray[np.bool_]) -> None:
+        """Make room for paths over a terrain.
+
+        Args:
+            height: Of the terrain, in points.
+            width: Of the terrain, in points.
+            span: How far the window reaches from the start, in points.
+            patrolled: bool (height, width), the points that have a path.
+        """
+        super().__init__(height, width, span)
+        self._patrolled = patrolled
+        self._open = np.where(patrolled, np.uint8(OPEN), np.uint8(0))
 
     def _begin(self) -> None:
-        """Open every point. Nothing is kept between calls: a longer limit simply overwrites."""
-        self.state[1:-1, 1:-1] |= OPEN
+        """Open the patrolled points. Nothing is kept between calls: a longer limit simply overwrites."""
+        rows, cols = self.state.shape
+        top, left = self.row0 + 1, self.col0 + 1
+        self.state[1:-1, 1:-1] |= self._open[top : top + rows - 2, left : left + cols - 2]
 
     def extend(self, limit: int) -> None:
         """Settle every path of at most ``limit`` hundredths of a point."""

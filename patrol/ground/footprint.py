@@ -40,6 +40,19 @@ class View:
     mask: NDArray[np.uint8]
     quality: NDArray[np.float64] | None
 
+    def mark(self, grid: NDArray[np.int32], tick: int) -> None:
+        """Note in a grid at which tick each seen point was last in view.
+
+        Args:
+            grid: int32 (height, width) of the terrain, ticks; changed where this view is the later one.
+            tick: When this view was seen.
+        """
+        rows, cols = self.mask.shape
+        top, left = max(0, -self.row0), max(0, -self.col0)
+        part = grid[self.row0 + top : self.row0 + rows, self.col0 + left : self.col0 + cols]
+        seen = self.mask[top : top + part.shape[0], left : left + part.shape[1]] != 0
+        part[seen] = np.maximum(part[seen], tick)
+
     def shows(self, row: int, col: int) -> bool:
         """Whether the terrain's point (row, col) is seen."""
         up, across = row - self.row0, col - self.col0
@@ -74,6 +87,11 @@ class Footprint:
         self._passable = np.ascontiguousarray(terrain.passable).view(np.uint8)
         self._quality = _quality_window(quality, self.reach, terrain.point)
         self._remembered = lru_cache(maxsize=REMEMBERED)(self._look)
+
+    @property
+    def leaves_age(self) -> bool:
+        """Whether a look may leave some of a point's age (quality below 1)."""
+        return self._quality is not None
 
     def visible(self, pose: Pose) -> View:
         """The points seen from ``pose``; pass the pose as encoded on the wire, so that all who hear it agree."""

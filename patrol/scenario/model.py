@@ -155,7 +155,12 @@ class PatrolSpec(Section):
         "goal-refinement", description="none | goal-refinement | fuzzy (mode only)"
     )
     separation: Separation = Field("none", description=SEPARATIONS)
-    random_move: Probability = Field(0.1, description="probability of a random step (holonomic robots only)")
+    random_move: Probability = Field(
+        0.1, description="probability of a random step, so that patrols stay unpredictable"
+    )
+    random_move_for: Literal["holonomic", "all"] = Field(
+        "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
+    )
     give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
     claim_width: Positive = Field(0.3, description="m, s of the claims")
     obstacle_radius: Positive = Field(5.0, description="m, of the artificial obstacle at each other robot")

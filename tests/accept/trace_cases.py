@@ -18,7 +18,7 @@ from typing import Any
 
 TERRAINS = ("open", "yards", "clutter", "site")
 BODIES = ("holonomic", "car")
-BASE: Mapping[str, Any] = {"point": 1.0, "duration": 200, "robots.count": 4}
+BASE: Mapping[str, Any] = {"point": 1.0, "duration": 200, "robots.count": 4, "patrol.random_move_for": "holonomic"}
 
 FAULTS: tuple[Mapping[str, Any], ...] = (
     {"kind": "loss", "at": 5, "for": 40, "rate": 0.4, "mean_burst": 4},
@@ -62,6 +62,7 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
         "patrol.separation": "claims",
     },
     "sixteen-sectors": {"patrol.sectors": 16},
+    "random-move-for-all": {"patrol.random_move_for": "all"},
     "no-random-move": {"patrol.random_move": 0},
     "blind-angle": {"sensor.angle": 120, "sensor.range": 14},
     "through-walls": {"sensor.line_of_sight": False},

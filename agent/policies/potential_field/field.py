@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -32,8 +33,6 @@ CLOSE_ENOUGH = 0.5
 """Share of the strongest force from which on a place close by is worth stopping at."""
 
 UNCLAIMED = np.zeros(0)
-
-PATHS: dict[str, type[Wave | Straight]] = {"wave": Wave, "straight": Straight}
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +75,7 @@ class Field:
         sources = int(np.count_nonzero(fields.patrolled))
         self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width))
         span = min(max(height, width), -(-self.law.limit // 100))
-        self.paths = _window(patrol.paths, (height, width, span), scratch, regions)
+        self.paths = _window(patrol.paths, (height, width, span), scratch, fields.patrolled, regions)
         self._point = point
         self._nearby = min(self.law.limit, round(100.0 * patrol.goal_distance / point))
         self._posts = posts
@@ -95,11 +94,13 @@ class Field:
         tick: int,
         mfow: int,
         rivals: Sequence[Place] = (),
+        looked: NDArray[np.int32] | None = None,
     ) -> Pull:
         """The forces on a robot on the open element (row, col) of the ground.
 
-        seen, dilated: int32 (h, w), last-seen ticks before and after dilatation. mfow: ticks. rivals: the ground's
-        elements where other robots stand; they matter with claims only.
+        seen, dilated: int32 (h, w), last-seen ticks before and after dilatation. mfow: ticks. rivals: the
+        elements of the static ground where other robots stand; they matter with claims only. looked: int32 (h, w), the
+        tick at which each point was last in view, where a look may leave some of a point's age; `seen` unless given.
 
         Dilatation brings a robot near a small stale place, and there pulls equally from all sides. So where a path of
         at most the goal distance leads to a place that pulls, without dilatation, at least `CLOSE_ENOUGH` times as
@@ -109,7 +110,7 @@ class Field:
         self._claim(ground, row, col, rivals)
         self.paths.begin(ground, row, col)
         nearby = self._forces()
-        self._gather(0, self._nearby, seen, seen, tick, by_age, nearby)
+        self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
         forces = self._forces()
         first = min(self.law.limit, round(100.0 * FIRST_LOOK / self._point))
         self._gather(0, first, dilated, seen, tick, by_age, forces)
@@ -128,10 +129,13 @@ class Field:
         return up + self.paths.row0 + 1, across + self.paths.col0 + 1
 
     def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
-        """Note how near the rivals are to every point, before the window is used for the robot's own paths."""
+        """Note how near the rivals are to every point, before the window is used for the robot's own paths.
+
+        What is closed to this robot, a disc around the rival above all, is not in the rival's own way.
+        """
         self._contest = _Contest(self.paths.length, UNCLAIMED)
         if self._share.size and rivals:
-            lengths = self.paths.lengths_from(ground, row, col, rivals, self.law.limit)
+            lengths = self.paths.lengths_from(ground.static, row, col, rivals, self.law.limit)
             self._contest = _Contest(lengths, self._share)
 
     def _forces(self) -> _Forces:
@@ -146,6 +150,7 @@ class Field:
         tick: int,
         by_age: NDArray[np.float64],
         forces: _Forces,
+        looked: NDArray[np.int32] | None = None,
     ) -> None:
         """Add the forces along paths longer than ``first`` and at most ``last`` hundredths of a point.
 
@@ -162,20 +167,28 @@ class Field:
         here = paths.row0 + paths.start_row
         posts = self._posts.between(here - span, here + span)
         for points, seen in ((None, standing), (posts, beyond)):
-            gather(points, *grids, first, last, span, *place, seen, *law, *forces)
+            gather(points, *grids, first, last, span, *place, seen, seen if looked is None else looked, *law, *forces)
 
 
-def _window(paths: str, sizes: tuple[int, int, int], scratch: dict[str, Window], regions: RegionSplit | None) -> Window:
+def _window(
+    paths: str,
+    sizes: tuple[int, int, int],
+    scratch: dict[str, Window],
+    patrolled: NDArray[np.bool_],
+    regions: RegionSplit | None,
+) -> Window:
     """The window for a path method, the terrain's height and width and a span, in points; shared where it can be."""
     key = f"{paths} {sizes}"
+    make: Callable[[], Window] = partial(Wave, *sizes)
+    # A window holds what its key identifies, so that nothing else gets that identity.
     if paths == "regions":
         if regions is None:
             raise ValueError("paths through regions need a split")
-        key = f"{key} {id(regions.parts)}"  # which the window holds, so that nothing else gets its identity
-        if key not in scratch:
-            scratch[key] = Regions(*sizes, regions)
-    elif key not in scratch:
-        scratch[key] = PATHS[paths](*sizes)
+        key, make = f"{key} {id(regions.parts)}", partial(Regions, *sizes, regions)
+    elif paths == "straight":
+        key, make = f"{key} {id(patrolled)}", partial(Straight, *sizes, patrolled)
+    if key not in scratch:
+        scratch[key] = make()
     return scratch[key]
 
 

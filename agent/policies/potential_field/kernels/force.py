@@ -28,7 +28,7 @@ boolean = types.boolean
     [
         types.void(
             posts, STATE, GRID, GRID, int64, int64, int64, int64, int64, int64, int64,
-            GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
+            GRID, GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
         )
         for posts in (types.none, ROWS)
     ],
@@ -37,7 +37,7 @@ boolean = types.boolean
 )
 def gather(
     posts, state, length, bend, first, last, span, start_row, start_col, row0, col0,
-    seen, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
+    seen, looked, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
 ):
     """Add to ``sums`` the forces of points the way to which is longer than ``first`` and at most ``last``.
 
@@ -51,6 +51,7 @@ def gather(
     in hundredths of a point.
     seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above ``tick``
     means that nothing there has an age.
+    looked: int32 (h, w), the tick at which each point was last in view; ``seen`` where a look makes a point fresh.
     pull: float64, f by age in ticks. decay: float64, g by length in hundredths of a point.
     share: float64 (2 m + 1,), what others leave of a force: by how much farther off the robot is than its nearest
     rival, in hundredths of a point plus m; of size 0 where nobody claims anything. rival: int32, the rivals' grid of
@@ -98,7 +99,7 @@ def gather(
                 sums[2] += force
             else:
                 sums[sector[middle + up, middle + across]] += force
-            if force > strongest[0] and when < tick:
+            if force > strongest[0] and looked[seen_row, seen_col] < tick:
                 strongest[0] = force
                 source[0] = row * cols + col
 

@@ -183,3 +183,44 @@ def test_vector_sum_points_along_the_sum_first() -> None:
     assert len(bearings) == 8
     assert len({round(b, 9) for b in bearings}) == 8
     assert bearings_by_vector(0.0, 0.0, 8) == []
+
+
+@pytest.mark.parametrize("mfow", [9, 100])
+@pytest.mark.parametrize("direction", ["mode", "vector"])
+def test_straight_paths_lead_to_no_obstacle(direction: str, mfow: int) -> None:
+    """An obstacle was never seen; taken for ground it would be as old as the run, beyond the ages that there are."""
+    passable = np.ones((60, 60), dtype=np.bool_)
+    passable[30:32, 36:38] = False
+    terrain = Terrain("block", passable, 0.5)
+    fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
+    seen = np.where(passable, np.int32(95), np.int32(-1))
+    seen[31, 20] = 91
+    patrol = PatrolSpec.model_validate({"paths": "straight", "direction": direction})
+    field = Field(patrol, fields, Posts(np.full_like(fields.proxy, -1)), terrain.point, {})
+    tick = 100
+    pull = field.pull(Ground(terrain, passable), 31, 31, seen, seen, tick, mfow)
+    law = ForceLaw(patrol, terrain.point, int(passable.sum()), 10**5)
+    by_age = law.pull(mfow)
+    expected = np.zeros(3 if direction == "vector" else 8)
+    for row, col in np.argwhere(passable):
+        up, across = row - 30, col - 30
+        length = int(100.0 * math.hypot(up, across) + 0.5)
+        if 0 < length <= law.limit:
+            force = by_age[tick - seen[row, col]] * law.decay[length]
+            if direction == "vector":
+                expected += force * np.array([across, up, 0.0]) / math.hypot(up, across) + [0.0, 0.0, force]
+            else:
+                expected[sector_table(8, 60)[up + 60, across + 60]] += force
+    assert np.allclose(pull.sums, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    assert pull.near == (32, 21)
+
+
+def test_a_place_in_view_is_no_reason_to_stop_where_a_look_leaves_some_age() -> None:
+    terrain, fields, ground, _ = room(3, 41, 41, 0.0)
+    seen = np.full(terrain.shape, 100, dtype=np.int32)
+    seen[20, 24] = 0
+    looked = np.full(terrain.shape, 100, dtype=np.int32)
+    field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
+    assert field.pull(ground, 21, 21, seen, seen, 100, 100, (), looked).near is None
+    looked[20, 24] = 99
+    assert field.pull(ground, 21, 21, seen, seen, 100, 100, (), looked).near == (21, 25)

@@ -55,15 +55,15 @@ def test_a_claim_leaves_half_of_a_force_halfway_and_nothing_at_the_rival() -> No
     assert 0.0 < table[-1] < 1e-17
 
 
-@pytest.mark.parametrize("kind", [Wave, Straight])
-def test_lengths_from_several_starts_are_those_of_the_nearest(kind: type[Window]) -> None:
+@pytest.mark.parametrize("kind", ["wave", "straight"])
+def test_lengths_from_several_starts_are_those_of_the_nearest(kind: str) -> None:
     rng = np.random.default_rng(4)
     passable = rng.random((40, 50)) < 0.9
     starts = [(5, 6), (30, 40), (20, 20)]
     for row, col in starts:
         passable[row - 1, col - 1] = True
     ground = Ground(Terrain("t", passable, 0.5), passable)
-    window = kind(40, 50, 60)
+    window: Window = Wave(40, 50, 60) if kind == "wave" else Straight(40, 50, 60, passable)
     together = window.lengths_from(ground, 20, 20, starts, 6000)
     alone = [window.lengths_from(ground, 20, 20, [start], 6000) for start in starts]
     assert np.array_equal(together, np.minimum.reduce(alone))
@@ -181,3 +181,22 @@ def test_fuzzy_coefficients_equal_their_formula(seed: int, row: int, col: int) -
             sector = round(math.atan2(r - row, c - col) / (math.pi / 4)) % 8
             closest[sector] = min(closest[sector], 0.5 * math.hypot(r - row, c - col))
     assert coefficients == pytest.approx(np.minimum(1.0, closest / 5.5))
+
+
+@pytest.mark.parametrize("separation", ["claims", ["claims", "artificial-obstacles"]])
+def test_a_rival_claims_what_is_near_it_although_it_is_closed_to_others(separation: str | list[str]) -> None:
+    """Its own disc, of an artificial obstacle or of giving way, is in everybody's way but its own."""
+    terrain, fields = open_field()
+    ground = Ground(terrain, fields.reach)
+    seen = np.full(terrain.shape, 100, dtype=np.int32)
+    seen[40, 70] = 0
+    seen[40, 2] = 40
+    ground.obstruct([(terrain.centre(40, 65)[0], terrain.centre(40, 65)[1], 2.0)])
+    assert ground.join(*terrain.centre(40, 65)) is None
+    rival = ground.static.join(*terrain.centre(40, 65))
+    assert rival == (41, 66)
+    field = Field(PatrolSpec.model_validate({"separation": separation}), fields, Posts(fields.proxy), 0.5, {})
+    alone = field.pull(ground, 41, 41, seen, seen, 100, 100)
+    contested = field.pull(ground, 41, 41, seen, seen, 100, 100, [rival])
+    assert int(np.argmax(alone.sums)) in (0, 1, 7)
+    assert int(np.argmax(contested.sums)) not in (0, 1, 7)
