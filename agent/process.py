@@ -6,22 +6,20 @@ import argparse
 import math
 import os
 import sys
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import traceback
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.net.phases import FIRST_INCARNATION
-from patrol.net.telemetry import Telemetry, Traffic, show
+from patrol.process.deadline import DECISION_LIMIT_S
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
 from patrol.process.options import TOGETHER, fleet_parser, prepared_as_told
 
 if TYPE_CHECKING:
-    from agent.decision import Decision
     from agent.mind import Mind
-    from agent.robots import Radio, Robot, Sensed
+    from agent.ports import Radio
     from patrol.scenario import RobotSpec, Scenario
 
 HELP = f"""
@@ -33,13 +31,6 @@ by: a multicast group, which needs no router, or a router of their own; unless g
 Exit codes: 0 the run is over, 1 left out of it, 2 bad input, 130 interrupted.
 """
 
-TELEMETRY_S = 0.2
-"""Wall time between two reports for eyes."""
-
-PSI = "psi.npy"
-
-Show = Callable[["Sensed", "Decision", float], None]
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one agent; the exit code."""
@@ -50,20 +41,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BadInput as bad:
         print(f"{options.robot}: {bad}", file=sys.stderr)
         return 2
-
-
-def run_mind(mind: Mind, robot: Robot, radio: Radio, show: Show) -> None:
-    """Sense, tell, hear, decide, act, for as long as there is something to sense."""
-    while (sensed := robot.sense()) is not None:
-        radio.send(mind.frames(sensed.k, sensed.pose, sensed.contacts, sensed.clock_s))
-        heard = radio.hear()
-        if heard is None:
-            continue
-        began = time.perf_counter()
-        decision = mind.step(sensed.k, sensed.pose, heard, sensed.bumped, sensed.contacts)
-        decision_ms = (time.perf_counter() - began) * 1000.0
-        robot.act(decision, decision_ms)
-        show(sensed, decision, decision_ms)
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
@@ -79,6 +56,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     if mind is None:
         return INTERRUPTED
 
+    from agent.mind_loop import Both, TelemetrySender, run_mind
+    from agent.policies.found import policy_of
     from agent.radios.direct import tune_in
     from agent.robots.sim import Identity, join
     from patrol.net.link import open_links
@@ -97,19 +76,23 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
         say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s)")
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
-    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s)
-    eyes = Eyes(link.show(keys.telemetry(spec.name)))
+    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model)
+    telemetry = TelemetrySender(link.show(keys.telemetry(spec.name)))
     radio: Radio = robot
     if scenario.radio.via == "direct":
         numbers = {one.name: one.number for one in scenario.roster}
-        radio = direct = tune_in(air, keys, spec.name, numbers, lambda: robot.hear() is not None)
-        eyes.traffic = lambda final: direct.traffic(options.incarnation, final=final)
+        radio = direct = tune_in(air, keys, spec.name, numbers, robot)
+        telemetry.traffic = lambda final: direct.traffic(options.incarnation, final=final)
+    limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
     try:
-        run_mind(mind, robot, radio, eyes.show)
+        failure = run_mind(mind, robot, radio, Both(robot, telemetry), limit_s)
     finally:
-        eyes.close()
+        telemetry.close()
         air.close()
         link.close()
+    if failure is not None:
+        say(failure)
+        return 1
     if robot.orderly:
         return 0
     say(f"left: {robot.farewell}")
@@ -129,64 +112,25 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
     from patrol.process.warmup import warm
 
     warm(("patrol", "agent"), lambda line: print(f"{spec.name}: {line}", file=sys.stderr, flush=True))
-    import numpy as np
-
-    from agent.bodies.refine import psi_field
-    from agent.mind import Mind, MindSetup
+    from agent.build import Shared, build_mind, load_psi, shared_by
+    from agent.ports import PolicyFailed
+    from patrol.ground.footprint import sensor_footprint
     from patrol.radio.fleet_key import fleet_key
 
     prepared = prepared_as_told(scenario, options, ending)
     if prepared is None:
         return None
     static: Path | None = options.static
-    psi = None
-    if scenario.patrol.avoidance == "goal-refinement":
-        reach = scenario.patrol.refine_reach
-        psi = psi_field(prepared.terrain, reach) if static is None else np.load(static / PSI, mmap_mode="r")
-    return Mind(
-        MindSetup(
-            scenario,
-            spec.number,
-            prepared.terrain,
-            prepared.fields[spec.number],
-            psi,
-            incarnation=options.incarnation,
-            key=fleet_key(scenario),
-            regions=prepared.regions_of(spec.number),
-        )
-    )
-
-
-class Eyes:
-    """Shows decisions, at most one each `TELEMETRY_S`. traffic: what the radio has carried, when somebody counts it."""
-
-    def __init__(self, post: Callable[[bytes], None]) -> None:
-        self.traffic: Callable[[bool], Traffic | None] = lambda _final: None
-        self._post = post
-        self._due = 0.0
-        self._last: Telemetry | None = None
-
-    def show(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """Show a decision, when it is time to."""
-        now = time.monotonic()
-        self._last = view = Telemetry(
-            k=sensed.k,
-            state=decision.state.value,
-            goal=decision.goal,
-            refined=decision.refined,
-            direction=decision.direction,
-            mfow=decision.mfow,
-            decision_ms=decision_ms,
-            rejected=decision.rejected,
-        )
-        if now >= self._due:
-            self._due = now + TELEMETRY_S
-            self._post(show(replace(view, traffic=self.traffic(False))))
-
-    def close(self) -> None:
-        """Show the last decision once more, with all that the radio has carried."""
-        if self._last is not None and (traffic := self.traffic(True)) is not None:
-            self._post(show(replace(self._last, traffic=traffic)))
+    if static is None:
+        shared = shared_by(prepared)
+    else:
+        shared = Shared(sensor_footprint(scenario, prepared.terrain), load_psi(scenario, static))
+    try:
+        return build_mind(prepared, spec.number, options.incarnation, fleet_key(scenario), shared)
+    except PolicyFailed as failed:
+        if failed.__cause__ is not None:
+            traceback.print_exception(failed.__cause__)
+        raise BadInput(str(failed)) from None
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:

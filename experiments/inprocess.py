@@ -10,23 +10,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agent.bodies.refine import psi_field
-from agent.mind import Mind, MindSetup
+from agent.build import Shared, mind_maker, shared_by
+from agent.mind import MakeMind, Mind
+from agent.policies.found import policy_of
+from agent.ports import PolicyFailed, policy_failure
 from patrol.errors import BadInput
+from patrol.exchange import Reply, Sensed
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
+from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
 from patrol.radio.fleet_key import fleet_key
 from worldsim.fleet.loop import run_ticks
 from worldsim.output.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
 from worldsim.output.summary import Totals, summarise
 from worldsim.verdict.judge import Judge, Verdict, judge
-from worldsim.world import Reply, Report, World
+from worldsim.world import World
 
 if TYPE_CHECKING:
-    from agent.routes.path_window import Window
-    from patrol.ground.footprint import Footprint
     from patrol.scenario import Scenario
 
 
@@ -44,42 +46,60 @@ class InProcessFleet:
 
     It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.Hands`.
 
-    make: a new mind by robot number and incarnation. threads: how many step at once. Their answers are put in roster
-    order, so the trace does not depend on it; minds that share scratch memory allow one only.
+    A mind whose policy fails is lost, as its process would be; the others go on.
     """
 
     def __init__(
-        self, minds: Mapping[int, Mind], make: Callable[[int, int], Mind] | None = None, threads: int = 1
+        self,
+        minds: Mapping[int, Mind],
+        make: MakeMind | None = None,
+        threads: int = 1,
+        limit_s: float | None = None,
     ) -> None:
+        """Take minds in.
+
+        Args:
+            minds: By robot number.
+            make: Makes a new one by robot number and incarnation.
+            threads: How many step at once. Their answers are put in roster order, so the trace does not depend on it;
+                minds that share scratch memory allow one only.
+            limit_s: Wall time, s, after which a decision counts as failed; None for no limit. It holds where minds
+                step in the main thread alone.
+        """
         self._minds = dict(minds)
+        self._limit_s = limit_s if threads == 1 else None
+        self._failed: dict[int, str] = {}
         self._make = make
         self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
-        self._reports: Mapping[int, Report] = {}
+        self._sensed: Mapping[int, Sensed] = {}
 
     @property
     def minds(self) -> Mapping[int, Mind]:
         """The minds that there are, by robot number."""
         return self._minds
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+    def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """What every mind sends."""
-        self._reports = reports
-        return {
-            number: self._minds[number].frames(k, report.pose, report.contacts, report.clock_s)
-            for number, report in reports.items()
-        }
+        del k
+        self._sensed = reports
+        return {number: self._minds[number].frames(sensed) for number, sensed in reports.items()}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """Every mind's command."""
         numbers = list(heard)
         if self._pool is None:
-            return {number: self._step(k, number, heard[number]) for number in numbers}
-        replies = self._pool.map(lambda number: self._step(k, number, heard[number]), numbers)
-        return dict(zip(numbers, replies, strict=True))
+            replies = [self._step(k, number, heard[number]) for number in numbers]
+        else:
+            replies = list(self._pool.map(lambda number: self._step(k, number, heard[number]), numbers))
+        return {number: reply for number, reply in zip(numbers, replies, strict=True) if reply is not None}
 
     def lost(self) -> Sequence[tuple[int, Status, str]]:
-        """Nobody: a mind that fails in this process fails the run."""
-        return ()
+        """Whose policy has failed in this tick; what else a mind raises fails the run."""
+        lost = [(number, Status.LOST, reason) for number, reason in sorted(self._failed.items())]
+        self._failed.clear()
+        for number, _, _ in lost:
+            self._minds.pop(number, None)
+        return lost
 
     def kill(self, number: int) -> None:
         """Drop a mind, with all that it knew."""
@@ -118,47 +138,21 @@ class InProcessFleet:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
-    def _step(self, k: int, number: int, heard: Sequence[bytes]) -> Reply:
-        report = self._reports[number]
+    def _step(self, k: int, number: int, heard: Sequence[bytes]) -> Reply | None:
         begun = time.perf_counter()
-        decision = self._minds[number].step(k, report.pose, heard, report.bumped, report.contacts)
+        try:
+            with deadline(self._limit_s):
+                decision = self._minds[number].step(self._sensed[number], heard)
+        except (PolicyFailed, Late) as failed:
+            self._failed[number] = policy_failure(k, failed)
+            return None
         spent_ms = (time.perf_counter() - begun) * 1000.0
-        return Reply(decision.command, decision.state, decision.refined, spent_ms, decision.rejected)
+        return Reply(decision.command, str(decision.state), decision.refined, spent_ms, decision.rejected)
 
 
-def mind_maker(prepared: Prepared, footprint: Footprint | None = None, threads: int = 1) -> Callable[[int, int], Mind]:
-    """Makes minds of a scenario by robot number and incarnation.
-
-    They share what they only read, and their scratch memory if they take turns.
-    """
-    scenario = prepared.scenario
-    refined = scenario.patrol.avoidance == "goal-refinement"
-    psi = psi_field(prepared.terrain, scenario.patrol.refine_reach) if refined else None
-    key = fleet_key(scenario)
-    shared: dict[str, Window] = {}
-
-    def make(number: int, incarnation: int) -> Mind:
-        return Mind(
-            MindSetup(
-                scenario,
-                number,
-                prepared.terrain,
-                prepared.fields[number],
-                psi,
-                incarnation=incarnation,
-                key=key,
-                footprint=footprint,
-                scratch=shared if threads == 1 else {},
-                regions=prepared.regions_of(number),
-            )
-        )
-
-    return make
-
-
-def make_minds(prepared: Prepared, footprint: Footprint | None = None, threads: int = 1) -> dict[int, Mind]:
-    """The first minds of a scenario's whole roster; see `mind_maker`."""
-    make = mind_maker(prepared, footprint, threads)
+def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
+    """The first minds of a scenario's whole roster."""
+    make = mind_maker(prepared, fleet_key(prepared.scenario), shared or shared_by(prepared))
     return {spec.number: make(spec.number, FIRST_INCARNATION) for spec in prepared.scenario.roster}
 
 
@@ -180,7 +174,8 @@ def run_in_process(
 
     journal: where to write the journal; without it the records stay in memory, or without `keep` only what they add up
     to, so that the memory needed does not grow with the run. started: wall time for its header, ISO 8601. progress,
-    events: take each tick's record and each event, after they are recorded. threads: minds that step at once.
+    events: take each tick's record and each event, after they are recorded.
+    threads: minds that step at once; one where the policy is not ours.
     verify_fog: without `keep`, whether the verdict recomputes the fog (see `worldsim.verdict.Judge`); it always does
     where there are records to read again. look: called after each tick with the world and the minds by robot number,
     to compare what is with what they believe; it must change nothing. baseline_s: what `fault_free_mfow` gives, for the
@@ -193,9 +188,13 @@ def run_in_process(
         raise BadInput("radio.via = direct: in one process there is no network to hear each other by; run as processes")
     footprint = sensor_footprint(prepared.scenario, prepared.terrain)
     world = World(prepared, footprint=footprint)
-    make = mind_maker(prepared, footprint, threads)
+    kind = policy_of(prepared.scenario)
+    if not kind.ours:
+        threads = 1  # so that one which hangs can be stopped
+    shared = shared_by(prepared, footprint, together=threads == 1)
+    make = mind_maker(prepared, fleet_key(prepared.scenario), shared)
     minds = {number: make(number, FIRST_INCARNATION) for number in world.living}
-    fleet = InProcessFleet(minds, make, threads)
+    fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S)
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]
     if look is not None:

@@ -278,13 +278,10 @@ def _finish(launch: Launch) -> Mapping[str, int | None]:
 
 def _write_static(prepared: Prepared, part: Path) -> None:
     """Write the static fields for the processes, which go on as soon as the folder has its name."""
-    from agent.bodies.refine import psi_field
-    from agent.process import PSI
+    from agent.build import save_psi
 
     prepared.save(part)
-    patrol = prepared.scenario.patrol
-    if patrol.avoidance == "goal-refinement":
-        np.save(part / PSI, psi_field(prepared.terrain, patrol.refine_reach))
+    save_psi(prepared, part)
 
 
 def _unfinished(static: Path) -> Path:

@@ -33,6 +33,7 @@ class Purpose(IntEnum):
     NEMESIS = 8
     CHAOS = 9
     UNSTUCK = 10
+    POLICY = 11
 
 
 def mix(*values: SupportsIndex) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from patrol.journal import Status
 from patrol.net.phases import FIRST_INCARNATION
-from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.pose import Command, Pose, halted
 
 if TYPE_CHECKING:
     from patrol.scenario import RobotSpec
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def standstill(spec: RobotSpec) -> Command:
     """The command that stops a robot of this kind."""
-    return Drive(0.0, 0.0) if spec.model == "car" else Velocity(0.0, 0.0)
+    return halted(spec.model)
 
 
 def overlap(pose: Pose, radius: float, other: Pose, other_radius: float) -> bool:

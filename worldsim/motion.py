@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.kernels.swept_path import arc_points, chord_count
-from patrol.ground.swept_path import advance, path_is_free
-from patrol.pose import Command, Drive, Velocity
+from patrol.ground.swept_path import advance, chords, lay_path, path_is_free
+from patrol.pose import COMMANDS, Command
 from worldsim.kernels.collide import cancel_meeting
 
 if TYPE_CHECKING:
@@ -26,29 +25,14 @@ def within_limits(spec: RobotSpec, command: Command) -> Command | None:
     Speeds are cut to the robot's speed, a car's curvature to 1 / turning radius. Numbers that are not finite, and one
     kind of robot's command for the other, make no sense.
     """
-    match command:
-        case Velocity(vx, vy) if spec.model == "holonomic" and math.isfinite(vx) and math.isfinite(vy):
-            fastest = max(abs(vx), abs(vy))
-            if fastest == 0.0:
-                return Velocity(0.0, 0.0)
-            # Scaled by the larger component first, so that no finite velocity overflows.
-            share = math.hypot(vx / fastest, vy / fastest)
-            cut = min(fastest, spec.speed / share)
-            return command if cut == fastest else Velocity(vx / fastest * cut, vy / fastest * cut)
-        case Drive(speed, curvature) if spec.model == "car" and math.isfinite(speed) and math.isfinite(curvature):
-            tightest = 1.0 / spec.turning_radius
-            return Drive(min(max(speed, -spec.speed), spec.speed), min(max(curvature, -tightest), tightest))
-        case _:
-            return None
+    if type(command) is not COMMANDS[spec.model] or not all(map(math.isfinite, command.numbers)):
+        return None
+    return command.limited(spec.speed, spec.turning_radius)
 
 
 def length(command: Command, step: float) -> float:
     """How far (m) a body drives that obeys `command` for `step` seconds."""
-    match command:
-        case Velocity(vx, vy):
-            return math.hypot(vx, vy) * step
-        case Drive(speed, _):
-            return abs(speed) * step
+    return command.speed_mps * step
 
 
 def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
@@ -81,20 +65,11 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
 
 def _paths(bodies: Sequence[Body], moving: Sequence[bool], step: float) -> NDArray[np.float64]:
     """float64 (n, m + 1, 2): where each body would be at m + 1 equal steps of time, arcs as chords."""
-    chords = 1
-    for body, moves in zip(bodies, moving, strict=True):
-        if moves and isinstance(body.command, Drive):
-            chords = max(chords, chord_count(body.command.speed * step, body.command.curvature, math.inf))
-    paths = np.empty((len(bodies), chords + 1, 2), dtype=np.float64)
-    share = np.linspace(0.0, 1.0, chords + 1)[:, None]
+    pieces = max((chords(body.command, step) for body, moves in zip(bodies, moving, strict=True) if moves), default=1)
+    paths = np.empty((len(bodies), pieces + 1, 2), dtype=np.float64)
     for path, body, moves in zip(paths, bodies, moving, strict=True):
-        start, command = body.pose, body.command
-        if not moves:
-            path[:] = (start.x, start.y)
-        elif isinstance(command, Drive):
-            arc_points(path, start.x, start.y, start.heading, command.speed * step, command.curvature)
+        if moves:
+            lay_path(path, body.pose, body.command, step)
         else:
-            end = advance(start, command, step)
-            path[:] = (start.x, start.y) + share * (end.x - start.x, end.y - start.y)
-            path[-1] = (end.x, end.y)
+            path[:] = (body.pose.x, body.pose.y)
     return paths

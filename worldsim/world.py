@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.exchange import Reply, Sensed
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.net.phases import FIRST_INCARNATION
-from patrol.pose import Command, Drive, Pose
+from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAMES
 from worldsim.bodies import Body, overlap, standstill
 from worldsim.intruders import Intruders
@@ -25,35 +25,6 @@ if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """Phase A, to a robot: what it senses.
-
-    pose: where it takes itself to be. bumped: its last move was cancelled. contacts: the intruders (x, y in m) that it
-    sees. clock_s: what its own clock shows, s.
-    """
-
-    pose: Pose
-    bumped: bool
-    contacts: tuple[tuple[float, float], ...] = ()
-    clock_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """Phase B, robot to world: its command, and diagnostics that change nothing.
-
-    state: what its mind is doing. goal: x and y in m, or None. decision_ms: wall time of the decision.
-    rejected: frames its inbox refused, so far.
-    """
-
-    command: Command
-    state: str
-    goal: tuple[float, float] | None
-    decision_ms: float
-    rejected: int
 
 
 class World:
@@ -102,7 +73,7 @@ class World:
         """Numbers of the robots that take part in this tick, ascending."""
         return [number for number, body in self.bodies.items() if body.alive]
 
-    def begin_tick(self) -> dict[int, Report]:
+    def begin_tick(self) -> dict[int, Sensed]:
         """Everyone alive observes; returns phase A's messages to the living robots."""
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
@@ -110,7 +81,7 @@ class World:
         seen = {number: self._intruders.seen_by(number, self.tick, body.pose) for number, body in living.items()}
         k, senses = self.tick, self.senses
         return {
-            number: Report(senses.pose(number, k, body.pose), body.bumped, seen[number], senses.clock(number, k))
+            number: Sensed(k, senses.pose(number, k, body.pose), body.bumped, seen[number], senses.clock(number, k))
             for number, body in living.items()
         }
 
@@ -219,7 +190,7 @@ class World:
 def _robot_tick(body: Body, pose: Pose, reply: Reply | None) -> RobotTick:
     """What happened to one robot in this tick; `pose` is where it was when the tick began."""
     command = body.command
-    c0, c1 = (command.speed, command.curvature) if isinstance(command, Drive) else (command.vx, command.vy)
+    c0, c1 = command.numbers
     return RobotTick(
         number=body.spec.number,
         status=body.status,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -85,7 +85,7 @@ class Belief:
             view.mark(self.looked, tick)
         return self.fog.observe(view, tick)
 
-    def silent(self, tick: int, patience: int, radii: dict[int, float], margin: float) -> list[Disc]:
+    def silent(self, tick: int, patience: int, radii: Mapping[int, float], margin: float) -> list[Disc]:
         """The last places of peers unheard for more than ``patience`` ticks, with their radius plus ``margin`` (m).
 
         A dead robot is still in the way; nothing else is believed of a silent one.

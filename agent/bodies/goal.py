@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.bodies.kernels.goal import free_run, refine
+from agent.ports import Goal
 from agent.routes.ground import Ground
 from patrol.scenario import PatrolSpec
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """Where to go. goal, refined: (x, y) in m, before and after refinement."""
-
-    goal: tuple[float, float]
-    refined: tuple[float, float]
 
 
 class GoalFinder:

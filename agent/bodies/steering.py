@@ -47,6 +47,11 @@ class HolonomicSteering:
             way = max(0.0, way * share - TOUCH)
         return Velocity(way * across / self._step, way * up / self._step), way
 
+    def along(self, pose: Pose, wanted: Velocity) -> Velocity:
+        """As much of a step at this velocity as the body is free for."""
+        end = (pose.x + wanted.vx * self._step, pose.y + wanted.vy * self._step)
+        return self.towards(pose, end)[0]
+
     def heading(self, pose: Pose, bearing: float) -> tuple[Velocity, float]:
         """A full step in direction ``bearing`` (rad), as far as the body is free."""
         target = (pose.x + self.stride * math.cos(bearing), pose.y + self.stride * math.sin(bearing))

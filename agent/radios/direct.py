@@ -8,8 +8,9 @@ its oldest frames have gone. Whether anything in a frame is true is for the mind
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
+from agent.ports import FleetClock
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.link import Air, Mailbox, Post
 from patrol.net.telemetry import Traffic
@@ -20,21 +21,18 @@ ROOM = 4 * MAX_FRAMES
 
 
 class DirectRadio:
-    """Radio of one robot of a fleet that talks directly (`agent.robots.Radio`).
+    """Radio of one robot of a fleet that talks directly (`agent.ports.Radio`).
 
-    numbers: of the others, by the key that each sends under. until: waits until it is time to decide; False when a
-    decision would come too late, or when it is time to leave.
+    numbers: of the others, by the key that each sends under. clock: says when it is time to decide.
     """
 
-    def __init__(
-        self, mailbox: Mailbox[bytes], post: Post, numbers: Mapping[str, int], until: Callable[[], bool]
-    ) -> None:
+    def __init__(self, mailbox: Mailbox[bytes], post: Post, numbers: Mapping[str, int], clock: FleetClock) -> None:
         self.sent = 0
         self.heard: Counter[str] = Counter()
         self._mailbox = mailbox
         self._post = post
         self._numbers = numbers
-        self._until = until
+        self._clock = clock
 
     def send(self, frames: tuple[bytes, ...]) -> None:
         """Send this robot's position and its contacts."""
@@ -44,7 +42,7 @@ class DirectRadio:
 
     def hear(self) -> list[bytes] | None:
         """The frames that have arrived since the last decision, by sender and in the order of their arrival."""
-        if not self._until():
+        if not self._clock.decide():
             return None
         arrived: list[tuple[str, bytes]] = []
         while len(arrived) < ROOM * len(self._numbers) and (news := self._mailbox.get()) is not None:
@@ -52,16 +50,21 @@ class DirectRadio:
         self.heard.update(key for key, _ in arrived)
         return [frame for _, frame in sorted(arrived, key=lambda news: self._numbers[news[0]])]
 
+    def overhear(self, wait_s: float) -> bytes | None:
+        """The next frame that arrives within ``wait_s``, which nobody will hear again; None when there is none."""
+        news = self._mailbox.get(wait_s)
+        return None if news is None else news[1]
+
     def traffic(self, incarnation: int, *, final: bool) -> Traffic:
         """What has been sent and heard so far."""
         heard = {robot_of(key): self.heard[key] for key in self._numbers}
         return Traffic(incarnation, self.sent, heard, self._mailbox.refused.total(), final)
 
 
-def tune_in(air: Air, keys: FleetKeys, own: str, numbers: Mapping[str, int], until: Callable[[], bool]) -> DirectRadio:
-    """Put a robot on the air. numbers: of all robots of the fleet by name; until: as for `DirectRadio`."""
+def tune_in(air: Air, keys: FleetKeys, own: str, numbers: Mapping[str, int], clock: FleetClock) -> DirectRadio:
+    """Put a robot on the air. numbers: of all robots of the fleet by name; clock: as for `DirectRadio`."""
     others = {keys.position(name): number for name, number in numbers.items() if name != own}
     mailbox: Mailbox[bytes] = Mailbox(others, bytes, MAX_FRAME, ROOM)
-    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, until)
+    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, clock)
     air.subscribe(keys.position("*"), mailbox)
     return radio

@@ -15,13 +15,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from agent.decision import Decision, State
-from agent.robots import Sensed
+from agent.ports import Decision, State
+from patrol.exchange import Reply, Sensed
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import TELL_S, Link, Mailbox, Post, Presence
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,
+    Failed,
     Hello,
     HelloReply,
     PhaseA,
@@ -34,7 +35,7 @@ from patrol.net.phases import (
     encode,
     max_to_robot,
 )
-from patrol.pose import Drive, Velocity
+from patrol.pose import Command, halted
 from patrol.process.lifeline import Ending
 
 SILENCE_S = 5.0
@@ -59,7 +60,7 @@ class Identity:
 
 
 class SimRobot:
-    """Robot and radio of one simulated robot (`agent.robots.Robot`, `agent.robots.Radio`).
+    """Robot, radio, fleet clock and telemetry of one simulated robot (`agent.ports`).
 
     patience_s: how long it does without a world before it leaves. blind_s: how long it drives on without a new pose
     before it stops; where the world waits for it there is no need to. waiting: called now and then with the seconds
@@ -74,6 +75,7 @@ class SimRobot:
         ending: Ending,
         patience_s: float,
         *,
+        model: str = "holonomic",
         blind_s: float = math.inf,
         waiting: Callable[[float], None] = lambda _waited: None,
         now: Callable[[], float] = time.monotonic,
@@ -89,7 +91,9 @@ class SimRobot:
         self._waiting = waiting
         self._now = now
         self._posed = now()
-        self._command: ReplyB | None = None  # the last one, unless it has been taken back
+        self._model = model
+        self._answer: ReplyB | None = None  # the last one, unless it has been taken back
+        self._decision: Reply | None = None  # what the answer to come says besides the command
         self._run: int | None = None
         self._world_present = False
         self._unbroken = True  # no token has gone since our own world spoke
@@ -99,13 +103,14 @@ class SimRobot:
         self._k = -1
         self._heard_k = -1
         self._next: PhaseA | None = None
+        self._sensed: Sensed | None = None
         self._frames: list[bytes] = []
         self._answer_a = (-1, b"")
         self._answer_b = (-1, b"")
 
     # --- Robot and Radio ---------------------------------------------------------------------------------------------
 
-    def sense(self) -> Sensed | None:
+    def tick(self) -> int | None:
         """Wait for phase A of a new tick, the newest there is; None when it is time to leave."""
         while self._next is None:
             if not self._receive():
@@ -116,7 +121,16 @@ class SimRobot:
             self._take(arrived[1])
         phase, self._next = self._next, None
         self._k = phase.k
-        return Sensed(phase.k, phase.pose, phase.bumped, phase.contacts, phase.clock_s)
+        self._sensed = phase.sensed
+        return phase.k
+
+    def sense(self) -> Sensed | None:
+        """What the world says that the robot senses in a new tick; None when it is time to leave."""
+        return None if self.tick() is None else self._sensed
+
+    def decide(self) -> bool:
+        """Wait for phase B; False when there is nothing to decide."""
+        return self.hear() is not None
 
     def send(self, frames: tuple[bytes, ...]) -> None:
         """Answer phase A with this robot's position frame and its contacts."""
@@ -132,22 +146,26 @@ class SimRobot:
         heard, self._frames = self._frames, []
         return heard
 
-    def act(self, decision: Decision, decision_ms: float) -> None:
-        """Answer phase B with the decision."""
-        reply = ReplyB(
-            self._identity.incarnation,
-            self._identity.instance,
-            self._k,
-            command=decision.command,
-            state=decision.state.value,
-            goal=decision.refined,
-            decision_ms=decision_ms,
-            rejected=decision.rejected + self.refused,
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """Keep the diagnostics for the answer that carries the command."""
+        del sensed
+        rejected = decision.rejected + self.refused
+        self._decision = Reply(decision.command, str(decision.state), decision.refined, decision_ms, rejected)
+
+    def act(self, command: Command) -> None:
+        """Answer phase B with the command."""
+        told = self._decision or Reply(command, State.PATROLLING.value, None, 0.0, self.refused)
+        self._decision = None
+        self._answer = ReplyB(
+            self._identity.incarnation, self._identity.instance, self._k, replace(told, command=command)
         )
-        self._command = reply
-        payload = encode(reply)
+        payload = encode(self._answer)
         self._answer_b = (self._k, payload)
         self._post(payload)
+
+    def stop(self, reason: str) -> None:
+        """Answer phase B, and everything after it, with the news that the mind cannot go on."""
+        self._post(encode(Failed(self._identity.incarnation, self._identity.instance, max(self._k, 0), reason)))
 
     @property
     def refused(self) -> int:
@@ -243,11 +261,10 @@ class SimRobot:
 
     def _halt_if_blind(self, now: float) -> None:
         """Take back the last command where no pose has come for long; whoever still hears it stops the body."""
-        if self._command is not None and now - self._posed > self._blind_s:
-            moving = self._command.command
-            still = Drive(0.0, 0.0) if isinstance(moving, Drive) else Velocity(0.0, 0.0)
-            self._post(encode(replace(self._command, command=still, state=State.HOLDING.value, goal=None)))
-            self._command = None
+        if self._answer is not None and now - self._posed > self._blind_s:
+            still = replace(self._answer.reply, command=halted(self._model), state=State.HOLDING.value, goal=None)
+            self._post(encode(replace(self._answer, reply=still)))
+            self._answer = None
 
     def _leave(self, reason: str, *, orderly: bool) -> None:
         if not self.farewell:
@@ -264,13 +281,14 @@ def join(
     patience_s: float,
     waiting: Callable[[float], None],
     blind_s: float = math.inf,
+    model: str = "holonomic",
 ) -> SimRobot:
     """Take a robot's place in a fleet of so many. Ticks are listened to before the token says that somebody is here."""
     mailbox: Mailbox[ToRobot | Presence] = Mailbox(
         (keys.tick(identity.name), keys.alive(WORLD)), decode_to_robot, max_to_robot(robots)
     )
     post = link.post(keys.reply(identity.name))
-    robot = SimRobot(mailbox, post, identity, ending, patience_s, blind_s=blind_s, waiting=waiting)
+    robot = SimRobot(mailbox, post, identity, ending, patience_s, model=model, blind_s=blind_s, waiting=waiting)
     link.subscribe(keys.tick(identity.name), mailbox)
     link.watch(keys.alive(WORLD), mailbox)
     link.live(keys.alive(identity.name))

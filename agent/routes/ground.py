@@ -16,49 +16,96 @@ Disc = tuple[float, float, float]
 """x, y and radius in m."""
 
 
-class Ground:
-    """The reachable points of a robot, framed by one blocked point on every side, in the wave's encoding.
+class Area:
+    """A part of the ground that can be closed as a whole.
 
-    state: uint8 (h + 2, w + 2); element (row + 1, col + 1) belongs to the terrain's point (row, col). The two low bits
-    are OPEN or BLOCKED; HEMMED is set beside a blocked point.
+    Attributes:
+        box: Rows and columns of `Ground.state`, each from and to before, that hold it.
+        mask: bool, its points within the box.
     """
 
-    def __init__(self, terrain: Terrain, reach: NDArray[np.bool_], areas: Sequence[NDArray[np.bool_]] = ()) -> None:
-        """reach: bool (h, w). areas: bool (h, w) each, those that `obstruct` can close, numbered from 1."""
+    def __init__(self, area: NDArray[np.bool_]) -> None:
+        """Cut an area out of a grid, bool (h, w) of the terrain."""
+        rows, cols = np.flatnonzero(area.any(axis=1)), np.flatnonzero(area.any(axis=0))
+        top, bottom = (int(rows[0]), int(rows[-1]) + 1) if rows.size else (0, 0)
+        left, right = (int(cols[0]), int(cols[-1]) + 1) if cols.size else (0, 0)
+        self.box = top + 1, bottom + 1, left + 1, right + 1
+        self.mask = area[top:bottom, left:right].copy()
+
+
+class Ground:
+    """The points on which a robot's centre may be, less what is in the way just now.
+
+    What is in the way for the robot's body is said anew each tick by `begin`; a policy may `close` more for that tick,
+    to its own routes and to the body alike. Elements are numbered like those of `state`.
+    """
+
+    def __init__(self, terrain: Terrain, reach: NDArray[np.bool_]) -> None:
+        """Open a ground.
+
+        Args:
+            terrain: Where it lies.
+            reach: bool (h, w), the points on which the robot's centre may be.
+        """
         self.terrain = terrain
-        self._areas = [_Area(area) for area in areas]
+        self._wanted: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
         self._reach: NDArray[np.bool_] = np.pad(reach, 1)
         self._is_open: NDArray[np.bool_] = self._reach.copy()
         height, width = terrain.shape
-        self.state: NDArray[np.uint8] = np.zeros((height + 2, width + 2), dtype=np.uint8)
+        self._state: NDArray[np.uint8] = np.zeros((height + 2, width + 2), dtype=np.uint8)
         self._encode((0, height + 2, 0, width + 2))
-        self._closed: tuple[tuple[Disc, ...], tuple[int, ...]] = (), ()
+        self._closed: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
         self._static: Ground | None = None
+
+    @property
+    def state(self) -> NDArray[np.uint8]:
+        """The ground in the wave's encoding, framed by one blocked point on every side.
+
+        Returns:
+            uint8 (h + 2, w + 2); element (row + 1, col + 1) belongs to the terrain's point (row, col). The two low bits
+            are OPEN or BLOCKED; HEMMED is set beside a blocked point.
+        """
+        self._apply()
+        return self._state
+
+    @property
+    def open_now(self) -> NDArray[np.bool_]:
+        """bool (h, w): the terrain's points on which the robot's centre may be now."""
+        self._apply()
+        return self._is_open[1:-1, 1:-1]
 
     @property
     def static(self) -> Ground:
         """The same ground with nothing closed: this one as long as nothing is, made when first needed otherwise."""
-        if self._closed == ((), ()):
+        if self._wanted == ((), ()):
             return self
         if self._static is None:
             self._static = Ground(self.terrain, self._reach[1:-1, 1:-1])
         return self._static
 
-    def obstruct(self, discs: Sequence[Disc], areas: Sequence[int] = ()) -> None:
-        """Block the points whose centres lie within these discs, these areas, and none else but the terrain's own."""
-        closed = tuple(discs), tuple(areas)
-        if closed == self._closed:
+    def begin(self, discs: Sequence[Disc]) -> None:
+        """A tick begins: what was closed is open again, but for the points whose centres lie within these discs."""
+        self._wanted = tuple(discs), ()
+
+    def close(self, discs: Sequence[Disc] = (), areas: Sequence[Area] = ()) -> None:
+        """Close more for this tick: the points whose centres lie within these discs, and whole areas."""
+        self._wanted = (*self._wanted[0], *discs), (*self._wanted[1], *areas)
+
+    def _apply(self) -> None:
+        """Bring the grids up to date with what is to be closed."""
+        if self._wanted == self._closed:
             return
-        before, self._closed = self._closed, closed
+        before, self._closed = self._closed, self._wanted
+        discs, areas = self._closed
         boxes = [self._box(disc) for disc in (*before[0], *discs)]
-        boxes += [self._areas[number - 1].box for number in (*before[1], *areas)]
+        boxes += [area.box for area in (*before[1], *areas)]
         for top, bottom, left, right in boxes:
             self._is_open[top:bottom, left:right] = self._reach[top:bottom, left:right]
         for disc in discs:
             self._block(disc)
-        for number in areas:
-            top, bottom, left, right = self._areas[number - 1].box
-            self._is_open[top:bottom, left:right] &= ~self._areas[number - 1].mask
+        for area in areas:
+            top, bottom, left, right = area.box
+            self._is_open[top:bottom, left:right] &= ~area.mask
         for box in boxes:
             self._encode(box)
 
@@ -67,6 +114,7 @@ class Ground:
 
         Its own point, or where that is not open one next to it that a straight line leads to; None if there is none.
         """
+        self._apply()
         row, col = self.terrain.point_at(x, y)
         if self.terrain.inside(row, col) and self._is_open[row + 1, col + 1]:
             return row + 1, col + 1
@@ -87,7 +135,7 @@ class Ground:
     def _box(self, disc: Disc) -> tuple[int, int, int, int]:
         """The rows and columns, each from and to before, that hold a disc."""
         row, col, radius = self._place(disc)
-        rows, cols = self.state.shape
+        rows, cols = self._state.shape
         top, bottom = _within(math.floor(row - radius), math.ceil(row + radius) + 1, rows)
         left, right = _within(math.floor(col - radius), math.ceil(col + radius) + 1, cols)
         return top, bottom, left, right
@@ -101,7 +149,7 @@ class Ground:
 
     def _encode(self, box: tuple[int, int, int, int]) -> None:
         """Bring `state` up to date in a box and one point around it; the frame stays blocked."""
-        rows, cols = self.state.shape
+        rows, cols = self._state.shape
         top, bottom = max(1, box[0] - 1), min(rows - 1, box[1] + 1)
         left, right = max(1, box[2] - 1), min(cols - 1, box[3] + 1)
         if bottom <= top or right <= left:
@@ -111,18 +159,7 @@ class Ground:
         for up in (-1, 0, 1):
             for across in (-1, 0, 1):
                 surrounded &= self._is_open[top + up : bottom + up, left + across : right + across]
-        self.state[top:bottom, left:right] = np.where(surrounded, OPEN, np.where(is_open, OPEN | HEMMED, BLOCKED))
-
-
-class _Area:
-    """A part of the ground, cut out. box: rows and columns of `Ground.state`, each from and to before. mask: bool."""
-
-    def __init__(self, area: NDArray[np.bool_]) -> None:
-        rows, cols = np.flatnonzero(area.any(axis=1)), np.flatnonzero(area.any(axis=0))
-        top, bottom = (int(rows[0]), int(rows[-1]) + 1) if rows.size else (0, 0)
-        left, right = (int(cols[0]), int(cols[-1]) + 1) if cols.size else (0, 0)
-        self.box = top + 1, bottom + 1, left + 1, right + 1
-        self.mask = area[top:bottom, left:right].copy()
+        self._state[top:bottom, left:right] = np.where(surrounded, OPEN, np.where(is_open, OPEN | HEMMED, BLOCKED))
 
 
 def _within(first: int, end: int, size: int) -> tuple[int, int]:

@@ -18,7 +18,7 @@ Place = tuple[int, int]
 Lengths = NDArray[np.int32]
 
 
-class Window(ABC):
+class PathWindow(ABC):
     """Paths from one start, to a growing length.
 
     The window holds all that lies within ``span`` points of the start, and a blocked frame. Its arrays are reused from

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agent.routes.ground import Ground
 from agent.routes.kernels.region_paths import last_legs, route
 from agent.routes.kernels.wave import SETTLED, STATUS
-from agent.routes.path_window import FAR, Lengths, Place, Window
+from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Ints = NDArray[np.int32]
 
 
-class Regions(Window):
+class Regions(PathWindow):
     """Paths of length L(R, T) = rho(R, CP_1) + rho(CP_1, CP_2) + ... + rho(CP_n, T), the shortest there are.
 
     The first bend is the first connecting point, or the target where none is needed, so that directions are
@@ -45,7 +45,7 @@ class Regions(Window):
         self._settle(top, bottom, left, right, limit)
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
-        """As `Window.lengths_from`, from all starts at once."""
+        """As `PathWindow.lengths_from`, from all starts at once."""
         self._place(ground, row, col)
         inside = [(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts]
         self._route([start for start in sorted(set(inside)) if self._holds(*start)])

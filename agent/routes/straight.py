@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from agent.routes.kernels.straight import rays
 from agent.routes.kernels.wave import OPEN
-from agent.routes.path_window import Window
+from agent.routes.path_window import PathWindow
 
 
-class Straight(Window):
+class Straight(PathWindow):
     """The path to every patrolled point is the line to it, whatever lies between, and whether or not a body fits there.
 
     Nothing else has a path: an obstacle has no age, so it must not pull.

@@ -8,11 +8,11 @@ import numpy as np
 
 from agent.routes.ground import Ground
 from agent.routes.kernels.wave import BEGINNING, HEMMED, QUEUED, SETTLED, STATUS, advance
-from agent.routes.path_window import FAR, Lengths, Place, Window
+from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
 
 
-class Wave(Window):
+class Wave(PathWindow):
     """Shortest 8-connected paths; straight steps count 1, diagonal ones 1.41, and none cuts a corner."""
 
     def __init__(self, height: int, width: int, span: int) -> None:
@@ -28,7 +28,7 @@ class Wave(Window):
         self._queue([(self.start_row, self.start_col)])
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
-        """As `Window.lengths_from`, by one wave from all starts at once."""
+        """As `PathWindow.lengths_from`, by one wave from all starts at once."""
         self._place(ground, row, col)
         inside = [(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts]
         self._sight[:] = 0

@@ -7,8 +7,7 @@ still being written, gives what is in it.
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +21,7 @@ from monitor.tally import tally
 from patrol.errors import BadInput
 from patrol.journal import Journal
 from patrol.journal.records import DEAD_END, FORGED, Event, RobotFacts, Status, TickRecord, sent_at, standing_after
-from patrol.pose import Pose
+from patrol.pose import Pose, command_of
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import prepared_as_operated
@@ -173,8 +172,8 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
     came = {event.robot for event in journal.events if event.kind in CAME}
     robots = [one for one in journal.header.robots if one.number not in prepared.scenario.spares or one.number in came]
     index = {robot.number: place for place, robot in enumerate(robots)}
-    cars = {robot.number for robot in journal.header.robots if robot.model == "car"}
-    rows = _Rows(index, cars, prepared.scenario.step)
+    models = {robot.number: robot.model for robot in journal.header.robots}
+    rows = _Rows(index, models, prepared.scenario.step)
     for record in journal.ticks:
         rows.take(record)
     if not rows.mfow:
@@ -209,9 +208,9 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
 class _Rows:
     """What is collected from tick records, one by one."""
 
-    def __init__(self, index: Mapping[int, int], cars: Collection[int], step: float) -> None:
+    def __init__(self, index: Mapping[int, int], models: Mapping[int, str], step: float) -> None:
         self._index = index
-        self._cars = cars
+        self._models = models
         self._step = step
         self.driven = dict.fromkeys(index, 0.0)
         self.poses: list[list[tuple[float, float, float]]] = []
@@ -246,7 +245,7 @@ class _Rows:
         self.decision_ms.append([nan if robot.decision_ms is None else robot.decision_ms for robot in robots])
         for robot in robots:
             if not robot.bumped:
-                speed = abs(robot.c0) if robot.number in self._cars else math.hypot(robot.c0, robot.c1)
+                speed = command_of(self._models[robot.number], robot.c0, robot.c1).speed_mps
                 self.driven[robot.number] += speed * self._step
         for robot in robots:
             if robot.rejected is not None:

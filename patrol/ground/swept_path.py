@@ -8,6 +8,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, assert_never
 
+import numpy as np
+from numpy.typing import NDArray
+
 from patrol.ground.kernels import swept_path as kernels
 from patrol.pose import Command, Drive, Pose, Velocity
 
@@ -40,6 +43,38 @@ def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, ra
             x, y = terrain.origin
             place = (terrain.blocked, terrain.point, x, y, pose.x, pose.y, pose.heading)
             return bool(kernels.free_arc(*place, speed * step, curvature, radius))
+        case _:
+            assert_never(command)
+
+
+def chords(command: Command, step: float) -> int:
+    """How many chords stand for the path of one step (`lay_path`)."""
+    match command:
+        case Velocity():
+            return 1
+        case Drive(speed, curvature):
+            return int(kernels.chord_count(speed * step, curvature, math.inf))
+        case _:
+            assert_never(command)
+
+
+def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: float) -> None:
+    """Fill in where a body would be at equal steps of time, arcs as chords.
+
+    Args:
+        path: float64 (m + 1, 2), x and y in m after each share of the step; filled in.
+        pose: Where the step begins.
+        command: What the body obeys.
+        step: s.
+    """
+    match command:
+        case Velocity():
+            end = advance(pose, command, step)
+            share = np.linspace(0.0, 1.0, len(path))[:, None]
+            path[:] = (pose.x, pose.y) + share * (end.x - pose.x, end.y - pose.y)
+            path[-1] = (end.x, end.y)
+        case Drive(speed, curvature):
+            kernels.arc_points(path, pose.x, pose.y, pose.heading, speed * step, curvature)
         case _:
             assert_never(command)
 

@@ -3,7 +3,7 @@
     world to robot     Hello      who is there?              robot to world   HelloReply
                        PhaseA     your pose at tick k                         ReplyA    its frames: position, contacts
                        PhaseB     what you hear at tick k                     ReplyB    the command
-                       Stop       leave, and why
+                       Stop       leave, and why                           Failed     I cannot go on, and why
 
 Every message is one msgpack array ``[kind, incarnation, instance, k, ...]``. The incarnation counts a robot's processes
 (1 for the first); the instance is a random number of one process, by which a second process under the same name is told
@@ -19,13 +19,17 @@ from typing import Any
 
 import msgpack
 
-from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.exchange import Reply, Sensed
+from patrol.pose import Command, Pose, pack_command, unpack_command
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 
-PROTOCOL = 3
+PROTOCOL = 4
 FIRST_INCARNATION = 1
 ANYONE = 0
 """The instance in a message that is meant for whoever listens."""
+
+PHASE_B_SHARE = 0.2
+"""The share of a step after which phase B begins: a position that takes no longer is heard in its own tick."""
 
 NO_RUN = 0
 """The run in the answer of a robot that no world has greeted yet: it asks to be."""
@@ -40,7 +44,7 @@ _MAX_REASON = 400
 _HASH = 64
 _HEAD = 4
 _HELLO, _PHASE_A, _PHASE_B, _STOP = 0, 1, 2, 3
-_VELOCITY, _DRIVE = 0, 1
+_FAILED = 3
 
 
 class Malformed(ValueError):
@@ -65,16 +69,9 @@ class Hello(Head):
 
 @dataclass(frozen=True, slots=True)
 class PhaseA(Head):
-    """What the robot senses at tick k.
+    """What the robot senses at tick k, which `sensed` says too."""
 
-    pose: where it takes itself to be. bumped: its last move was cancelled. contacts: the intruders (x, y in m) that it
-    sees. clock_s: what its own clock shows, s.
-    """
-
-    pose: Pose
-    bumped: bool
-    contacts: tuple[tuple[float, float], ...] = ()
-    clock_s: float = 0.0
+    sensed: Sensed
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,21 +107,20 @@ class ReplyA(Head):
 
 @dataclass(frozen=True, slots=True)
 class ReplyB(Head):
-    """The command for tick k, and diagnostics.
+    """What the robot's mind replies at tick k."""
 
-    state: what the robot is doing. goal: x and y in m, or None. decision_ms: wall time. rejected: messages and frames
-    refused so far.
-    """
+    reply: Reply
 
-    command: Command
-    state: str
-    goal: tuple[float, float] | None
-    decision_ms: float
-    rejected: int
+
+@dataclass(frozen=True, slots=True)
+class Failed(Head):
+    """The robot's mind cannot go on after tick k."""
+
+    reason: str
 
 
 ToRobot = Hello | PhaseA | PhaseB | Stop
-ToWorld = HelloReply | ReplyA | ReplyB
+ToWorld = HelloReply | ReplyA | ReplyB | Failed
 
 
 def max_to_robot(robots: int) -> int:
@@ -162,27 +158,27 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
         case HelloReply():
             kind, body = _HELLO, [message.run, message.scenario, message.protocol]
         case PhaseA():
-            pose = message.pose
-            seen = [float(value) for contact in message.contacts for value in contact]
+            sensed = message.sensed
+            if sensed.k != message.k:
+                raise ValueError(f"a phase A of tick {message.k} cannot say what was sensed at tick {sensed.k}")
+            pose = sensed.pose
+            seen = [float(value) for contact in sensed.contacts for value in contact]
             where = [float(pose.x), float(pose.y), float(pose.heading)]
-            kind, body = _PHASE_A, [*where, bool(message.bumped), seen, float(message.clock_s)]
+            kind, body = _PHASE_A, [*where, bool(sensed.bumped), seen, float(sensed.clock_s)]
         case ReplyA():
             kind, body = _PHASE_A, [list(message.frames)]
         case PhaseB():
             kind, body = _PHASE_B, [list(message.frames)]
         case ReplyB():
-            goal = None if message.goal is None else [float(message.goal[0]), float(message.goal[1])]
-            diagnostics = [str(message.state), goal, float(message.decision_ms), int(message.rejected)]
-            kind, body = _PHASE_B, [*_command_out(message.command), *diagnostics]
+            reply = message.reply
+            goal = None if reply.goal is None else [float(reply.goal[0]), float(reply.goal[1])]
+            diagnostics = [str(reply.state), goal, float(reply.decision_ms), int(reply.rejected)]
+            kind, body = _PHASE_B, [*pack_command(reply.command), *diagnostics]
         case Stop():
             kind, body = _STOP, [message.orderly, message.reason[:_MAX_REASON]]
+        case Failed():
+            kind, body = _FAILED, [message.reason[:_MAX_REASON]]
     return kind, body
-
-
-def _command_out(command: Command) -> list[float]:
-    if isinstance(command, Drive):
-        return [_DRIVE, float(command.speed), float(command.curvature)]
-    return [_VELOCITY, float(command.vx), float(command.vy)]
 
 
 # --- decoding --------------------------------------------------------------------------------------------------------
@@ -226,7 +222,8 @@ def _phase_a(values: list[Any]) -> PhaseA:
         raise Malformed(f"contacts are an array of at most {MAX_CONTACTS} pairs")
     seen = [_finite(value) for value in flat]
     contacts = tuple(zip(seen[::2], seen[1::2], strict=True))
-    return PhaseA(*_head(values), pose, _flag(values[6]), contacts, _finite(values[8]))
+    head = _head(values)
+    return PhaseA(*head, Sensed(head[-1], pose, _flag(values[6]), contacts, _finite(values[8])))
 
 
 def _reply_a(values: list[Any]) -> ReplyA:
@@ -248,21 +245,26 @@ def _reply_b(values: list[Any]) -> ReplyB:
     goal = values[7]
     if goal is not None and (type(goal) is not list or len(goal) != 2):
         raise Malformed("a goal is a pair or nothing")
-    return ReplyB(
-        *_head(values),
+    reply = Reply(
         command=_command_in(values[3], _real(values[4]), _real(values[5])),
         state=_text(values[6], _MAX_STATE),
         goal=None if goal is None else (_finite(goal[0]), _finite(goal[1])),
         decision_ms=_finite(values[8]),
         rejected=_whole(values[9], _MAX_ID),
     )
+    return ReplyB(*_head(values), reply)
 
 
 def _command_in(model: object, first: float, second: float) -> Command:
     # A command that is not finite is the world's to refuse, so that it fares the same without a wire in between.
-    if type(model) is not int or model not in (_VELOCITY, _DRIVE):
-        raise Malformed("unknown kind of command")
-    return Drive(first, second) if model == _DRIVE else Velocity(first, second)
+    try:
+        return unpack_command(_whole(model, _MAX_COUNT), first, second)
+    except ValueError:
+        raise Malformed("unknown kind of command") from None
+
+
+def _failed(values: list[Any]) -> Failed:
+    return Failed(*_head(values), _text(values[3], _MAX_REASON))
 
 
 def _stop(values: list[Any]) -> Stop:
@@ -310,4 +312,5 @@ _TO_WORLD: Mapping[int, tuple[int, Callable[[Any], ToWorld]]] = {
     _HELLO: (3, _hello_reply),
     _PHASE_A: (1, _reply_a),
     _PHASE_B: (7, _reply_b),
+    _FAILED: (1, _failed),
 }

@@ -13,19 +13,37 @@ import yaml
 from patrol.errors import BadInput
 from patrol.ground.maps import read_map_file
 from patrol.scenario import Scenario, dump_scenario
+from patrol.scenario.policy_file import policy_file
 
 FILE = "scenario.yaml"
 MAP = "map"
+POLICY = "policy"
 
 
 def keep_scenario(scenario: Scenario, folder: Path) -> Path:
-    """Write the resolved scenario into a folder that is there, with a copy of its map beside it; its path.
+    """Write the resolved scenario into a folder that is there, with copies of its map and policy beside it; its path.
 
-    Raises BadInput when the map cannot be read, OSError when the folder cannot be written to.
+    Raises BadInput when one of them cannot be read, OSError when the folder cannot be written to.
     """
     path = folder / FILE
-    path.write_text(dump_scenario(_with_own_map(scenario, folder / MAP)), encoding="utf-8")
+    own = _with_own_policy(_with_own_map(scenario, folder / MAP), folder / POLICY)
+    path.write_text(dump_scenario(own), encoding="utf-8")
     return path
+
+
+def _with_own_policy(scenario: Scenario, folder: Path) -> Scenario:
+    """The scenario with its policy's file copied into `folder`, named relative to the scenario's file."""
+    source = policy_file(scenario.patrol.policy)
+    if source is None:
+        return scenario
+    folder.mkdir()
+    try:
+        shutil.copyfile(source, folder / source.name)
+    except OSError as error:
+        raise BadInput(f"patrol.policy = {source}: cannot be read ({error.strerror}); correct it") from None
+    name = scenario.patrol.policy.rpartition(":")[2]
+    patrol = scenario.patrol.model_copy(update={"policy": f"./{folder.name}/{source.name}:{name}"})
+    return scenario.model_copy(update={"patrol": patrol})
 
 
 def _with_own_map(scenario: Scenario, folder: Path) -> Scenario:

@@ -20,6 +20,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from patrol.errors import BadInput
+from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.explain import did_you_mean, one_line, show
 from patrol.scenario.faults.nemesis import written_out
 from patrol.scenario.model import (
@@ -33,6 +34,7 @@ from patrol.scenario.model import (
     SensorSpec,
     TerrainSpec,
 )
+from patrol.scenario.policy_file import policy_digest, policy_file
 from patrol.scenario.values import BUILTINS, MAX_ROBOTS
 from patrol.scenario.yaml_text import dump_section, line_of, parse_yaml, read_text
 
@@ -149,6 +151,7 @@ def scenario_hash(scenario: Scenario) -> str:
     meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
     if scenario.terrain.map is not None:
         meaning["terrain"]["map"] = map_digest(scenario.base / scenario.terrain.map)
+    _forget_where_a_policy_lies(meaning["patrol"])
     meaning["radio"]["key"] = scenario.radio.key is not None
     meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
     return _digest({"format": _HASH_FORMAT, **meaning})
@@ -184,7 +187,7 @@ def _resolve(
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))
     try:
-        return written_out(Scenario.model_validate(raw, context={"base": base}))
+        return _with_policy_digest(written_out(Scenario.model_validate(raw, context={"base": base})))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
         raise BadInput(one_line(error, source, tuple(overrides), places)) from None
@@ -249,9 +252,29 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
         raise BadInput(f"override {field}: {show(node)} has no field {head}; leave .{'.'.join(parts)} out")
 
 
+def _with_policy_digest(scenario: Scenario) -> Scenario:
+    """The scenario with the SHA-256 of its policy's file, where it has one and does not say it yet."""
+    path = policy_file(scenario.patrol.policy)
+    if path is None or scenario.patrol.policy_sha256 is not None or not path.is_file():
+        return scenario
+    patrol = scenario.patrol.model_copy(update={"policy_sha256": policy_digest(path)})
+    return scenario.model_copy(update={"patrol": patrol})
+
+
+def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:
+    """A policy enters by its file's content; what older versions did not have, only where it differs from theirs."""
+    digest = patrol.pop("policy_sha256")
+    if digest is not None:
+        patrol["policy"] = [digest, patrol["policy"].rpartition(":")[2]]
+    if patrol["options"] is None:
+        del patrol["options"]
+    if patrol["random_move_for"] == "holonomic":
+        del patrol["random_move_for"]
+
+
 def _robot_meaning(spec: RobotSpec) -> list[Any]:
     start = None if spec.start is None else [spec.start.x, spec.start.y, spec.start.heading]
-    turning = spec.turning_radius if spec.model == "car" else None
+    turning = spec.turning_radius if spec.model in TURNS_IN_ARCS else None
     meaning = [spec.name, spec.model, spec.speed, spec.radius, turning, start]
     return [*meaning, "spare"] if spec.spare else meaning
 

@@ -19,6 +19,7 @@ from patrol.radio.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
+from patrol.scenario.policy_file import PAPER, policy_file
 from patrol.scenario.section import Section, wrong
 from patrol.scenario.values import (
     MAX_ROBOTS,
@@ -27,6 +28,7 @@ from patrol.scenario.values import (
     Corner,
     Count,
     Degrees,
+    Digest,
     Exponent,
     Flag,
     Kind,
@@ -34,6 +36,7 @@ from patrol.scenario.values import (
     NotNegative,
     Pace,
     PathText,
+    PolicyText,
     Polygon,
     Positive,
     Probability,
@@ -138,7 +141,11 @@ class SensorSpec(Section):
 class PatrolSpec(Section):
     """How a robot decides where to go."""
 
-    policy: Literal["potential-field"] = Field("potential-field", description="the rule that turns fog into a goal")
+    policy: PolicyText = Field(
+        PAPER, description="potential-field | package.module:Class | ./file.py:Class beside this file | an entry point"
+    )
+    policy_sha256: Digest | None = Field(None, description="of the policy's file; filled in when this file is loaded")
+    options: dict[str, Any] | None = Field(None, description="settings of a policy of one's own, by name")
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
     alpha: Exponent = Field(40.0, description="weight of staleness in f")
@@ -178,6 +185,12 @@ class PatrolSpec(Section):
         5.0, description="s after the last report of an intruder until patrolling goes on"
     )
     tolerance: Tolerance = Field(1e-16, description="relative error at which far points are left out; 0: none are")
+
+    @field_validator("policy")
+    @classmethod
+    def _from_the_files_folder(cls, value: str, info: ValidationInfo) -> str:
+        path = policy_file(value)
+        return value if path is None else f"{_absolute(str(path), info)}:{value.rpartition(':')[2]}"
 
     @property
     def separations(self) -> tuple[str, ...]:

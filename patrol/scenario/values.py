@@ -22,6 +22,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from patrol.pose import Model
 from patrol.radio.message import MAX_TRAIL
 
 MAX_ROBOTS = 65_000
@@ -29,7 +30,7 @@ MAX_SEED = 2**63 - 1
 # Larger numbers mean nothing in metres, seconds or points, and overflow the arithmetic of grids.
 LARGEST = 1e9
 
-Kind = Literal["car", "holonomic"]
+Kind = Model
 Builtin = Literal["open", "yards", "clutter", "site"]
 BUILTINS: tuple[str, ...] = get_args(Builtin)
 
@@ -86,6 +87,12 @@ Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare("a whole number f
 Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare(f"a whole number from 0 to {MAX_TRAIL}")]
 Flag = Annotated[bool, Strict(), _bare("true or false")]
 PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
+PolicyText = Annotated[
+    str,
+    Field(pattern=r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"),
+    expecting("potential-field, package.module:Class, ./file.py:Class or the name of an entry point"),
+]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$"), expecting("64 hex digits")]
 Name = Annotated[
     str,
     Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"),

@@ -14,10 +14,11 @@ import pytest
 
 import fogwatch
 from experiments.inprocess import make_minds, run_in_process
+from patrol.exchange import Reply
 from patrol.journal import read_journal
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
-from worldsim.world import Reply, World
+from worldsim.world import World
 
 pytestmark = pytest.mark.accept
 
@@ -83,13 +84,13 @@ def test_a_decision_at_ten_centimetres_is_quick(terrain: str, limit_ms: float) -
     minds = make_minds(prepared)
     world = World(prepared)
     spent = []
-    for k in range(300):
+    for _ in range(300):
         reports = world.begin_tick()
-        heard = world.exchange({number: minds[number].frames(k, report.pose) for number, report in reports.items()})
+        heard = world.exchange({number: minds[number].frames(sensed) for number, sensed in reports.items()})
         replies = {}
-        for number, report in reports.items():
+        for number, sensed in reports.items():
             begun = time.thread_time()
-            decision = minds[number].step(k, report.pose, heard[number], report.bumped)
+            decision = minds[number].step(sensed, heard[number])
             spent.append(1000.0 * (time.thread_time() - begun))
             replies[number] = Reply(decision.command, decision.state, decision.goal, 0.0, decision.rejected)
         world.end_tick(replies)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from agent.bodies.refine import psi_field
-from agent.decision import Decision
-from agent.mind import Mind, MindSetup
-from patrol.ground.fields import compute_fields
+from agent.build import mind_maker, shared_by
+from agent.ports import Decision
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.scenario import load_scenario
-
-STEP = 0.5
+from tests.agent.minds import STEP, at, prepared_on
 
 
 class Pair:
@@ -31,10 +27,9 @@ class Pair:
         mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "radio": radio, "patrol": patrol}
         scenario = load_scenario({**mapping, "sensor": {"range": 4.0}})
         self.poses = [Pose(6.0, 6.0, 0.3), Pose(20.0, 12.0, 2.0)]
-        fields = compute_fields(terrain, 1.0, scenario.sensor.range, True, self.poses)
-        psi = psi_field(terrain, scenario.patrol.refine_reach)
-        self.setups = [MindSetup(scenario, number, terrain, fields, psi) for number in (1, 2)]
-        self.minds = [Mind(setup) for setup in self.setups]
+        prepared = prepared_on(scenario, terrain, self.poses)
+        self.make = mind_maker(prepared, None, shared_by(prepared, together=False))
+        self.minds = [self.make(number, 1) for number in (1, 2)]
         self.terrain = terrain
         self.bumped = [False, False]
         self.k = 0
@@ -43,11 +38,11 @@ class Pair:
         """So many ticks with these robots (0, 1) up; their decisions."""
         decisions = []
         for k in range(self.k, self.k + ticks):
-            frames = {index: self.minds[index].frames(k, self.poses[index]) for index in up}
+            frames = {index: self.minds[index].frames(at(k, self.poses[index])) for index in up}
             decided = []
             for index in up:
                 heard = [frame for other, sent in frames.items() if other != index for frame in sent]
-                decided.append(self.minds[index].step(k, self.poses[index], heard, self.bumped[index]))
+                decided.append(self.minds[index].step(at(k, self.poses[index], self.bumped[index]), heard))
             for index, decision in zip(up, decided, strict=True):
                 self.bumped[index] = not self._move(index, decision)
             decisions.append(decided)
@@ -85,7 +80,7 @@ def test_a_restarted_mind_knows_nothing_and_catches_up(model: str) -> None:
     pair = Pair(model)
     pair.run(80, 0, 1)
     pair.run(20, 0)
-    pair.minds[1] = Mind(replace(pair.setups[1], incarnation=2))
+    pair.minds[1] = pair.make(2, 2)
     first = pair.run(1, 0, 1)[0]
     belief = pair.minds[1].belief
     assert first[1].mfow == 100
@@ -112,8 +107,6 @@ def test_a_silent_peer_is_an_obstacle_until_it_is_heard_again() -> None:
 
 def test_another_incarnation_draws_other_random_moves() -> None:
     pair = Pair("holonomic")
-    twin = Mind(replace(pair.setups[0], incarnation=2))
-    bearings = [
-        [mind.step(k, pair.poses[0], [], bumped=False).direction for k in range(60)] for mind in (pair.minds[0], twin)
-    ]
+    twin = pair.make(1, 2)
+    bearings = [[mind.step(at(k, pair.poses[0]), []).direction for k in range(60)] for mind in (pair.minds[0], twin)]
     assert bearings[0] != bearings[1]

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.bodies.refine import psi_field
-from agent.decision import Decision, State
-from agent.mind import Mind, MindSetup
-from patrol.ground.fields import compute_fields
+from agent.build import build_mind, shared_by
+from agent.mind import Mind
+from agent.ports import Decision, State
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, Velocity
 from patrol.radio.message import Position, decode, encode
 from patrol.scenario import Scenario, load_scenario
+from tests.agent.minds import at, prepared_on
 
 MODELS = ["car", "holonomic"]
 
@@ -37,9 +37,9 @@ def rooms() -> Terrain:
 
 
 def minds(scenario: Scenario, terrain: Terrain, starts: list[Pose]) -> list[Mind]:
-    fields = compute_fields(terrain, 1.0, scenario.sensor.range, True, starts)
-    psi = psi_field(terrain, scenario.patrol.refine_reach)
-    return [Mind(MindSetup(scenario, number, terrain, fields, psi)) for number in (1, 2)]
+    prepared = prepared_on(scenario, terrain, starts)
+    shared = shared_by(prepared, together=False)
+    return [build_mind(prepared, number, shared=shared) for number in (1, 2)]
 
 
 def patrol(
@@ -52,10 +52,11 @@ def patrol(
     decisions = []
     bumped = [False, False]
     for k in range(ticks):
-        frames = [mind.frame(k, pose) for mind, pose in zip(robots, poses, strict=True)]
+        frames = [mind.frames(at(k, pose))[0] for mind, pose in zip(robots, poses, strict=True)]
         heard = [[frames[1]], [frames[0]] if radio else []]
         decided = [
-            mind.step(k, pose, ears, bump) for mind, pose, ears, bump in zip(robots, poses, heard, bumped, strict=True)
+            mind.step(at(k, pose, bump), ears)
+            for mind, pose, ears, bump in zip(robots, poses, heard, bumped, strict=True)
         ]
         decisions.append(decided)
         for index, decision in enumerate(decided):
@@ -87,7 +88,7 @@ def test_robots_never_command_themselves_into_a_wall(model: str, direction: str)
     terrain = rooms()
     scenario = scenario_of(model, direction=direction)
     _, decisions, _ = patrol(scenario, 200)
-    assert all(d.sector_sums for decided in decisions for d in decided)
+    assert all(d.figures for decided in decisions for d in decided)
     pose = Pose(6.0, 6.0, 0.3)
     for decided in decisions:
         assert path_is_free(terrain, pose, decided[0].command, 0.5, 1.0)
@@ -117,7 +118,7 @@ def test_about_one_in_ten_holonomic_moves_is_random_and_none_without_chance() ->
 
 def test_frames_say_where_the_robot_is_and_nothing_else() -> None:
     mind = minds(scenario_of("car"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    frame = mind.frame(7, Pose(6.004, 6.126, -1.0))
+    frame = mind.frames(at(7, Pose(6.004, 6.126, -1.0)))[0]
     assert len(frame) <= 32
     position = decode(frame)
     assert (position.robot, position.sequence, position.time_ms) == (1, 7, 3500)
@@ -128,14 +129,14 @@ def test_frames_say_where_the_robot_is_and_nothing_else() -> None:
 def test_trails_carry_the_last_positions() -> None:
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "radio": {"trail": 2}})
     mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    frames = [mind.frame(k, Pose(x, 6.0, 0.0)) for k, x in enumerate((6.0, 7.0, 9.0, 9.5))]
+    frames = [mind.frames(at(k, Pose(x, 6.0, 0.0)))[0] for k, x in enumerate((6.0, 7.0, 9.0, 9.5))]
     assert decode(frames[-1]).past == ((9.0, 6.0), (7.0, 6.0))
 
 
 def test_a_robot_off_the_reachable_ground_holds() -> None:
     terrain = rooms()
     mind = minds(scenario_of("car"), terrain, [Pose(6.0, 6.0, 0.0)])[0]
-    decision = mind.step(0, Pose(24.9, 2.0, 0.0), [], bumped=False)
+    decision = mind.step(at(0, Pose(24.9, 2.0, 0.0)), [])
     assert decision.state is State.HOLDING
     assert decision.command == Drive(0.0, 0.0)
     assert decision.goal is None
@@ -145,8 +146,8 @@ def test_a_bumped_car_backs_out() -> None:
     terrain = rooms()
     mind = minds(scenario_of("car"), terrain, [Pose(6.0, 6.0, 0.0)])[0]
     pose = Pose(12.0, 15.0, 0.0)
-    assert mind.step(0, pose, [], bumped=False).state is State.PATROLLING
-    decision = mind.step(1, pose, [], bumped=True)
+    assert mind.step(at(0, pose), []).state is State.PATROLLING
+    decision = mind.step(at(1, pose, bumped=True), [])
     assert decision.state is State.DEAD_END
     assert isinstance(decision.command, Drive)
     assert decision.command.speed < 0.0
@@ -155,7 +156,7 @@ def test_a_bumped_car_backs_out() -> None:
 def test_a_trail_holds_no_places_from_before_a_tick_that_was_skipped() -> None:
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "radio": {"trail": 3}})
     mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    pasts = [decode(mind.frame(k, Pose(6.0 + 0.1 * k, 6.0, 0.0))).past for k in (0, 1, 6, 7)]
+    pasts = [decode(mind.frames(at(k, Pose(6.0 + 0.1 * k, 6.0, 0.0)))[0]).past for k in (0, 1, 6, 7)]
     assert pasts == [(), ((6.0, 6.0),), (), ((6.6, 6.0),)]
 
 
@@ -163,14 +164,14 @@ def test_a_trail_holds_no_places_from_before_a_tick_that_was_skipped() -> None:
 def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str) -> None:
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}, {field: 1e6})
     mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    assert mind.step(0, Pose(6.0, 6.0, 0.0), [], bumped=False).goal is not None
+    assert mind.step(at(0, Pose(6.0, 6.0, 0.0)), []).goal is not None
 
 
 def surrounding(own: Pose, contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:
     """What a robot decides at tick 3 in the rooms with another one at (20, 20)."""
     mind = minds(scenario_of("holonomic", random_move=0.0), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
     other = encode(Position.of(2, 3, 1.5, Pose(20.0, 20.0, 0.0)))
-    return mind.step(3, own, [other, *frames], False, contacts)
+    return mind.step(at(3, own, contacts=contacts), [other, *frames])
 
 
 def test_an_intruder_seen_or_heard_of_is_surrounded() -> None:
@@ -179,7 +180,7 @@ def test_an_intruder_seen_or_heard_of_is_surrounded() -> None:
     heard = surrounding(own, frames=(encode(Position.of_contact(3, 1.5, 12.0, 14.0)),))
     assert seen.state is heard.state is State.SURROUNDING
     assert seen.command == heard.command
-    assert seen.sector_sums == ()
+    assert seen.figures == {}
     assert surrounding(own).state is State.PATROLLING
 
 
@@ -199,10 +200,10 @@ def test_hostile_contacts_change_nothing_but_the_count_of_what_was_rejected() ->
 def test_contacts_are_frames_of_their_own_and_at_most_four() -> None:
     mind = minds(scenario_of("car"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
     pose = Pose(6.0, 6.0, 0.0)
-    frames = mind.frames(7, pose, tuple((10.0 + index, 20.0) for index in range(6)))
-    assert frames[0] == mind.frame(7, pose)
+    frames = mind.frames(at(7, pose, contacts=tuple((10.0 + index, 20.0) for index in range(6))))
+    assert frames[0] == mind.frames(at(7, pose))[0]
     assert [decode(frame).robot for frame in frames] == [1, 0, 0, 0, 0]
     first = decode(frames[1])
     assert (first.sequence, first.time_ms, first.x_cm, first.y_cm) == (7, 3500, 1000, 2000)
     assert max(map(len, frames)) <= 32
-    assert mind.frames(8, pose) == (mind.frame(8, pose),)
+    assert [decode(frame).robot for frame in mind.frames(at(8, pose))] == [1]

@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from agent.belief.kernels.dilate import dilate
-from agent.decision import Decision
+from agent.ports import Decision
 from agent.routes.ground import Ground
 from agent.routes.wave import Wave
 from experiments.inprocess import InProcessFleet, make_minds
+from patrol.exchange import Reply
 from patrol.ground.kernels.footprint import cast
 from patrol.ground.terrain import Terrain
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
-from worldsim.world import Reply, World
+from worldsim.world import World
 
 pytestmark = pytest.mark.bench
 
@@ -36,8 +37,7 @@ class Patrol:
 
     def decide(self) -> Decision:
         """Robot 1's decision of this tick; call it once a tick."""
-        pose = self._reports[1].pose
-        self._decision = self.mind.step(self._world.tick, pose, self._heard[1], self._reports[1].bumped)
+        self._decision = self.mind.step(self._reports[1], self._heard[1])
         return self._decision
 
     def next_tick(self) -> None:

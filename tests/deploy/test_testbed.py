@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from agent.decision import State
+from agent.ports import State
 from patrol.journal import TickRecord, read_journal
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "testbed.py"

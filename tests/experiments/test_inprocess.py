@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from agent.build import mind_maker, shared_by
 from agent.mind import Mind
-from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, mind_maker, run_in_process
+from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, run_in_process
 from patrol.errors import BadInput
+from patrol.exchange import Sensed
 from patrol.journal import Event, TickRecord, read_journal
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
@@ -87,10 +90,10 @@ def test_a_mind_that_fails_ends_the_run_and_the_journal_says_so(
 ) -> None:
     step = Mind.step
 
-    def failing(mind: Mind, k: int, *rest: Any) -> Any:
-        if k == 4:
+    def failing(mind: Mind, sensed: Sensed, heard: Sequence[bytes]) -> Any:
+        if sensed.k == 4:
             raise RuntimeError("no idea")
-        return step(mind, k, *rest)
+        return step(mind, sensed, heard)
 
     monkeypatch.setattr(Mind, "step", failing)
     events: list[Event] = []
@@ -142,7 +145,7 @@ def test_process_faults_repeat_whatever_the_threads_and_are_judged_as_they_go(ro
 
 def test_a_restarted_mind_is_a_new_one() -> None:
     prepared = prepare(scenario(robots=DISCS))
-    fleet = InProcessFleet({}, mind_maker(prepared))
+    fleet = InProcessFleet({}, mind_maker(prepared, None, shared_by(prepared)))
     fleet.start(1, 1)
     first = fleet._minds[1]
     fleet.kill(1)

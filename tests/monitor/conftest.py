@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from agent.build import mind_maker, shared_by
 from agent.mind import Mind
-from experiments.inprocess import InProcessFleet, mind_maker
+from experiments.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal import JournalWriter, TickRecord, read_journal
@@ -65,7 +66,7 @@ def run_of(folder: Path, scenario: Mapping[str, Any]) -> Seen:
     prepared = prepare(loaded)
     footprint = sensor_footprint(loaded, prepared.terrain)
     world = World(prepared, footprint=footprint)
-    make, minds = mind_maker(prepared, footprint), dict[int, Mind]()
+    make, minds = mind_maker(prepared, None, shared_by(prepared, footprint)), dict[int, Mind]()
 
     def made(number: int, incarnation: int) -> Mind:
         minds[number] = make(number, incarnation)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from patrol.exchange import Reply, Sensed
 from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
@@ -21,7 +22,7 @@ from patrol.scenario import load_scenario
 from worldsim.fleet.loop import run_ticks
 from worldsim.fleet.process_control import NoShow
 from worldsim.output.record import COMPLETED, MemoryJournal, Recorder, header_of
-from worldsim.world import Reply, Report, World
+from worldsim.world import World
 
 NEVER = -1
 
@@ -54,18 +55,18 @@ class RandomFleet:
     inboxes: dict[int, Inbox] = field(default_factory=dict)
     seen: str = ""
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+    def phase_a(self, k: int, sensed: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         return {
             number: (
-                encode(Position.of(number, k, report.clock_s, report.pose), self.key),
-                *self._contacts(k, report),
+                encode(Position.of(number, k, one.clock_s, one.pose), self.key),
+                *self._contacts(k, one),
             )
-            for number, report in reports.items()
+            for number, one in sensed.items()
             if (number, k, "A") not in self.silent
         }
 
-    def _contacts(self, k: int, report: Report) -> list[bytes]:
-        return [encode(Position.of_contact(k, report.clock_s, x, y), self.key) for x, y in report.contacts]
+    def _contacts(self, k: int, sensed: Sensed) -> list[bytes]:
+        return [encode(Position.of_contact(k, sensed.clock_s, x, y), self.key) for x, y in sensed.contacts]
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         self.heard.append(heard)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from patrol.exchange import Reply
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, Position, decode, encode
 from worldsim.world import World
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
 from patrol.pose import Velocity
 from worldsim.verdict.judge import judge
-from worldsim.world import Reply
 
 DISC: dict[str, Any] = {"model": "holonomic", "radius": 0.4, "speed": 4.0}
 

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import fogwatch
+from patrol.exchange import Sensed
 from patrol.journal import read_journal
 from patrol.net.keys import FleetKeys
 from patrol.net.link import open_link
@@ -179,7 +180,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
         bytes(100_000),
         b"\xdd\xff\xff\xff\xff",
         encode(ReplyA(*head, (b"frame",))),
-        encode(PhaseA(*head, Pose(0.0, 0.0, 0.0), bumped=False)),
+        encode(PhaseA(*head, Sensed(head[-1], Pose(0.0, 0.0, 0.0)))),
         encode(Stop(*head, orderly=True, reason="go home")),
     ]
     names = ("anna", "bert", "nobody")

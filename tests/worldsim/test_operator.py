@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from experiments.inprocess import InProcessFleet, mind_maker, run_in_process
+from agent.build import mind_maker, shared_by
+from experiments.inprocess import InProcessFleet, run_in_process
 from patrol.errors import BadInput
 from patrol.journal.records import Status, TickRecord
 from patrol.net.phases import FIRST_INCARNATION
@@ -91,7 +92,7 @@ def run(
     hour, rests = Hour(), Rests()
     desk = Script(hour, controls)
     world = desk.world = World(prepared, operated=True)
-    make = mind_maker(prepared)
+    make = mind_maker(prepared, None, shared_by(prepared))
     fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in world.living}, make)
     journal = MemoryJournal(header_of(world))
     recorder = Recorder(journal, world.scenario.spares)

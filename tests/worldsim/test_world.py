@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from patrol.exchange import Reply, Sensed
 from patrol.journal import Status, trace_hash
 from patrol.pose import Drive, Pose, Velocity
 from patrol.radio.message import MAX_FRAME, Position, decode
 from worldsim.fleet.loop import run_ticks
 from worldsim.output.record import DESERTED
 from worldsim.verdict.judge import judge
-from worldsim.world import Reply, Report
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
@@ -29,12 +29,12 @@ def reply(vx: float, vy: float) -> Reply:
 
 def test_a_tick_goes_from_poses_to_poses(lab: Lab) -> None:
     world = lab.world([DISC, DISC], [(2.0, 2.0, 0.5), (6.0, 2.0, 0.0)])
-    assert world.begin_tick() == {1: Report(Pose(2.0, 2.0, 0.5), False), 2: Report(Pose(6.0, 2.0, 0.0), False)}
+    assert world.begin_tick() == {1: Sensed(0, Pose(2.0, 2.0, 0.5)), 2: Sensed(0, Pose(6.0, 2.0, 0.0))}
     assert world.exchange({1: [b"one"], 2: []}) == {1: [], 2: [b"one"]}
     record = world.end_tick({1: reply(2.0, 0.0), 2: reply(0.0, 0.0)})
     assert (record.k, record.robots[0].x, record.robots[0].c0) == (0, 2.0, 2.0)
     assert (record.frames, record.deliveries, record.dropped) == (((1, b"one"),), ((1, 2, 0),), ())
-    assert world.begin_tick()[1] == Report(Pose(3.0, 2.0, 0.0), False, clock_s=0.5)
+    assert world.begin_tick()[1] == Sensed(1, Pose(3.0, 2.0, 0.0), clock_s=0.5)
 
 
 def test_robots_are_told_that_they_bumped(lab: Lab) -> None:
@@ -42,10 +42,10 @@ def test_robots_are_told_that_they_bumped(lab: Lab) -> None:
     world.begin_tick()
     record = world.end_tick({1: reply(2.0, 0.0), 2: reply(0.0, 0.0)})
     assert [row.bumped for row in record.robots] == [True, False]
-    told = Report(Pose(2.0, 2.0, 0.0), True, clock_s=0.5), Report(Pose(3.0, 2.0, 0.0), False, clock_s=0.5)
+    told = Sensed(1, Pose(2.0, 2.0, 0.0), bumped=True, clock_s=0.5), Sensed(1, Pose(3.0, 2.0, 0.0), clock_s=0.5)
     assert world.begin_tick() == dict(enumerate(told, start=1))
     world.end_tick({1: reply(-2.0, 0.0), 2: reply(0.0, 0.0)})
-    assert world.begin_tick()[1] == Report(Pose(1.0, 2.0, math.pi), False, clock_s=1.0)
+    assert world.begin_tick()[1] == Sensed(2, Pose(1.0, 2.0, math.pi), clock_s=1.0)
 
 
 def test_the_fog_is_seen_from_the_pose_as_sent(lab: Lab) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
+from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
 from worldsim.fleet.sessions import POLL_S, Seats
-from worldsim.world import Reply, Report
 
 DEADLINE_S = 10.0
 FIRST_DEADLINE_S = 60.0
@@ -34,7 +34,7 @@ class LockstepFleet:
         self._deadline_s = deadline_s
         self._lost: list[tuple[int, Status, str]] = []
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+    def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """The frames of those that answer in time."""
         answers = self._ask(k, "A", {number: tell(k, report) for number, report in reports.items()}, ReplyA)
         return {number: answer.frames for number, answer in answers.items()}
@@ -42,7 +42,7 @@ class LockstepFleet:
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """The replies of those that answer in time."""
         asked = {number: pass_on(k, frames) for number, frames in heard.items()}
-        return {number: reply_of(answer) for number, answer in self._ask(k, "B", asked, ReplyB).items()}
+        return {number: answer.reply for number, answer in self._ask(k, "B", asked, ReplyB).items()}
 
     def lost(self) -> list[tuple[int, Status, str]]:
         """Who has died in this tick, and how it was noticed."""
@@ -84,6 +84,10 @@ class LockstepFleet:
             waited_s += min(now - before, 2.0 * POLL_S)
             before = now
             waiting = [number for number in sent if number not in answers]
+            for number, reason in seats.failed(waiting).items():
+                self._lose(number, reason)
+                del sent[number]
+            waiting = [number for number in waiting if number in sent]
             for number in seats.gone(waiting):
                 self._lose(number, f"its process was gone in phase {phase} of tick {k}")
                 del sent[number]
@@ -110,17 +114,11 @@ def drain(seats: Seats) -> None:
         seats.take(0.0)
 
 
-def tell(k: int, report: Report) -> Make:
+def tell(k: int, sensed: Sensed) -> Make:
     """Phase A for one robot."""
-    sensed = (report.pose, report.bumped, report.contacts, report.clock_s)
-    return lambda incarnation, instance: PhaseA(incarnation, instance, k, *sensed)
+    return lambda incarnation, instance: PhaseA(incarnation, instance, k, sensed)
 
 
 def pass_on(k: int, frames: list[bytes]) -> Make:
     """Phase B for one robot."""
     return lambda incarnation, instance: PhaseB(incarnation, instance, k, tuple(frames))
-
-
-def reply_of(answer: ReplyB) -> Reply:
-    """A robot's answer as the world takes it."""
-    return Reply(answer.command, answer.state, answer.goal, answer.decision_ms, answer.rejected)

@@ -10,15 +10,16 @@ from worldsim.fleet.acts import Acts
 from worldsim.output.record import COMPLETED, DESERTED, INTERRUPTED
 
 if TYPE_CHECKING:
+    from patrol.exchange import Reply, Sensed
     from worldsim.fleet.process_control import Hands
     from worldsim.operator import Operator
-    from worldsim.world import Reply, Report, World
+    from worldsim.world import World
 
 
 class Fleet(Protocol):
     """All robots' minds, wherever they are."""
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+    def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """Tell the living robots what they sense; returns the frames that they send, none from one that stays silent.
 
         A robot missing from the answer has died.

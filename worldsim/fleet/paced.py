@@ -12,12 +12,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.phases import ReplyA, ReplyB
-from worldsim.fleet.lockstep import drain, pass_on, reply_of, tell
+from patrol.net.phases import PHASE_B_SHARE, ReplyA, ReplyB
+from worldsim.fleet.lockstep import drain, pass_on, tell
 from worldsim.fleet.sessions import POLL_S, Seats
-from worldsim.radio.rules import PHASE_B_SHARE
-from worldsim.world import Reply, Report
 
 if TYPE_CHECKING:
     from worldsim.radio.overheard import Ear
@@ -45,7 +44,7 @@ class PacedFleet:
         self._living: list[int] = []
         self._commands: dict[int, ReplyB] = {}
 
-    def phase_a(self, k: int, reports: Mapping[int, Report]) -> Mapping[int, Sequence[bytes]]:
+    def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """The frames that have come when phase B is due, none for the others."""
         self._living = list(reports)
         self._k = k
@@ -71,14 +70,15 @@ class PacedFleet:
         self._collect({}, begins + self._step_s)
         commands, self._commands = self._commands, {}
         self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)
-        return {number: reply_of(commands[number]) if number in commands else None for number in heard}
+        return {number: commands[number].reply if number in commands else None for number in heard}
 
     def lost(self) -> list[tuple[int, Status, str]]:
         """Whose process is gone. One that is only slow or paused is not lost: its watchdog has stopped it."""
-        gone = self._seats.gone(self._living)
-        for number in gone:
-            self._seats.dismiss(number, "left out: its process was gone", orderly=False)
-        return [(number, Status.LOST, "its process was gone") for number in gone]
+        gone = dict.fromkeys(self._seats.gone(self._living), "its process was gone")
+        gone |= self._seats.failed(self._living)
+        for number, reason in gone.items():
+            self._seats.dismiss(number, f"left out: {reason}", orderly=False)
+        return [(number, Status.LOST, reason) for number, reason in sorted(gone.items())]
 
     def rest(self) -> None:
         """No tick is due for now: the next one begins when it is asked for, and nobody is late for it."""

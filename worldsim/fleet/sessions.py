@@ -21,6 +21,7 @@ from patrol.net.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,
+    Failed,
     Hello,
     HelloReply,
     ReplyA,
@@ -98,6 +99,7 @@ class Seats:
         self._present: set[int] = set()
         self._absent_since: dict[int, float] = {}
         self._dismissed: dict[int, str] = {}
+        self._failed: dict[int, str] = {}
         self._trusted_from = wire.now()
         self._k = 0
 
@@ -164,6 +166,11 @@ class Seats:
             if self._is_seated(number, message):
                 return number, message
             self._wire.mailbox.refused["stranger"] += 1
+        elif isinstance(message, Failed):
+            if self._is_seated(number, message):
+                self._failed[number] = message.reason
+            else:
+                self._wire.mailbox.refused["stranger"] += 1
         elif isinstance(message, HelloReply):
             self._seat(number, message)
         else:
@@ -182,6 +189,10 @@ class Seats:
             return []
         return [number for number in absent if now >= self._absent_since[number] + GRACE_S]
 
+    def failed(self, numbers: Iterable[int]) -> dict[int, str]:
+        """Those of the numbers whose mind cannot go on, and why."""
+        return {number: self._failed[number] for number in numbers if number in self._failed}
+
     def dismiss(self, number: int, reason: str, *, orderly: bool) -> None:
         """Tell a robot to leave; one that asks later is told again."""
         self._dismissed[number] = reason
@@ -193,6 +204,7 @@ class Seats:
         self._seats.pop(number, None)
         self._awaited.pop(number, None)
         self._dismissed.pop(number, None)
+        self._failed.pop(number, None)
 
     def expect(self, number: int, incarnation: int) -> None:
         """Await a robot's new process, of that incarnation and no other."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from patrol.journal import Event, Header, RobotTick, Status, TickRecord
 from patrol.journal.records import DEAD_END, FORGED, standing_after
-from patrol.pose import Drive, Velocity
+from patrol.pose import command_of
 from worldsim.motion import length
 from worldsim.radio.ether import there
 from worldsim.radio.overheard import as_measured
@@ -60,7 +60,7 @@ class _Robot:
         self.refused += row.refused
         self._stay(row)
         if not row.bumped:
-            command = Drive(row.c0, row.c1) if self.model == "car" else Velocity(row.c0, row.c1)
+            command = command_of(self.model, row.c0, row.c1)
             self.distance_m += length(command, step)
         if row.decision_ms is not None:
             self.decision_ms.append(row.decision_ms)

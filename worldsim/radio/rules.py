@@ -17,6 +17,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from patrol.ground.kernels import swept_path as sweep
+from patrol.net.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.random import Purpose, draw, gauss
 from patrol.scenario.faults.kinds import Bandwidth, Delay, Duplicate, Loss, Partition, Range, Reorder, Silence, Wait
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
     from worldsim.timeline import Entry, Timeline
-
-PHASE_B_SHARE = 0.2
-"""When phase B begins, as a share of the step: a frame that takes no longer is heard in its own tick."""
 
 LEAST_BUCKET = 64.0
 """Bytes that may be sent at once however little the bandwidth, so that any frame fits sooner or later."""

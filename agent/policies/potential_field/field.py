@@ -16,7 +16,7 @@ from agent.policies.potential_field.direction import sector_table
 from agent.policies.potential_field.force import ForceLaw
 from agent.policies.potential_field.kernels.force import gather
 from agent.routes.ground import Ground
-from agent.routes.path_window import Place, Window
+from agent.routes.path_window import PathWindow, Place
 from agent.routes.region_paths import Regions
 from agent.routes.straight import Straight
 from agent.routes.wave import Wave
@@ -63,7 +63,7 @@ class Field:
         fields: StaticFields,
         posts: Posts,
         point: float,
-        scratch: dict[str, Window],
+        scratch: dict[str, PathWindow],
         regions: RegionSplit | None = None,
     ) -> None:
         """See the class.
@@ -173,13 +173,13 @@ class Field:
 def _window(
     paths: str,
     sizes: tuple[int, int, int],
-    scratch: dict[str, Window],
+    scratch: dict[str, PathWindow],
     patrolled: NDArray[np.bool_],
     regions: RegionSplit | None,
-) -> Window:
+) -> PathWindow:
     """The window for a path method, the terrain's height and width and a span, in points; shared where it can be."""
     key = f"{paths} {sizes}"
-    make: Callable[[], Window] = partial(Wave, *sizes)
+    make: Callable[[], PathWindow] = partial(Wave, *sizes)
     # A window holds what its key identifies, so that nothing else gets that identity.
     if paths == "regions":
         if regions is None:

@@ -25,7 +25,7 @@ FINE = math.radians(0.1)
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class Stand:
     """A place to stand. row, col: of the terrain. x, y: of its centre, m. bearing: from the intruder, 0 to 2 pi rad."""
 
     bearing: float
@@ -35,7 +35,7 @@ class Spot:
     y: float
 
 
-def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: float) -> list[Spot]:
+def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: float) -> list[Stand]:
     """For each of `BEARINGS` bearings from (x, y) the place nearest to the ring of ``radius`` m, by bearing.
 
     Only points of ``reach``, bool (h, w), in sight of (x, y) count; a bearing may have none.
@@ -57,12 +57,12 @@ def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: 
     order = order[fits[order]]
     first = order[np.unique(sector[order], return_index=True)[1]]
     found = [
-        Spot(float(bearing[i]), int(rows[i]), int(cols[i]), *terrain.centre(int(rows[i]), int(cols[i]))) for i in first
+        Stand(float(bearing[i]), int(rows[i]), int(cols[i]), *terrain.centre(int(rows[i]), int(cols[i]))) for i in first
     ]
     return sorted(found, key=lambda spot: (spot.bearing, spot.row, spot.col))
 
 
-def spread(spots: Sequence[Spot], count: int, spacing: float) -> list[Spot]:
+def spread(spots: Sequence[Stand], count: int, spacing: float) -> list[Stand]:
     """At most ``count`` of the spots, so that the least gap between their bearings is as wide as can be.
 
     spots: by bearing. spacing: m between two of them. Fewer where not so many fit.
@@ -84,7 +84,7 @@ def spread(spots: Sequence[Spot], count: int, spacing: float) -> list[Spot]:
     return chosen
 
 
-def _with_gap(spots: Sequence[Spot], count: int, gap: float, spacing: float) -> list[Spot]:
+def _with_gap(spots: Sequence[Stand], count: int, gap: float, spacing: float) -> list[Stand]:
     """The first ``count`` spots that keep ``gap`` rad and ``spacing`` m from each other, or none."""
     bearings = [spot.bearing for spot in spots]
     for start in range(len(spots)):
@@ -103,5 +103,5 @@ def _with_gap(spots: Sequence[Spot], count: int, gap: float, spacing: float) -> 
     return []
 
 
-def _apart(chosen: Sequence[Spot], spot: Spot, spacing: float) -> bool:
+def _apart(chosen: Sequence[Stand], spot: Stand, spacing: float) -> bool:
     return all(math.hypot(spot.x - other.x, spot.y - other.y) >= spacing for other in chosen)

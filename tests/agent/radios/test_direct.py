@@ -10,14 +10,27 @@ KEYS = FleetKeys("f")
 OTHERS = {KEYS.position("r1"): 1, KEYS.position("r3"): 3}
 
 
+class Clock:
+    """A clock by which it is time to decide, or too late."""
+
+    def __init__(self) -> None:
+        self.in_time = True
+
+    def tick(self) -> int | None:
+        raise AssertionError("a radio does not wait for ticks")
+
+    def decide(self) -> bool:
+        return self.in_time
+
+
 class Scene:
     """The radio of r2, and what it sends."""
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
-        self.in_time = True
+        self.clock = Clock()
         self.mailbox: Mailbox[bytes] = Mailbox(OTHERS, bytes, MAX_FRAME, ROOM)
-        self.radio = DirectRadio(self.mailbox, self.sent.append, OTHERS, lambda: self.in_time)
+        self.radio = DirectRadio(self.mailbox, self.sent.append, OTHERS, self.clock)
 
     def arrive(self, robot: str, *frames: bytes) -> None:
         for frame in frames:
@@ -37,10 +50,10 @@ def test_frames_go_out_and_come_in_by_sender() -> None:
 
 def test_what_comes_while_it_is_too_late_to_decide_is_heard_at_the_next_decision() -> None:
     scene = Scene()
-    scene.in_time = False
+    scene.clock.in_time = False
     scene.arrive("r1", b"early")
     assert scene.radio.hear() is None
-    scene.in_time = True
+    scene.clock.in_time = True
     scene.arrive("r1", b"late")
     assert scene.radio.hear() == [b"early", b"late"]
 

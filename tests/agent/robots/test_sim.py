@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from agent.decision import Decision, State
+from agent.ports import Decision, State
 from agent.robots.sim import SILENCE_S, Identity, SimRobot
+from patrol.exchange import Reply, Sensed
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import Mailbox, Presence
 from patrol.net.phases import (
@@ -31,7 +32,7 @@ from patrol.process.lifeline import Ending
 ME = Identity("r1", 1, 77, "a" * 64)
 KEYS = FleetKeys("f")
 POSE = Pose(1.0, 2.0, 0.5)
-DECISION = Decision(Velocity(1.0, -1.0), State.PATROLLING, 0.0, (), (3.0, 4.0), (3.5, 4.5), 9, 2)
+DECISION = Decision(Velocity(1.0, -1.0), State.PATROLLING, 0.0, (3.0, 4.0), (3.5, 4.5), 9, 2)
 
 
 class Clocked(Mailbox[ToRobot | Presence]):
@@ -82,10 +83,12 @@ class Scene:
     def tick(self, k: int, frames: tuple[bytes, ...] = ()) -> list[bytes] | None:
         """One whole tick in lockstep; what was heard."""
         self.tell(a(k), b(k, frames))
-        assert self.robot.sense() is not None
+        sensed = self.robot.sense()
+        assert sensed is not None
         self.robot.send((b"frame %d" % k,))
         heard = self.robot.hear()
-        self.robot.act(DECISION, 1.5)
+        self.robot.report(sensed, DECISION, 1.5)
+        self.robot.act(DECISION.command)
         return heard
 
     def end_after(self, seconds: float) -> None:
@@ -97,7 +100,7 @@ class Scene:
 
 
 def a(k: int, instance: int = 77, incarnation: int = 1) -> PhaseA:
-    return PhaseA(incarnation, instance, k, POSE, bumped=k % 2 == 1)
+    return PhaseA(incarnation, instance, k, Sensed(k, POSE, bumped=k % 2 == 1))
 
 
 def b(k: int, frames: tuple[bytes, ...] = ()) -> PhaseB:
@@ -118,7 +121,7 @@ def test_a_tick_in_lockstep() -> None:
     assert scene.tick(3, (b"x", b"y")) == [b"x", b"y"]
     assert scene.sent == [
         ReplyA(1, 77, 3, (b"frame 3",)),
-        ReplyB(1, 77, 3, Velocity(1.0, -1.0), "patrolling", (3.5, 4.5), 1.5, 2),
+        ReplyB(1, 77, 3, Reply(Velocity(1.0, -1.0), "patrolling", (3.5, 4.5), 1.5, 2)),
     ]
 
 
@@ -146,7 +149,8 @@ def test_who_comes_late_goes_on_with_the_newest_tick_and_all_that_was_heard() ->
     scene.robot.send((b"frame",))
     scene.tell(b(2, (b"2",)))
     assert scene.robot.hear() == [b"0", b"1", b"2"]
-    scene.robot.act(DECISION, 1.0)
+    scene.robot.report(sensed, DECISION, 1.0)
+    scene.robot.act(DECISION.command)
     assert scene.tick(3, (b"3",)) == [b"3"]
 
 
@@ -272,7 +276,7 @@ def test_a_lost_world_may_come_back_for_a_while() -> None:
     assert 10.0 <= scene.mailbox.time - began < 11.0
 
 
-STILL = ReplyB(1, 77, 3, Velocity(0.0, 0.0), "holding", None, 1.5, 2)
+STILL = ReplyB(1, 77, 3, Reply(Velocity(0.0, 0.0), "holding", None, 1.5, 2))
 
 
 def test_it_stops_when_no_pose_comes_any_more() -> None:

@@ -34,7 +34,7 @@ def test_obstacles_come_and_go_without_a_trace(seed: int, turns: list[list[Disc]
     is_open = np.random.default_rng(seed).random((20, 24)) < 0.85
     ground = Ground(Terrain("t", is_open, 0.5), is_open)
     for turn in [*turns, []]:
-        ground.obstruct(turn)
+        ground.begin(turn)
         assert np.array_equal(ground.state, fresh(is_open, turn))
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.decision import State
+from agent.ports import State
 from monitor.replay.run import open_run
 from monitor.report.charts import STATES, state_codes, states_chart
 from tests.monitor.conftest import QUIET, run_of

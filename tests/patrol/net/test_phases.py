@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from patrol.exchange import Reply, Sensed
 from patrol.net.phases import (
     MAX_REPLY,
+    Failed,
     Hello,
     HelloReply,
     Malformed,
@@ -28,17 +30,27 @@ from patrol.net.phases import (
 from patrol.pose import Drive, Pose, Velocity
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAMES
 
+Contacts = tuple[tuple[float, float], ...]
+
 counts = st.integers(0, 2**31 - 1)
 ids = st.integers(0, 2**63 - 1)
 finite = st.floats(allow_nan=False, allow_infinity=False)
 anything = st.floats(allow_nan=False)
 words = st.text("abcdefghij -", max_size=32)
 heads = (counts, ids, counts)
+poses = st.builds(Pose, finite, finite, finite)
 pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
+
+
+def phase_a(
+    incarnation: int, instance: int, k: int, pose: Pose, bumped: bool, contacts: Contacts, clock_s: float
+) -> PhaseA:
+    return PhaseA(incarnation, instance, k, Sensed(k, pose, bumped, contacts, clock_s))
+
 
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads, ids),
-    st.builds(PhaseA, *heads, st.builds(Pose, finite, finite, finite), st.booleans(), pairs, finite),
+    st.builds(phase_a, *heads, poses, st.booleans(), pairs, finite),
     st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple)),
     st.builds(Stop, *heads, st.booleans(), words),
 )
@@ -48,12 +60,16 @@ to_world: st.SearchStrategy[ToWorld] = st.one_of(
     st.builds(
         ReplyB,
         *heads,
-        st.builds(Drive, anything, anything) | st.builds(Velocity, anything, anything),
-        words,
-        st.none() | st.tuples(finite, finite),
-        finite,
-        ids,
+        st.builds(
+            Reply,
+            st.builds(Drive, anything, anything) | st.builds(Velocity, anything, anything),
+            words,
+            st.none() | st.tuples(finite, finite),
+            finite,
+            ids,
+        ),
     ),
+    st.builds(Failed, *heads, words),
 )
 junk = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=80) | st.text(),
@@ -73,17 +89,17 @@ def test_a_message_to_the_world_comes_back_bit_for_bit(message: ToWorld) -> None
 
 
 def test_negative_zero_survives() -> None:
-    reply = decode_to_world(encode(ReplyB(1, 2, 3, Drive(-0.0, 0.0), "patrolling", None, 0.0, 0)))
-    assert isinstance(reply, ReplyB)
-    assert isinstance(reply.command, Drive)
-    assert math.copysign(1.0, reply.command.speed) == -1.0
+    answer = decode_to_world(encode(ReplyB(1, 2, 3, Reply(Drive(-0.0, 0.0), "patrolling", None, 0.0, 0))))
+    assert isinstance(answer, ReplyB)
+    assert isinstance(answer.reply.command, Drive)
+    assert math.copysign(1.0, answer.reply.command.speed) == -1.0
 
 
 def test_a_command_that_is_not_finite_is_for_the_world_to_refuse() -> None:
-    reply = decode_to_world(encode(ReplyB(1, 2, 3, Velocity(math.nan, math.inf), "x", None, 0.0, 0)))
-    assert isinstance(reply, ReplyB)
-    assert isinstance(reply.command, Velocity)
-    assert math.isnan(reply.command.vx)
+    answer = decode_to_world(encode(ReplyB(1, 2, 3, Reply(Velocity(math.nan, math.inf), "x", None, 0.0, 0))))
+    assert isinstance(answer, ReplyB)
+    assert isinstance(answer.reply.command, Velocity)
+    assert math.isnan(answer.reply.command.vx)
 
 
 @given(st.binary(max_size=200))
@@ -152,7 +168,7 @@ def test_an_oversized_reply_is_malformed() -> None:
 
 
 def test_a_pose_that_is_not_finite_is_malformed() -> None:
-    payload = encode(PhaseA(1, 1, 0, Pose(1.0, 2.0, 3.0), bumped=False))
+    payload = encode(PhaseA(1, 1, 0, Sensed(0, Pose(1.0, 2.0, 3.0))))
     with pytest.raises(Malformed):
         decode_to_robot(payload.replace(struct.pack(">d", 2.0), struct.pack(">d", math.nan)))
 
@@ -160,3 +176,19 @@ def test_a_pose_that_is_not_finite_is_malformed() -> None:
 def test_a_long_reason_is_cut_to_what_fits() -> None:
     stop = Stop(1, 1, 0, orderly=False, reason="x" * 5000)
     assert decode_to_robot(encode(stop)) == replace(stop, reason="x" * 400)
+
+
+def test_a_long_account_of_a_failure_is_cut_to_what_fits() -> None:
+    failed = Failed(1, 1, 0, "x" * 5000)
+    assert decode_to_world(encode(failed)) == replace(failed, reason="x" * 400)
+
+
+@pytest.mark.parametrize("reason", ["\x1b[2J", "two\nlines", "x" * 401, 7, None, b"bytes"])
+def test_a_hostile_account_of_a_failure_is_malformed(reason: object) -> None:
+    with pytest.raises(Malformed):
+        decode_to_world(msgpack.packb([3, 1, 1, 0, reason]))
+
+
+def test_a_phase_a_says_one_tick_only() -> None:
+    with pytest.raises(ValueError, match="phase A of tick 4 cannot say what was sensed at tick 5"):
+        encode(PhaseA(1, 1, 4, Sensed(5, Pose(1.0, 2.0, 3.0))))

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from patrol.errors import BadInput
+from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.keys import FleetKeys
 from patrol.net.link import Presence
@@ -31,12 +32,11 @@ from patrol.pose import Pose, Velocity
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Missing, Seats, Wire
-from worldsim.world import Report
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2", 3: "r3"}
 RUN, HASH = 9, "c" * 64
-REPORTS = {number: Report(Pose(float(number), 0.0, 0.0), bumped=False) for number in NAMES}
+POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
 
 
 class Net:
@@ -93,7 +93,7 @@ class Net:
         elif isinstance(message, PhaseA):
             self.deliver(number, ReplyA(*me, (b"frame",)), self.delays.pop((number, message.k, "A"), 0.001))
         elif isinstance(message, PhaseB):
-            reply = ReplyB(*me, Velocity(float(message.k), 0.0), "patrolling", None, 2.0, 0)
+            reply = ReplyB(*me, Reply(Velocity(float(message.k), 0.0), "patrolling", None, 2.0, 0))
             self.deliver(number, reply, self.delays.pop((number, message.k, "B"), 0.001))
         else:
             self.presence(number, False)
@@ -110,6 +110,10 @@ class Net:
 def fleet_of(net: Net, deadline_s: float = 10.0) -> LockstepFleet:
     net.gather()
     return LockstepFleet(net.seats, deadline_s)
+
+
+def sensed(k: int, numbers: Sequence[int] = (1, 2, 3)) -> dict[int, Sensed]:
+    return {number: Sensed(k, POSES[number]) for number in numbers}
 
 
 def heard(numbers: Sequence[int] = (1, 2, 3)) -> dict[int, list[bytes]]:
@@ -190,11 +194,11 @@ def test_who_asks_for_a_greeting_gets_one_or_is_turned_away() -> None:
 def test_a_tick_takes_everybodys_answers() -> None:
     net = Net()
     fleet = fleet_of(net)
-    assert fleet.phase_a(0, REPORTS) == dict.fromkeys(NAMES, (b"frame",))
+    assert fleet.phase_a(0, sensed(0)) == dict.fromkeys(NAMES, (b"frame",))
     replies = fleet.phase_b(0, heard())
     assert list(replies) == [1, 2, 3]
     assert fleet.lost() == []
-    assert net.told(PhaseA, 2) == [PhaseA(1, 72, 0, Pose(2.0, 0.0, 0.0), False)]
+    assert net.told(PhaseA, 2) == [PhaseA(1, 72, 0, Sensed(0, Pose(2.0, 0.0, 0.0)))]
     assert net.told(PhaseB, 2) == [PhaseB(1, 72, 0, (b"x",))]
 
 
@@ -205,9 +209,9 @@ def test_answers_of_other_ticks_phases_and_processes_do_not_count() -> None:
     net.deliver(1, ReplyA(1, 71, 4, (b"old",)))
     net.deliver(1, ReplyA(1, 99, 5, (b"stranger",)))
     net.deliver(1, ReplyA(2, 71, 5, (b"other incarnation",)))
-    net.deliver(1, ReplyB(1, 71, 5, Velocity(0.0, 0.0), "patrolling", None, 1.0, 0))
+    net.deliver(1, ReplyB(1, 71, 5, Reply(Velocity(0.0, 0.0), "patrolling", None, 1.0, 0)))
     net.deliver(1, ReplyA(1, 71, 5, (b"mine",)), 0.5)
-    assert fleet.phase_a(5, REPORTS) == {1: (b"mine",), 2: (b"frame",), 3: (b"frame",)}
+    assert fleet.phase_a(5, sensed(5)) == {1: (b"mine",), 2: (b"frame",), 3: (b"frame",)}
     assert net.refused["stranger"] == 2
 
 
@@ -224,7 +228,7 @@ def test_a_pause_below_the_deadline_only_takes_time() -> None:
     fleet = fleet_of(net)
     net.mute = {2}
     net.deliver(2, ReplyA(1, 72, 3, (b"late",)), 9.0)
-    assert fleet.phase_a(3, REPORTS)[2] == (b"late",)
+    assert fleet.phase_a(3, sensed(3))[2] == (b"late",)
     assert len(net.told(PhaseA, 2)) == 9
     assert fleet.lost() == []
 
@@ -234,13 +238,13 @@ def test_who_misses_the_deadline_is_lost_and_told_so_whenever_it_asks() -> None:
     fleet = fleet_of(net, deadline_s=5.0)
     net.mute = {2}
     began = net.time
-    assert list(fleet.phase_a(3, REPORTS)) == [1, 3]
+    assert list(fleet.phase_a(3, sensed(3))) == [1, 3]
     assert 5.0 <= net.time - began < 6.0
     assert list(fleet.phase_b(3, heard((1, 3)))) == [1, 3]
     assert fleet.lost() == [(2, Status.LOST, "no answer in phase A of tick 3 for 5 s")]
     assert fleet.lost() == []
     net.deliver(2, HelloReply(1, 72, 3, RUN, HASH))
-    fleet.phase_a(4, {number: REPORTS[number] for number in (1, 3)})
+    fleet.phase_a(4, sensed(4, (1, 3)))
     stops = net.told(Stop, 2)
     assert [stop.reason for stop in stops if isinstance(stop, Stop)] == [
         "left out: no answer in phase A of tick 3 for 5 s"
@@ -252,7 +256,7 @@ def test_the_first_tick_may_take_longer() -> None:
     fleet = fleet_of(net, deadline_s=5.0)
     net.mute = {2}
     net.deliver(2, ReplyA(1, 72, 0, (b"slow start",)), 30.0)
-    assert fleet.phase_a(0, REPORTS)[2] == (b"slow start",)
+    assert fleet.phase_a(0, sensed(0))[2] == (b"slow start",)
 
 
 def test_a_pause_of_the_world_itself_is_nobodys_death() -> None:
@@ -268,7 +272,7 @@ def test_a_pause_of_the_world_itself_is_nobodys_death() -> None:
 
     net.get = get_after_a_long_sleep  # type: ignore[method-assign]
     net.deliver(2, ReplyA(1, 72, 3, (b"here",)), 3601.0)
-    assert fleet.phase_a(3, REPORTS)[2] == (b"here",)
+    assert fleet.phase_a(3, sensed(3))[2] == (b"here",)
 
 
 def test_a_token_that_goes_ends_the_wait_early() -> None:
@@ -277,7 +281,7 @@ def test_a_token_that_goes_ends_the_wait_early() -> None:
     net.mute = {2}
     net.presence(2, False, 0.2)
     began = net.time
-    assert list(fleet.phase_a(3, REPORTS)) == [1, 3]
+    assert list(fleet.phase_a(3, sensed(3))) == [1, 3]
     assert GRACE_S <= net.time - began < 1.5
     assert fleet.lost() == [(2, Status.LOST, "its process was gone in phase A of tick 3")]
 
@@ -291,7 +295,7 @@ def test_tokens_that_go_with_the_router_come_back() -> None:
         net.presence(number, False)
         net.presence(number, True, 4.0)
         net.deliver(number, ReplyA(1, 70 + number, 3, (b"back",)), 4.5)
-    assert fleet.phase_a(3, REPORTS) == dict.fromkeys(NAMES, (b"back",))
+    assert fleet.phase_a(3, sensed(3)) == dict.fromkeys(NAMES, (b"back",))
     assert fleet.lost() == []
 
 
@@ -305,7 +309,7 @@ def test_who_does_not_find_back_to_the_router_is_lost() -> None:
     assert net.seats.gone([1, 2]) == []
     net.connected = True
     began = net.time
-    assert list(fleet.phase_a(3, REPORTS)) == [1, 3]
+    assert list(fleet.phase_a(3, sensed(3))) == [1, 3]
     assert net.time - began >= RECOVERY_S - 1.0
 
 
@@ -315,7 +319,7 @@ def test_an_interrupted_world_stops_waiting() -> None:
     net.mute = {2}
     net.ending = True
     with pytest.raises(Interrupted):
-        fleet.phase_a(3, REPORTS)
+        fleet.phase_a(3, sensed(3))
 
 
 def test_at_the_end_everybody_is_sent_home() -> None:
@@ -345,7 +349,7 @@ def test_the_world_keeps_to_the_clock() -> None:
     fleet = PacedFleet(net.seats, 0.5)
     began = net.time
     for k in range(4):
-        assert fleet.phase_a(k, REPORTS) == dict.fromkeys(NAMES, (b"frame",))
+        assert fleet.phase_a(k, sensed(k)) == dict.fromkeys(NAMES, (b"frame",))
         assert net.time - began == pytest.approx(0.5 * k + 0.1)
         replies = fleet.phase_b(k, heard())
         assert net.time - began == pytest.approx(0.5 * (k + 1))
@@ -358,12 +362,12 @@ def test_late_frames_are_lost_and_late_commands_count_where_they_come() -> None:
     net.gather()
     fleet = PacedFleet(net.seats, 0.5)
     net.delays = {(1, 0, "A"): 0.2, (2, 0, "B"): 0.6, (3, 0, "B"): 0.45, (3, 1, "B"): 0.1}
-    assert fleet.phase_a(0, REPORTS) == {1: (), 2: (b"frame",), 3: (b"frame",)}
+    assert fleet.phase_a(0, sensed(0)) == {1: (), 2: (b"frame",), 3: (b"frame",)}
     first = fleet.phase_b(0, heard())
     assert first[1] is not None
     assert (first[2], first[3]) == (None, None)
     net.mute = {2}
-    fleet.phase_a(1, REPORTS)
+    fleet.phase_a(1, sensed(1))
     second = fleet.phase_b(1, heard())
     assert second[2] is not None
     assert second[2].command == Velocity(0.0, 0.0)  # of tick 0
@@ -380,11 +384,11 @@ def test_a_world_that_falls_behind_gives_up_on_catching_up() -> None:
     net = Net()
     net.gather()
     fleet = PacedFleet(net.seats, 0.5)
-    fleet.phase_a(0, REPORTS)
+    fleet.phase_a(0, sensed(0))
     fleet.phase_b(0, heard())
     net.time += 5.0
     began = net.time
-    fleet.phase_a(1, REPORTS)
+    fleet.phase_a(1, sensed(1))
     fleet.phase_b(1, heard())
     assert net.time - began == pytest.approx(0.5)
     assert fleet.slipped_s == pytest.approx(5.0)
@@ -397,6 +401,6 @@ def test_at_a_pace_only_a_lost_token_loses_a_robot() -> None:
     net.mute = {1, 2}
     net.presence(2, False)
     for k in range(30):
-        fleet.phase_a(k, REPORTS)
+        fleet.phase_a(k, sensed(k))
         fleet.phase_b(k, heard())
     assert fleet.lost() == [(2, Status.LOST, "its process was gone")]

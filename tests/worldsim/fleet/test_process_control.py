@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from patrol.exchange import Sensed
 from patrol.net.keys import FleetKeys
 from patrol.net.link import Presence
 from patrol.net.phases import (
@@ -105,7 +106,7 @@ class Stage:
 
     def reach(self, number: int) -> tuple[int, int]:
         """Incarnation and instance of the process that the world speaks to."""
-        self.seats.send(number, lambda inc, instance: PhaseA(inc, instance, 5, Pose(0.0, 0.0, 0.0), False, ()))
+        self.seats.send(number, lambda inc, instance: PhaseA(inc, instance, 5, Sensed(5, Pose(0.0, 0.0, 0.0))))
         message = self.sent[-1][1]
         return message.incarnation, message.instance
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
-from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.pose import Command, Pose, command_of
 from worldsim.motion import length
 from worldsim.verdict.checks import Check, names_of
 from worldsim.verdict.robots.statuses import Roll
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 SLACK = 1e-6
 """How deep (m) a body may be in a wall or another body before a check calls it an overlap."""
-
-ROUNDED = 1.0 + 1e-12
-"""A velocity that was cut to a robot's speed may exceed it by this factor."""
 
 
 class BodiesApart:
@@ -105,8 +102,7 @@ class MovesAreTrue:
         return Check("moves", not self._problem, self._problem or f"{self._looked} poses are where commands lead")
 
     def _command(self, row: RobotTick) -> Command:
-        car = self._specs[row.number].model == "car"
-        return Drive(row.c0, row.c1) if car else Velocity(row.c0, row.c1)
+        return command_of(self._specs[row.number].model, row.c0, row.c1)
 
     def _problem_of_cancelling(self, row: RobotTick, rows: Sequence[RobotTick]) -> str:
         """Whether a move was cancelled for nothing, or was not and should have been."""
@@ -135,10 +131,7 @@ class MovesAreTrue:
             return f"is {row.status.name.lower()} and drives"
         if row.refused and (row.c0 != 0.0 or row.c1 != 0.0):
             return "drives though its command was refused"
-        if isinstance(command, Drive):
-            within = abs(command.speed) <= spec.speed and abs(command.curvature) <= 1.0 / spec.turning_radius
-        else:
-            within = math.hypot(command.vx, command.vy) <= spec.speed * ROUNDED
+        within = command.is_within(spec.speed, spec.turning_radius)
         return "" if within else f"obeys {command}, which is beyond its limits,"
 
 

@@ -20,8 +20,8 @@ from agent.policies.potential_field.separation import (
     occupied_areas,
     repel,
 )
-from agent.routes.ground import Ground
-from agent.routes.path_window import FAR, Window
+from agent.routes.ground import Area, Ground
+from agent.routes.path_window import FAR, PathWindow
 from agent.routes.straight import Straight
 from agent.routes.wave import Wave
 from patrol.ground.fields import StaticFields
@@ -63,7 +63,7 @@ def test_lengths_from_several_starts_are_those_of_the_nearest(kind: str) -> None
     for row, col in starts:
         passable[row - 1, col - 1] = True
     ground = Ground(Terrain("t", passable, 0.5), passable)
-    window: Window = Wave(40, 50, 60) if kind == "wave" else Straight(40, 50, 60, passable)
+    window: PathWindow = Wave(40, 50, 60) if kind == "wave" else Straight(40, 50, 60, passable)
     together = window.lengths_from(ground, 20, 20, starts, 6000)
     alone = [window.lengths_from(ground, 20, 20, [start], 6000) for start in starts]
     assert np.array_equal(together, np.minimum.reduce(alone))
@@ -136,11 +136,12 @@ def test_a_semaphore_closes_an_area_that_another_robot_is_in() -> None:
     assert occupied_areas(grid, terrain, outside, peers((30.0, 15.0))) == [1]
     assert occupied_areas(grid, terrain, outside, peers((12.0, 15.0), (-5.0, 3.0))) == []
     assert occupied_areas(grid, terrain, inside, peers((28.0, 15.0))) == []
-    ground = Ground(terrain, terrain.free, areas)
+    ground = Ground(terrain, terrain.free)
     before = ground.state.copy()
-    ground.obstruct([], [1])
+    ground.begin([])
+    ground.close(areas=[Area(areas[0])])
     assert (ground.state[1:-1, 1:-1][areas[0]] == 0).all()
-    ground.obstruct([], [])
+    ground.begin([])
     assert np.array_equal(ground.state, before)
 
 
@@ -191,7 +192,7 @@ def test_a_rival_claims_what_is_near_it_although_it_is_closed_to_others(separati
     seen = np.full(terrain.shape, 100, dtype=np.int32)
     seen[40, 70] = 0
     seen[40, 2] = 40
-    ground.obstruct([(terrain.centre(40, 65)[0], terrain.centre(40, 65)[1], 2.0)])
+    ground.begin([(terrain.centre(40, 65)[0], terrain.centre(40, 65)[1], 2.0)])
     assert ground.join(*terrain.centre(40, 65)) is None
     rival = ground.static.join(*terrain.centre(40, 65))
     assert rival == (41, 66)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,16 +13,21 @@ from hypothesis import strategies as st
 
 from agent.belief.contacts import SAME, Contacts
 from agent.policies.surround.assignment import assign
-from agent.policies.surround.errand import Errand, Surround
-from agent.policies.surround.ring import FARTHEST, Spot, spots_around, spread
+from agent.policies.surround.ring import FARTHEST, Stand, spots_around, spread
+from agent.policies.surround.surround import Surround
+from agent.ports import Intent, Stay
 from agent.routes.ground import Ground
+from agent.routes.routes import Routes, Way
+from agent.view import View
 from patrol.ground.fields import compute_fields
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import Terrain
 from patrol.pose import TAU, Pose
+from patrol.prepare import Prepared
 from patrol.radio.message import Position
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
+from tests.agent.minds import prepared_on, setup_of
 
 SPACING = 3.0
 
@@ -65,7 +71,7 @@ def test_a_full_ring_takes_no_more() -> None:
 
 
 def test_places_keep_bodies_apart_however_near_the_intruder() -> None:
-    spots = [Spot(bearing, 0, 0, math.cos(bearing), math.sin(bearing)) for bearing in np.linspace(0, 6, 60).tolist()]
+    spots = [Stand(bearing, 0, 0, math.cos(bearing), math.sin(bearing)) for bearing in np.linspace(0, 6, 60).tolist()]
     assert len(spread(spots, 5, SPACING)) == 1
 
 
@@ -104,21 +110,30 @@ def test_reports_of_one_intruder_are_one_and_of_several_are_several() -> None:
     assert contacts.known(2, 4) == [(5.5, 5.0), (20.0, 5.0)]
 
 
-def errands(
-    places: dict[int, Pose], contacts: list[tuple[float, float]], wall: bool = False
-) -> dict[int, Errand | None]:
+class Otherwise:
+    """What robots do that surround nothing."""
+
+    def decide(self, view: View) -> Intent:
+        del view
+        return Stay("otherwise")
+
+
+def prepared_for(terrain: Terrain, robots: int) -> Prepared:
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": robots}})
+    return prepared_on(scenario, terrain, [Pose(20.0, 10.0, 0.0)])
+
+
+def ways(places: dict[int, Pose], contacts: list[tuple[float, float]], wall: bool = False) -> dict[int, Way | None]:
     """What each robot decides from the same positions."""
-    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": len(places)}})
-    terrain = field(wall)
-    fields = compute_fields(terrain, 1.0, 10.0, True, [Pose(20.0, 10.0, 0.0)])
-    ground = Ground(terrain, fields.reach)
+    prepared = prepared_for(field(wall), len(places))
+    ground = Ground(prepared.terrain, prepared.fields[1].reach)
     found = {}
     for number, pose in places.items():
         start = ground.join(pose.x, pose.y)
         assert start is not None
         peers = {other: Peer(0, place, 0) for other, place in places.items() if other != number}
-        surround = Surround(scenario, number, terrain, fields, {})
-        found[number] = surround.errand(pose, peers, contacts, ground, start)
+        surround = Surround(setup_of(prepared, number), Otherwise())
+        found[number] = surround.way(pose, peers, contacts, Routes(ground, {}), start)
     return found
 
 
@@ -126,8 +141,8 @@ CORNER = {number: Pose(2.0 + 3.0 * number, 2.0, 0.0) for number in range(1, 6)}
 
 
 def test_everyone_takes_a_place_of_its_own_around_the_intruder() -> None:
-    found = errands(CORNER, [(20.0, 20.0)])
-    places = [errand.place for errand in found.values() if errand is not None]
+    found = ways(CORNER, [(20.0, 20.0)])
+    places = [way.place for way in found.values() if way is not None]
     assert len(set(places)) == 5
     around = sorted(math.atan2(y - 20.0, x - 20.0) % TAU for x, y in places)
     assert least_gap(around) > math.radians(68.0)
@@ -136,44 +151,41 @@ def test_everyone_takes_a_place_of_its_own_around_the_intruder() -> None:
 
 def test_the_way_leads_round_walls() -> None:
     places = {1: Pose(30.0, 26.0, 0.0)}
-    errand = errands(places, [(30.0, 18.0)], wall=True)[1]
-    assert errand is not None
-    assert errand.place[1] < 22.0
-    assert errand.bend[0] < 11.0
+    way = ways(places, [(30.0, 18.0)], wall=True)[1]
+    assert way is not None
+    assert way.place[1] < 22.0
+    assert way.bend[0] < 11.0
 
 
 def test_who_is_on_its_place_stays_and_so_does_everybody_else() -> None:
-    first = errands(CORNER, [(20.0, 20.0)])
-    arrived = {number: Pose(*errand.place, 0.0) for number, errand in first.items() if errand is not None}
-    again = errands(arrived, [(20.0, 20.0)])
-    assert {number: errand and errand.place for number, errand in again.items()} == {
+    first = ways(CORNER, [(20.0, 20.0)])
+    arrived = {number: Pose(*way.place, 0.0) for number, way in first.items() if way is not None}
+    again = ways(arrived, [(20.0, 20.0)])
+    assert {number: way and way.place for number, way in again.items()} == {
         number: (pose.x, pose.y) for number, pose in arrived.items()
     }
 
 
 def test_of_several_intruders_each_robot_takes_the_nearest() -> None:
-    found = errands({1: Pose(5.0, 10.0, 0.0), 2: Pose(35.0, 10.0, 0.0)}, [(8.0, 20.0), (32.0, 20.0)])
+    found = ways({1: Pose(5.0, 10.0, 0.0), 2: Pose(35.0, 10.0, 0.0)}, [(8.0, 20.0), (32.0, 20.0)])
     assert found[1] is not None
     assert found[2] is not None
     assert found[1].place[0] < 20.0 < found[2].place[0]
 
 
 def test_an_intruder_that_nobody_gets_near_attracts_nobody() -> None:
-    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5})
-    terrain = field(wall=True)
-    reach = np.zeros(terrain.shape, dtype=np.bool_)
+    prepared = prepared_for(field(wall=True), 1)
+    reach = np.zeros(prepared.terrain.shape, dtype=np.bool_)
     reach[2:6, 2:6] = True
-    fields = compute_fields(terrain, 1.0, 10.0, True, [Pose(20.0, 10.0, 0.0)])
-    fields = type(fields)(fields.cspace, reach, fields.patrolled, fields.proxy)
-    surround = Surround(scenario, 1, terrain, fields, {})
-    assert surround.errand(Pose(2.0, 2.0, 0.0), {}, [(30.0, 30.0)], Ground(terrain, reach), (4, 4)) is None
+    setup = setup_of(prepared)
+    setup = replace(setup, fields=replace(setup.fields, reach=reach))
+    routes = Routes(Ground(prepared.terrain, reach), {})
+    surround = Surround(setup, Otherwise())
+    assert surround.way(Pose(2.0, 2.0, 0.0), {}, [(30.0, 30.0)], routes, (4, 4)) is None
 
 
 def test_others_close_by_push_a_little_and_those_far_off_do_not() -> None:
-    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5})
-    terrain = field()
-    fields = compute_fields(terrain, 1.0, 10.0, True, [Pose(20.0, 10.0, 0.0)])
-    surround = Surround(scenario, 1, terrain, fields, {})
+    surround = Surround(setup_of(prepared_for(field(), 1)), Otherwise())
     pose, bend = Pose(10.0, 10.0, 0.0), (20.0, 10.0)
     x, y = surround.pushed(pose, {2: Peer(0, Pose(11.0, 12.0, 0.0), 0)}, bend)
     assert math.dist((x, y), (10.0, 10.0)) == pytest.approx(10.0)

@@ -1,0 +1,109 @@
+"""A body that drives arcs of at least its turning radius, forward and in reverse."""
+
+from __future__ import annotations
+
+import math
+
+from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
+from agent.bodies.steering import CarSteering
+from agent.bodies.unstuck import Unstuck
+from agent.ports import Bearing, Choice, Goal, Intent, Place, State, Stay, Steer
+from agent.view import View
+from patrol.pose import Drive, halted
+from patrol.random import Purpose
+
+
+class CarBody(BodyBase):
+    """Drives towards the goal ahead, and gets itself out of dead ends (paper, "unstuck")."""
+
+    def __init__(self, setup: BodySetup) -> None:
+        super().__init__(setup)
+        self._steering = CarSteering(setup.spec, setup.ground.terrain, setup.step)
+        chance = setup.chance
+        self._unstuck = Unstuck(
+            self._steering, setup.spec.speed, setup.step, lambda k, index: chance(k, index, Purpose.UNSTUCK)
+        )
+        self._parking = max(self.stride, 2.0 * setup.spec.turning_radius)
+
+    def obey(self, intent: Intent, view: View) -> Choice:
+        """The command that carries an intent out best (`agent.ports.Body.obey`)."""
+        match intent:
+            case Bearing():
+                return self._bear(intent, view)
+            case Place():
+                return self._approach(intent, view)
+            case Steer(command, state):
+                return self._steer(command, state, view)
+            case Stay(state):
+                return self._drive(view, None, None, state) if self._unstuck.active else self._stand(state)
+
+    def _bear(self, intent: Bearing, view: View) -> Choice:
+        bearing, goal = self._ahead(intent, view)
+        if intent.wander is not None and not view.bumped and not self._unstuck.active:
+            aside = self._steering.turning(view.pose, intent.wander, self.spec.speed)
+            if self._steering.is_free(view.pose, aside):
+                return Choice(aside, intent.state, intent.wander)
+        return self._drive(view, bearing, goal, intent.state)
+
+    def _ahead(self, intent: Bearing, view: View) -> tuple[float | None, Goal | None]:
+        """The strongest direction that leads at least half a step, and its goal; the strongest of all if none does.
+
+        The paper's forces act along first steps of paths, which are free by construction. A bearing rounded to its
+        sector's bisector may point into a wall right beside the robot; where it leads into one again and again, a car,
+        whose moves know no chance, would never get away. It then takes the bearing of the strongest force as it is.
+        """
+        start = view.start
+        if start is None or not intent.bearings:
+            return None, None
+        bearings = intent.bearings
+        centre = view.ground.centre(*start)
+        if intent.bend is not None and self._unstuck.keeps_happening(view.tick):
+            across, up = (there - here for there, here in zip(intent.bend, centre, strict=True))
+            bearings = (math.atan2(up, across), *bearings)
+        for bearing in bearings:
+            goal = self.goals.along(bearing, *start)
+            if math.dist(goal.goal, centre) >= CLEAR_SHARE * self.stride:
+                return bearing, goal
+        return bearings[0], self.goals.along(bearings[0], *start)
+
+    def _approach(self, place: Place, view: View) -> Choice:
+        """The way to a place, and a parking there."""
+        found = way_of(place, view)
+        if found is None:
+            return self._drive(view, None, None, place.state)
+        spot, bend = found
+        pose = view.pose
+        bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
+        near = bend == spot and math.dist((pose.x, pose.y), spot) < self._parking
+        if near and not view.bumped and not self._unstuck.active:
+            return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
+        choice = self._drive(view, bearing, goal, place.state)
+        return Choice(choice.command, choice.state, bearing, goal)
+
+    def _drive(self, view: View, bearing: float | None, goal: Goal | None, state: str) -> Choice:
+        """Towards the goal ahead in direction ``bearing`` (rad), or out of a dead end."""
+        tick, pose, bumped = view.tick, view.pose, view.bumped
+        if self._unstuck.active:
+            drive = self._unstuck.step(tick, pose, bumped)
+            if drive is not None:
+                return Choice(drive, State.DEAD_END, None, goal)
+            bumped = False
+        if goal is None or bearing is None:
+            return self._stand(State.HOLDING)
+        drive = self._steering.towards(pose, goal.refined)
+        if not bumped and self._steering.is_free(pose, drive):
+            return Choice(drive, state, bearing, goal)
+        self._unstuck.begin(tick, bearing)
+        out = self._unstuck.step(tick, pose, bumped=False)
+        return Choice(out or Drive(0.0, 0.0), State.DEAD_END, bearing, goal)
+
+    def _steer(self, command: object, state: str, view: View) -> Choice:
+        """A policy's own command, unless it leads into a wall."""
+        if isinstance(command, Drive):
+            wanted = command.limited(self.spec.speed, self.spec.turning_radius)
+            if self._steering.is_free(view.pose, wanted):
+                return Choice(wanted, state)
+        return self._stand(State.HOLDING)
+
+    def _stand(self, state: str) -> Choice:
+        return Choice(halted(self.spec.model), state)

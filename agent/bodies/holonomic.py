@@ -1,0 +1,95 @@
+"""A body that moves in any direction at once."""
+
+from __future__ import annotations
+
+import math
+
+from agent.bodies.setup import BARELY, CLEAR_SHARE, BodyBase, BodySetup, way_of
+from agent.bodies.steering import HolonomicSteering
+from agent.ports import Bearing, Choice, Goal, Intent, Place, Spot, State, Stay, Steer
+from agent.view import View
+from patrol.pose import TAU, Command, Pose, Velocity, halted
+from patrol.random import Purpose
+
+BLOCKED_SHARE = 0.1
+"""A robot that can make less than this share of a step in any direction is in a dead end."""
+
+AFTER_BUMP = 0.5
+"""Probability that a robot that bumped on its way to a place takes a random step."""
+
+
+class HolonomicBody(BodyBase):
+    """Takes the strongest direction in which it can make at least half a step."""
+
+    def __init__(self, setup: BodySetup) -> None:
+        super().__init__(setup)
+        self._steering = HolonomicSteering(setup.spec, setup.ground.terrain, setup.step)
+
+    def obey(self, intent: Intent, view: View) -> Choice:
+        """The command that carries an intent out best (`agent.ports.Body.obey`)."""
+        match intent:
+            case Bearing():
+                return self._bear(intent, view)
+            case Place():
+                return self._approach(intent, view)
+            case Steer(command, state):
+                return self._steer(command, state, view.pose)
+            case Stay(state):
+                return Choice(halted(self.spec.model), state)
+
+    def _bear(self, intent: Bearing, view: View) -> Choice:
+        pose, start = view.pose, view.start
+        if intent.wander is not None:
+            return Choice(self._steering.heading(pose, intent.wander)[0], intent.state, intent.wander)
+        if start is None or not intent.bearings:
+            return Choice(Velocity(0.0, 0.0), State.HOLDING)
+        if intent.near is not None and (stop := self._stop_at(intent.near, view, start)) is not None:
+            return Choice(stop, intent.state, intent.bearings[0], Goal(intent.near, intent.near))
+        best: tuple[Velocity, float, float, Goal] | None = None
+        for bearing in intent.bearings:
+            goal = self.goals.along(bearing, *start)
+            velocity, way = self._steering.towards(pose, goal.refined)
+            if best is None or way > best[1]:
+                best = velocity, way, bearing, goal
+            if way >= CLEAR_SHARE * self.stride:
+                break
+        assert best is not None
+        velocity, way, bearing, goal = best
+        blocked = way < BLOCKED_SHARE * self.stride
+        return Choice(velocity, State.DEAD_END if blocked else intent.state, bearing, goal)
+
+    def _stop_at(self, near: Spot, view: View, start: tuple[int, int]) -> Velocity | None:
+        """The step towards a place close by; None when there is none to be made."""
+        pose = view.pose
+        velocity, way = self._steering.towards(pose, near)
+        if way < CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), near)):
+            # Free from the centre of its own point, but not quite from where the robot stands on it.
+            velocity, way = self._steering.towards(pose, view.ground.centre(*start))
+        return velocity if way > BARELY else None
+
+    def _approach(self, place: Place, view: View) -> Choice:
+        """A step towards a place, yielding to others on the way but not on the last step."""
+        pose, start, found = view.pose, view.start, way_of(place, view)
+        if found is None or start is None:
+            return Choice(Velocity(0.0, 0.0), State.HOLDING)
+        spot, bend = found
+        bearing = math.atan2(bend[1] - pose.y, bend[0] - pose.x)
+        if view.bumped and view.draw(0, Purpose.RANDOM_MOVE) < AFTER_BUMP:
+            aside = TAU * view.draw(1, Purpose.RANDOM_MOVE)
+            return Choice(self._steering.heading(pose, aside)[0], place.state, bearing, Goal(spot, bend))
+        targets = [bend, view.ground.centre(*start)]
+        if place.lean is not None:
+            targets = [place.lean, *targets]
+        enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), bend))
+        velocity, way = self._steering.towards(pose, targets[0])
+        for target in targets[1:]:
+            if way < enough:
+                velocity, way = self._steering.towards(pose, target)
+        return Choice(velocity, place.state, bearing, Goal(spot, bend))
+
+    def _steer(self, command: Command, state: str, pose: Pose) -> Choice:
+        """A policy's own command, as far as the body is free."""
+        if not isinstance(command, Velocity):
+            return Choice(Velocity(0.0, 0.0), State.HOLDING)
+        wanted = command.limited(self.spec.speed, self.spec.turning_radius)
+        return Choice(self._steering.along(pose, wanted), state)

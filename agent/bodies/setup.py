@@ -1,0 +1,92 @@
+"""What every body is made from, and what all of them share: the goal along a bearing, and giving way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.bodies.giveway import GiveWay
+from agent.bodies.goal import GoalFinder
+from agent.routes.ground import Disc, Ground
+
+if TYPE_CHECKING:
+    from agent.ports import Place, Spot
+    from agent.view import Draw, View
+    from patrol.pose import Pose
+    from patrol.radio.peers import Peer
+    from patrol.scenario import PatrolSpec, RobotSpec
+
+CLEAR_SHARE = 0.5
+"""A direction in which a robot can make at least this share of a step is good enough to take."""
+
+BARELY = 1e-3
+"""A move shorter than this is none, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodySetup:
+    """What a body is made from.
+
+    Attributes:
+        spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
+        radii: Of all robots of the fleet, by number, m.
+        identity: The scenario's seed, the robot's number and its incarnation, for repeatable draws.
+        step: s per tick.
+        patrol: The scenario's section `patrol`.
+        ground: Where the robot's centre may be.
+        psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement of goals.
+        chance: Repeatable draws.
+    """
+
+    spec: RobotSpec
+    radii: Mapping[int, float]
+    identity: tuple[int, int, int]
+    step: float
+    patrol: PatrolSpec
+    ground: Ground
+    psi: NDArray[np.float32] | None
+    chance: Draw
+
+
+class BodyBase:
+    """What bodies share. stride: how far it drives in a step at top speed, m."""
+
+    def __init__(self, setup: BodySetup) -> None:
+        self.spec = setup.spec
+        self.stride = setup.spec.speed * setup.step
+        self.goals = GoalFinder(setup.patrol, setup.ground, setup.psi)
+        self._point = setup.ground.terrain.point
+        gives = setup.patrol.give_way
+        self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None
+
+    def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
+        """The robots that this one gives way to (`agent.ports.Body.obstacles`)."""
+        if self._give_way is None:
+            return ()
+        known = dict(peers)
+        self._give_way.update(tick, pose, bumped, known, 2.0 * self.stride)
+        return self._give_way.discs(tick, pose, known, self._point)
+
+
+def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:
+    """Where a place is and where the way there first bends, x and y in m; None for a robot that is off the ground.
+
+    A place that no way leads to stands for the nearest one that can be reached.
+    """
+    start = view.start
+    if start is None:
+        return None
+    spot = place.x, place.y
+    if place.bend is not None:
+        return spot, place.bend
+    ground = view.ground
+    row, col = ground.terrain.point_at(*spot)
+    rows, cols = ground.terrain.shape
+    way = view.routes.way(start, (min(max(row, 0), rows - 1) + 1, min(max(col, 0), cols - 1) + 1))
+    exact = ground.terrain.point_at(*way.place) == (row, col)
+    target = spot if exact else way.place
+    return target, target if way.bend == way.place else way.bend

@@ -1,0 +1,171 @@
+"""Where a mind is put together: belief, policy and body of one robot, from a prepared scenario.
+
+Robots' processes, fleets in one process, tests and benchmarks all come here, so that all of them have the same mind.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.belief.believed import Belief
+from agent.belief.posts import Posts
+from agent.bodies import BODIES
+from agent.bodies.refine import psi_field
+from agent.bodies.setup import BodySetup
+from agent.mind import Facts, MakeMind, Mind
+from agent.policies.found import policy_of
+from agent.policies.surround.surround import Surround
+from agent.ports import PolicyFailed, PolicySetup
+from agent.routes.ground import Ground
+from agent.routes.routes import Routes
+from agent.view import FogView
+from patrol.ground.footprint import Footprint, sensor_footprint
+from patrol.radio.inbox import inbox_of
+from patrol.random import Purpose, draw
+
+if TYPE_CHECKING:
+    from agent.routes.path_window import PathWindow
+    from patrol.ground.terrain import Terrain
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
+
+
+PSI = "psi.npy"
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """What the minds of one process share, to save time and memory. None of it holds what one of them believes.
+
+    Attributes:
+        footprint: The scenario's sensor on its terrain.
+        psi: float32 (h, w) of `psi_of`, or None where goals are not refined.
+        scratch: Working memory, for minds that never think at the same time; each makes its own otherwise.
+    """
+
+    footprint: Footprint
+    psi: NDArray[np.float32] | None
+    scratch: dict[str, PathWindow] | None = field(default_factory=dict)
+
+
+def psi_of(scenario: Scenario, terrain: Terrain) -> NDArray[np.float32] | None:
+    """The field that goals are refined by, float32 (h, w), or None where the scenario refines none."""
+    if scenario.patrol.avoidance != "goal-refinement":
+        return None
+    return psi_field(terrain, scenario.patrol.refine_reach)
+
+
+def save_psi(prepared: Prepared, folder: Path) -> None:
+    """Write what `load_psi` reads, where the scenario refines goals."""
+    psi = psi_of(prepared.scenario, prepared.terrain)
+    if psi is not None:
+        np.save(folder / PSI, psi)
+
+
+def load_psi(scenario: Scenario, folder: Path) -> NDArray[np.float32] | None:
+    """What `save_psi` wrote for a scenario, memory-mapped and read-only; None where it refines no goals."""
+    refined = scenario.patrol.avoidance == "goal-refinement"
+    return np.load(folder / PSI, mmap_mode="r") if refined else None
+
+
+def shared_by(prepared: Prepared, footprint: Footprint | None = None, *, together: bool = True) -> Shared:
+    """What the minds of a scenario can share.
+
+    Args:
+        prepared: The scenario.
+        footprint: Its sensor, when somebody else holds one that remembers.
+        together: Whether the minds think one at a time, so that they can share working memory too.
+    """
+    sensor = footprint or sensor_footprint(prepared.scenario, prepared.terrain)
+    return Shared(sensor, psi_of(prepared.scenario, prepared.terrain), {} if together else None)
+
+
+def build_mind(
+    prepared: Prepared, number: int, incarnation: int = 1, key: bytes | None = None, shared: Shared | None = None
+) -> Mind:
+    """Put the mind of one robot together.
+
+    Args:
+        prepared: The scenario with its terrain and fields.
+        number: Of the robot, 1 and up.
+        incarnation: 1 for its first process, one more for each restart.
+        key: Of the fleet's tags, or None.
+        shared: What it shares with others; made for it alone unless given.
+
+    Raises:
+        BadInput: The scenario's policy cannot be found or does not take its options.
+        PolicyFailed: The policy cannot be made.
+    """
+    shared = shared or shared_by(prepared)
+    scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields[number]
+    patrol, spec = scenario.patrol, scenario.roster[number - 1]
+    radii = {one.number: one.radius for one in scenario.roster}
+    scratch = {} if shared.scratch is None else shared.scratch
+
+    def chance(tick: int, index: int, purpose: Purpose) -> float:
+        return draw(scenario.seed, purpose, number, incarnation, tick, index)
+
+    # Straight paths know no walls: each point pulls from where it is, and not from a post.
+    straight = patrol.paths == "straight"
+    posts = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
+    # A window of half the terrain's points in every direction already holds all of it.
+    dilatation = min(round(patrol.dilatation / scenario.point), terrain.height + terrain.width)
+    spread = fields.patrolled if straight else fields.reach
+    inbox = inbox_of(scenario, number, terrain.bounds, key)
+    belief = Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation)
+    ground = Ground(terrain, fields.reach)
+    kind = policy_of(scenario)
+    setup = PolicySetup(
+        spec=spec,
+        radii=radii,
+        step=scenario.step,
+        sensor=scenario.sensor,
+        patrol=patrol,
+        options=kind.options,
+        terrain=terrain,
+        fields=fields,
+        posts=posts,
+        regions=prepared.regions_of(number),
+        scratch=scratch,
+    )
+    try:
+        policy = Surround(setup, kind.make(setup))
+    except Exception as error:
+        if kind.ours:
+            raise
+        raise PolicyFailed(f"policy {kind.name}: cannot be made: {type(error).__name__}: {error}") from error
+    body = BODIES[spec.model](
+        BodySetup(
+            spec=spec,
+            radii=radii,
+            identity=(scenario.seed, number, incarnation),
+            step=scenario.step,
+            patrol=patrol,
+            ground=ground,
+            psi=shared.psi,
+            chance=chance,
+        )
+    )
+    facts = Facts(
+        spec=spec,
+        radii=radii,
+        step=scenario.step,
+        margin=spec.radius + 0.5 * scenario.point,
+        patience=math.ceil(scenario.radio.forget_after / scenario.step),
+        memory=math.floor(patrol.contact_memory / scenario.step),
+        trail=scenario.radio.trail,
+        key=key,
+    )
+    fog = FogView(belief, fields.patrolled, posts)
+    return Mind(facts, belief, fog, ground, Routes(ground, scratch), policy, body, chance)
+
+
+def mind_maker(prepared: Prepared, key: bytes | None, shared: Shared) -> MakeMind:
+    """Makes minds of a scenario by robot number and incarnation, which share what they can."""
+    return lambda number, incarnation: build_mind(prepared, number, incarnation, key, shared)

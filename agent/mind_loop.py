@@ -1,0 +1,100 @@
+"""A mind at work: sense, send, hear, decide and act, tick after tick, with somebody who may look on."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from agent.ports import PolicyFailed, Telemetry, policy_failure
+from patrol.net.telemetry import Telemetry as TelemetryView
+from patrol.net.telemetry import Traffic, show
+from patrol.process.deadline import Late, deadline
+
+if TYPE_CHECKING:
+    from agent.mind import Mind
+    from agent.ports import Decision, Radio, Robot
+    from patrol.exchange import Sensed
+
+TELEMETRY_S = 0.2
+"""Wall time between two reports to viewers."""
+
+
+def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit_s: float | None = None) -> str | None:
+    """Sense, send, hear, decide and act, for as long as there is something to sense.
+
+    Args:
+        mind: Of the robot.
+        robot: Its body.
+        radio: What it sends and hears positions with.
+        telemetry: Who looks on.
+        limit_s: Wall time, s, after which a decision counts as failed; None for no limit.
+
+    Returns:
+        None when it was time to leave; otherwise how the robot's policy has failed. The robot is stopped then.
+    """
+    while (sensed := robot.sense()) is not None:
+        radio.send(mind.frames(sensed))
+        heard = radio.hear()
+        if heard is None:
+            continue
+        began = time.perf_counter()
+        try:
+            with deadline(limit_s):
+                decision = mind.step(sensed, heard)
+        except (PolicyFailed, Late) as failed:
+            if failed.__cause__ is not None:
+                traceback.print_exception(failed.__cause__)
+            reason = policy_failure(sensed.k, failed)
+            robot.stop(reason)
+            return reason
+        decision_ms = (time.perf_counter() - began) * 1000.0
+        telemetry.report(sensed, decision, decision_ms)
+        robot.act(decision.command)
+    return None
+
+
+class Both:
+    """Reports to two."""
+
+    def __init__(self, one: Telemetry, other: Telemetry) -> None:
+        self._both = one, other
+
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """Report to one, then to the other."""
+        for telemetry in self._both:
+            telemetry.report(sensed, decision, decision_ms)
+
+
+class TelemetrySender:
+    """Shows decisions, at most one each `TELEMETRY_S`. traffic: what the radio has carried, when somebody counts it."""
+
+    def __init__(self, post: Callable[[bytes], None]) -> None:
+        self.traffic: Callable[[bool], Traffic | None] = lambda _final: None
+        self._post = post
+        self._due = 0.0
+        self._last: TelemetryView | None = None
+
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """Show a decision, when it is time to."""
+        now = time.monotonic()
+        self._last = view = TelemetryView(
+            k=sensed.k,
+            state=str(decision.state),
+            goal=decision.goal,
+            refined=decision.refined,
+            direction=decision.direction,
+            mfow=decision.mfow,
+            decision_ms=decision_ms,
+            rejected=decision.rejected,
+        )
+        if now >= self._due:
+            self._due = now + TELEMETRY_S
+            self._post(show(replace(view, traffic=self.traffic(False))))
+
+    def close(self) -> None:
+        """Show the last decision once more, with all that the radio has carried."""
+        if self._last is not None and (traffic := self.traffic(True)) is not None:
+            self._post(show(replace(self._last, traffic=traffic)))

@@ -1,0 +1,222 @@
+"""A robot of one's own in a fleet: no world simulates it, and positions go over a direct radio.
+
+`drive` is all that a driver has to call; see ``examples/my_robot.py``.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+
+if TYPE_CHECKING:
+    from agent.clock import Skew
+    from agent.ports import FleetClock, Radio, Robot
+    from agent.radios.direct import DirectRadio
+    from patrol.ground.terrain import Terrain
+    from patrol.pose import Pose
+    from patrol.process.lifeline import Ending
+    from patrol.scenario import RobotSpec, Scenario
+
+COMPLAIN_S = 10.0
+"""Wall time between two lines on robots that count ticks differently."""
+
+_LISTEN_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What a driver may need to make its robot.
+
+    Attributes:
+        spec: The robot's model, speed (m/s), radius (m) and turning radius (m).
+        start: Where the scenario puts it, m and rad.
+        terrain: The map.
+        clock: Says when a tick begins.
+        step: s per tick.
+    """
+
+    spec: RobotSpec
+    start: Pose
+    terrain: Terrain
+    clock: FleetClock
+    step: float
+
+
+def drive(
+    make: Callable[[Site], Robot],
+    *,
+    scenario: Path | str,
+    robot: str,
+    router: str,
+    fleet: str,
+    radio: str | None = None,
+    epoch_s: float | None = None,
+    wait_s: float = 60.0,
+) -> int:
+    """Let a robot patrol with a fleet until it is interrupted.
+
+    Args:
+        make: Makes the robot.
+        scenario: File; its ``radio.via`` must be direct. The robot must be in its roster.
+        robot: Name in the roster.
+        router: Of the fleet, ``tcp/HOST:7447``.
+        fleet: Name of the fleet.
+        radio: What the robots hear each other by, as for ``python -m agent --radio``; the fleet's router unless given.
+        epoch_s: When tick 0 began or begins, Unix time in s; by the first position heard unless given.
+        wait_s: How long to wait for the router and the first position, s.
+
+    Returns:
+        Exit code: 1 when the robot's policy has failed, 2 for bad input, 130 when interrupted.
+    """
+    from patrol.process.lifeline import heed
+
+    ending = heed(None)
+    try:
+        return _drive(make, Path(scenario), robot, (router, fleet, radio), epoch_s, wait_s, ending)
+    except BadInput as bad:
+        print(f"{robot}: {bad}", file=sys.stderr)
+        return 2
+
+
+def _drive(
+    make: Callable[[Site], Robot],
+    path: Path,
+    name: str,
+    where: tuple[str, str, str | None],
+    epoch_s: float | None,
+    wait_s: float,
+    ending: Ending,
+) -> int:
+    from agent.build import build_mind
+    from agent.clock import KeptClock, Skew
+    from agent.mind_loop import TelemetrySender, run_mind
+    from agent.policies.found import policy_of
+    from agent.radios.direct import tune_in
+    from patrol.net.keys import check_locator, check_radio, fleet_keys
+    from patrol.net.link import open_links
+    from patrol.net.phases import FIRST_INCARNATION
+    from patrol.prepare import prepare
+    from patrol.process.deadline import DECISION_LIMIT_S
+    from patrol.process.lifeline import INTERRUPTED
+    from patrol.process.warmup import warm
+    from patrol.radio.fleet_key import fleet_key
+    from patrol.scenario import load_scenario
+
+    def say(line: str) -> None:
+        print(f"{name}: {line}", file=sys.stderr, flush=True)
+
+    loaded = load_scenario(path)
+    spec = _spec_of(loaded, name, path)
+    router, keys = check_locator(where[0], "router"), fleet_keys(where[1])
+    on_air = check_radio(where[2], "radio", loaded.radio.via)
+    assert loaded.factor is not None  # a direct radio is refused in lockstep
+    step_s = loaded.step / loaded.factor
+    warm(("patrol", "agent"), say)
+    prepared = prepare(loaded)
+    mind = build_mind(prepared, spec.number, FIRST_INCARNATION, fleet_key(loaded))
+    links = open_links(router, on_air, wait_s, say, lambda: bool(ending))
+    if links is None:
+        return INTERRUPTED
+    link, air = links
+    names = {one.name: one.number for one in loaded.roster}
+    try:
+        clock = LateClock()
+        radio = tune_in(air, keys, name, names, clock)
+        epoch_s = epoch_s if epoch_s is not None else _listen(radio, step_s, wait_s, say, ending)
+        if epoch_s is None:
+            return INTERRUPTED
+        clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait)
+        robot = make(Site(spec, prepared.starts[spec.number - 1], prepared.terrain, clock, loaded.step))
+        telemetry = TelemetrySender(link.show(keys.telemetry(name)))
+        telemetry.traffic = lambda final: radio.traffic(FIRST_INCARNATION, final=final)
+        skew = Skew({number: other for other, number in names.items() if other != name})
+        limit_s = None if policy_of(loaded).ours else DECISION_LIMIT_S
+        say(f"patrols with fleet {where[1]}")
+        failure = run_mind(mind, robot, _Watched(radio, clock, skew, say), telemetry, limit_s)
+        telemetry.close()
+    finally:
+        air.close()
+        link.close()
+    if failure is not None:
+        say(failure)
+        return 1
+    return INTERRUPTED
+
+
+class LateClock:
+    """A fleet clock (`agent.ports.FleetClock`) whose keeper is known only once somebody has been heard."""
+
+    def __init__(self) -> None:
+        self.keeper: FleetClock | None = None
+        self.k = -1
+
+    def tick(self) -> int | None:
+        """Wait for the next tick."""
+        assert self.keeper is not None
+        k = self.keeper.tick()
+        self.k = self.k if k is None else k
+        return k
+
+    def decide(self) -> bool:
+        """Wait until it is time to decide."""
+        assert self.keeper is not None
+        return self.keeper.decide()
+
+
+class _Watched:
+    """A radio whose robot says so when others count ticks differently."""
+
+    def __init__(self, radio: Radio, clock: LateClock, skew: Skew, say: Callable[[str], None]) -> None:
+        self._radio = radio
+        self._clock = clock
+        self._skew = skew
+        self._say = say
+        self._due = 0.0
+
+    def send(self, frames: tuple[bytes, ...]) -> None:
+        """Send them."""
+        self._radio.send(frames)
+
+    def hear(self) -> list[bytes] | None:
+        """What has arrived, having looked at whose ticks it is of."""
+        heard = self._radio.hear()
+        self._skew.hear(self._clock.k, heard or ())
+        now = time.monotonic()
+        if now >= self._due and (complaint := self._skew.complaint()) is not None:
+            self._due = now + COMPLAIN_S
+            self._say(complaint)
+        return heard
+
+
+def _spec_of(scenario: Scenario, name: str, path: Path) -> RobotSpec:
+    if scenario.radio.via != "direct":
+        raise BadInput(f"{path}: radio.via = ether, which only a world carries; set radio: {{via: direct}}")
+    for spec in scenario.roster:
+        if spec.name == name:
+            return spec
+    names = ", ".join(spec.name for spec in scenario.roster[:8])
+    raise BadInput(f"robot {name!r}: no robot of {path}; its first are {names}")
+
+
+def _listen(
+    radio: DirectRadio, step_s: float, wait_s: float, say: Callable[[str], None], ending: Ending
+) -> float | None:
+    """When tick 0 began, by the first position heard; None when it is time to leave."""
+    from agent.clock import epoch_of
+
+    say("listens for a position, to count ticks as the others do")
+    until = time.monotonic() + wait_s
+    while not ending:
+        frame = radio.overhear(_LISTEN_S)
+        epoch_s = None if frame is None else epoch_of(frame, time.time(), step_s)
+        if epoch_s is not None:
+            return epoch_s
+        if time.monotonic() >= until:
+            raise BadInput(f"no position was heard within {wait_s:g} s; start the others first, or say when tick 0 is")
+    return None

@@ -1,0 +1,146 @@
+"""Which policy a scenario names, and whether it takes the scenario's options.
+
+A policy is ``potential-field`` (the paper's), ``package.module:Class``, ``./file.py:Class`` beside the scenario, or the
+name of an entry point in the group ``fogwatch.policies``. Only what runs minds comes here: whoever looks at a run never
+imports its policy.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from pydantic import BaseModel, ValidationError
+
+from agent.policies.potential_field.policy import PotentialField
+from agent.ports import Policy, PolicySetup
+from patrol.errors import BadInput
+from patrol.scenario.explain import did_you_mean
+from patrol.scenario.policy_file import PAPER, policy_digest, policy_file
+
+if TYPE_CHECKING:
+    from patrol.scenario import PatrolSpec, Scenario
+
+GROUP = "fogwatch.policies"
+"""The entry points by which an installed package offers policies."""
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyKind:
+    """A scenario's policy.
+
+    Attributes:
+        name: As the scenario has it.
+        make: Makes the policy of one robot.
+        options: The scenario's options as the policy's own model; an empty mapping where it has none.
+        ours: Whether it is the paper's, which cannot fail on purpose.
+    """
+
+    name: str
+    make: Callable[[PolicySetup], Policy]
+    options: Any
+    ours: bool
+
+
+def policy_of(scenario: Scenario) -> PolicyKind:
+    """The policy that a scenario names, with its options.
+
+    Raises:
+        BadInput: It cannot be found or loaded, its file is not the one that the scenario was resolved with, or it does
+            not take the options.
+    """
+    patrol = scenario.patrol
+    found: Any = PotentialField if patrol.policy == PAPER else _load(patrol)
+    if not inspect.isclass(found) or not callable(getattr(found, "decide", None)):
+        raise BadInput(f"patrol.policy = {patrol.policy}: is no class with a method decide(view); name one that has it")
+    make = cast(Callable[[PolicySetup], Policy], found)
+    return PolicyKind(patrol.policy, make, _options(patrol, found), patrol.policy == PAPER)
+
+
+def _load(patrol: PatrolSpec) -> Any:
+    """What the name stands for."""
+    place, colon, name = patrol.policy.rpartition(":")
+    if not colon:
+        return _entry_point(patrol.policy)
+    path = policy_file(patrol.policy)
+    try:
+        module = importlib.import_module(place) if path is None else _module_of(path, patrol)
+    except BadInput:
+        raise
+    except ModuleNotFoundError as error:
+        raise BadInput(
+            f"patrol.policy = {patrol.policy}: {error}; install it, or give ./file.py:Class beside the scenario"
+        ) from None
+    except Exception as error:
+        raise BadInput(
+            f"patrol.policy = {patrol.policy}: raises {type(error).__name__}: {error}; correct it"
+        ) from error
+    if not hasattr(module, name):
+        classes = [one for one, value in vars(module).items() if inspect.isclass(value) and hasattr(value, "decide")]
+        raise BadInput(f"patrol.policy = {patrol.policy}: has no {name}; {_offer(name, classes)}")
+    return getattr(module, name)
+
+
+def _entry_point(name: str) -> Any:
+    offered = {point.name: point for point in entry_points(group=GROUP)}
+    if name not in offered:
+        remedy = "or give package.module:Class or ./file.py:Class"
+        raise BadInput(f"patrol.policy = {name}: no such policy; {_offer(name, [PAPER, *sorted(offered)])}, {remedy}")
+    try:
+        return offered[name].load()
+    except Exception as error:
+        raise BadInput(
+            f"patrol.policy = {name} ({offered[name].value}): raises {type(error).__name__}: {error}; correct it"
+        ) from error
+
+
+def _module_of(path: Path, patrol: PatrolSpec) -> Any:
+    """A file as a module; loaded once in a process, as long as its bytes stay the same."""
+    digest = policy_digest(path)
+    if patrol.policy_sha256 is not None and digest != patrol.policy_sha256:
+        raise BadInput(
+            f"{path}: is not the file that this scenario was resolved with (SHA-256 {digest[:12]}, it says "
+            f"{patrol.policy_sha256[:12]}); restore it, or drop patrol.policy_sha256 to run with this one"
+        )
+    name = f"fogwatch_policy_{digest[:16]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise BadInput(f"{path}: is no Python file; give ./file.py:Class")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _options(patrol: PatrolSpec, found: Any) -> Any:
+    given = dict(patrol.options or {})
+    model = getattr(found, "Options", None)
+    if not (inspect.isclass(model) and issubclass(model, BaseModel)):
+        if given:
+            raise BadInput(f"patrol.options = {given}: {patrol.policy} takes no options; leave them out")
+        return {}
+    try:
+        return model.model_validate(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in ("patrol", "options", *first["loc"]))
+        known = ", ".join(model.model_fields) or "none"
+        value = first["input"]
+        raise BadInput(f"{where} = {value!r}: {first['msg']}; {patrol.policy} has the options {known}") from None
+
+
+def _offer(name: str, known: list[str]) -> str:
+    return did_you_mean(name, known) if known else "there is none in it"

@@ -1,0 +1,99 @@
+"""The paper's policy: what is stale pulls, near things more than far ones, and the strongest direction wins.
+
+Belief and goal apart, this is the paper's "Final algorithm": forces along paths (steps 4 and 5), the direction (step
+6), and what keeps robots apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agent.policies.potential_field.direction import bearings_by_force, bearings_by_vector
+from agent.policies.potential_field.field import Field, Pull
+from agent.policies.potential_field.fuzzy import FuzzySectors
+from agent.policies.potential_field.separation import (
+    artificial_obstacles,
+    critical_areas,
+    numbered,
+    occupied_areas,
+    repel,
+)
+from agent.ports import Bearing, Intent, PolicySetup, Stay
+from agent.routes.ground import Area, Disc
+from agent.view import View
+from patrol.pose import TAU
+from patrol.random import Purpose
+
+
+class PotentialField:
+    """One robot's social potential field (paper, "Final algorithm")."""
+
+    def __init__(self, setup: PolicySetup) -> None:
+        """Tabulate the law of attraction and find what separates robots."""
+        patrol, terrain = setup.patrol, setup.terrain
+        self._patrol = patrol
+        self._point = terrain.point
+        self._separations = frozenset(patrol.separations)
+        found = critical_areas(patrol, terrain, setup.fields.reach) if "semaphores" in self._separations else []
+        self._areas = [Area(area) for area in found]
+        self._numbered = numbered(found, terrain.shape) if found else None
+        fuzzy = patrol.avoidance == "fuzzy"
+        self._fuzzy = FuzzySectors(terrain, patrol.sectors, patrol.fuzzy_distance) if fuzzy else None
+        self._field = Field(patrol, setup.fields, setup.posts, terrain.point, setup.scratch, setup.regions)
+        self._wanders = patrol.random_move_for == "all" or setup.spec.model == "holonomic"
+        names = ("x", "y", "total") if patrol.direction == "vector" else (f"sector {i}" for i in range(patrol.sectors))
+        self._names = tuple(names)
+
+    def decide(self, view: View) -> Intent:
+        """The strongest direction, and now and then a random one."""
+        if not view.contacts:
+            # While there is an intruder, places near each other are wanted.
+            self._keep_apart(view)
+        start = view.start
+        pull = Pull(np.zeros(0), None) if start is None else self._pull(view, start)
+        bearings = self._bearings(pull)
+        wander = None
+        if self._wanders and view.draw(0, Purpose.RANDOM_MOVE) < self._patrol.random_move:
+            wander = TAU * view.draw(1, Purpose.RANDOM_MOVE)
+        figures = dict(zip(self._names, pull.sums.tolist(), strict=False))
+        if start is None or not bearings:
+            return Stay(figures=figures) if wander is None else Bearing((), wander=wander, figures=figures)
+        centre = view.ground.centre
+        near = None if pull.near is None else centre(*pull.near)
+        bend = None if pull.bend is None or pull.bend == start else centre(*pull.bend)
+        return Bearing(tuple(bearings), near, bend, wander, figures=figures)
+
+    def _keep_apart(self, view: View) -> None:
+        """Close artificial obstacles and occupied critical areas for this tick."""
+        discs: list[Disc] = []
+        if "artificial-obstacles" in self._separations:
+            discs = artificial_obstacles(view.pose, view.peers, self._patrol.obstacle_radius, self._point)
+        areas = []
+        if self._numbered is not None:
+            taken = occupied_areas(self._numbered, view.ground.terrain, view.pose, view.peers)
+            areas = [self._areas[number - 1] for number in taken]
+        if discs or areas:
+            view.ground.close(discs, areas)
+
+    def _pull(self, view: View, start: tuple[int, int]) -> Pull:
+        """The forces at this tick, with what other robots and close obstacles make of them."""
+        rivals = []
+        if "claims" in self._separations:
+            static = view.ground.static
+            joined = [static.join(peer.pose.x, peer.pose.y) for _, peer in sorted(view.peers.items())]
+            rivals = [element for element in joined if element is not None]
+        fog = view.fog
+        pull = self._field.pull(
+            view.ground, *start, fog.last_seen, fog.dilated, view.tick, view.mfow, rivals, fog.looked
+        )
+        if self._fuzzy is not None:
+            np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
+        if "repulsion" in self._separations:
+            repel(pull.sums, view.pose, view.peers, self._patrol)
+        return pull
+
+    def _bearings(self, pull: Pull) -> list[float]:
+        """The bearings to try, rad, best first."""
+        if self._patrol.direction == "vector" and pull.sums.size:
+            return bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), self._patrol.sectors)
+        return bearings_by_force(pull.sums)

@@ -1,0 +1,381 @@
+"""The ports of a mind: the protocols of everything that can be exchanged around it, and the values that pass.
+
+    Policy      what to want          decide(view) -> intent       once a tick
+    Body        how to get there      obey(intent, view) -> choice
+    Robot       a body's hardware     sense() -> sensed, act(command)
+    Radio       positions             send(frames), hear() -> frames
+    FleetClock  where ticks come from
+    Telemetry   who looks on          report(...)
+
+A policy answers with an intent and never with how to carry it out: paths, refinement of the goal, steering, getting
+unstuck and giving way are the body's business, so that policies compete on equal terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Protocol
+
+from patrol.exchange import Sensed
+from patrol.pose import Command
+
+if TYPE_CHECKING:
+    from agent.belief.posts import Posts
+    from agent.routes.ground import Disc
+    from agent.routes.path_window import PathWindow
+    from agent.view import View
+    from patrol.ground.fields import StaticFields
+    from patrol.ground.terrain import Terrain
+    from patrol.pose import Pose
+    from patrol.radio.peers import Peer
+    from patrol.regions.split import RegionSplit
+    from patrol.scenario import PatrolSpec, RobotSpec, SensorSpec
+
+Spot = tuple[float, float]
+"""x and y in m."""
+
+Figures = Mapping[str, float]
+"""Numbers that a policy wants to have shown, by name."""
+
+MAX_FAILURE = 300
+"""Characters of the longest account of a failure."""
+
+MAX_STATE = 32
+"""Characters of the longest state word."""
+
+LARGEST = 1e9
+"""Numbers beyond it mean nothing in metres and radians."""
+
+PAIR = "pair of numbers"
+
+
+class State(StrEnum):
+    """What a robot is doing. A policy may use words of its own besides."""
+
+    PATROLLING = "patrolling"
+    DEAD_END = "dead-end"
+    HOLDING = "holding"
+    SURROUNDING = "surrounding"
+
+
+# --- what a policy wants ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Bearing:
+    """Go in the first of these directions in which the body can move.
+
+    Attributes:
+        bearings: rad, best first.
+        near: A place in sight, x and y in m, at which a body that can stop there should; None for none.
+        bend: Where the way to what pulls hardest first bends, x and y in m; a body that keeps getting stuck heads for
+            it. None where there is none.
+        wander: A direction, rad, to be taken for this one step instead of all others where the body can; None for none.
+        state: What the robot is doing while it obeys.
+        figures: For telemetry.
+    """
+
+    bearings: tuple[float, ...]
+    near: Spot | None = None
+    bend: Spot | None = None
+    wander: float | None = None
+    state: str = State.PATROLLING
+    figures: Figures = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Get there by the shortest way, and stay there.
+
+    Attributes:
+        x: m.
+        y: m. A place that no way leads to stands for the nearest one that can be reached.
+        bend: Where the way there first bends, x and y in m; the body looks for the way itself where this is None.
+        lean: A point to head for in place of the bend as long as that leads on, such as one pushed aside by others.
+        state: What the robot is doing while it obeys.
+        figures: For telemetry.
+    """
+
+    x: float
+    y: float
+    bend: Spot | None = None
+    lean: Spot | None = None
+    state: str = State.PATROLLING
+    figures: Figures = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """Stand still."""
+
+    state: str = State.HOLDING
+    figures: Figures = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Steer:
+    """Obey this command: the policy steers the body itself. One that leads into a wall is not obeyed.
+
+    Attributes:
+        command: Of the kind that the body's model obeys; numbers beyond its limits are cut to them.
+        state: What the robot is doing while it obeys.
+        figures: For telemetry.
+    """
+
+    command: Command
+    state: str = State.PATROLLING
+    figures: Figures = field(default_factory=dict)
+
+
+Intent = Bearing | Place | Stay | Steer
+
+
+@dataclass(frozen=True, slots=True)
+class PolicySetup:
+    """What a policy is made from: all that never changes while its robot runs.
+
+    Attributes:
+        spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
+        radii: Of all robots of the fleet, by number, m.
+        step: s per tick.
+        sensor: What a robot sees.
+        patrol: The scenario's section `patrol`.
+        options: What `patrol.options` says, as the policy's own ``Options``; an empty mapping where it has none.
+        terrain: The ground, and what blocks the view.
+        fields: Where this robot's body fits and gets to, and what it can see from there.
+        posts: Where to stand to see what no body can reach.
+        regions: The ground split into regions, where `patrol.paths` leads through them.
+        scratch: Windows shared by policies of one process that never think at the same time.
+    """
+
+    spec: RobotSpec
+    radii: Mapping[int, float]
+    step: float
+    sensor: SensorSpec
+    patrol: PatrolSpec
+    options: Any
+    terrain: Terrain
+    fields: StaticFields
+    posts: Posts
+    regions: RegionSplit | None
+    scratch: dict[str, PathWindow]
+
+
+class Policy(Protocol):
+    """What a robot wants next.
+
+    A policy is made anew with each incarnation of its robot, by ``Policy(setup)`` (`PolicySetup`). It may
+    keep what state it likes. Its class may have a pydantic model named ``Options``, which `patrol.options` of the
+    scenario is validated by. Whatever it raises, or returns instead of an intent, stops its own robot and no other.
+    """
+
+    def decide(self, view: View) -> Intent:
+        """What to want in this tick.
+
+        Args:
+            view: All that the robot may know now; see `agent.view.View`.
+
+        Returns:
+            One intent.
+        """
+        ...
+
+
+class PolicyFailed(Exception):
+    """A policy has raised, taken too long, or returned something that is no intent; one line says which."""
+
+
+def policy_failure(k: int, failed: BaseException) -> str:
+    """Why a robot is lost whose policy has failed at tick k: the same words wherever its mind runs."""
+    line = " ".join(str(failed).split())
+    printable = "".join(letter if letter.isprintable() else "?" for letter in line)
+    return f"its policy failed at tick {k}: {printable}"[:MAX_FAILURE]
+
+
+def checked(intent: object) -> Intent:
+    """An intent whose numbers can be used.
+
+    Raises:
+        PolicyFailed: It is no intent, or a number in it is none that a body can compute with.
+    """
+    if not isinstance(intent, Bearing | Place | Stay | Steer):
+        raise PolicyFailed(f"returned {type(intent).__name__} and not Bearing, Place, Stay or Steer")
+    if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
+        raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
+    for name, value in _numbers(intent):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
+            raise PolicyFailed(
+                f"returned {type(intent).__name__} with {name} = {value!r}, which is no int or float from -1e9 to 1e9"
+            )
+    return intent
+
+
+def _numbers(intent: Intent) -> list[tuple[str, object]]:
+    """Every number of an intent that a body computes with, by name."""
+    match intent:
+        case Bearing(bearings, near, bend, wander):
+            alone = [] if wander is None else [("wander", wander)]
+            return [*_several("bearings", bearings), *alone, *_pair("near", near), *_pair("bend", bend)]
+        case Place(x, y, bend, lean):
+            return [("x", x), ("y", y), *_pair("bend", bend), *_pair("lean", lean)]
+        case Stay():
+            return []
+        case Steer(command):
+            if not isinstance(command, Command):
+                raise PolicyFailed(f"returned Steer with command = {command!r}, which is no Velocity or Drive")
+            return [("command", value) for value in command.numbers]
+
+
+def _several(name: str, values: object, kind: str = "tuple of numbers") -> list[tuple[str, object]]:
+    if isinstance(values, str) or not isinstance(values, Sequence) or (kind == PAIR and len(values) != 2):
+        raise PolicyFailed(f"returned an intent with {name} = {values!r}, which is no {kind}")
+    return [(name, value) for value in values]
+
+
+def _pair(name: str, spot: object) -> list[tuple[str, object]]:
+    return [] if spot is None else _several(name, spot, PAIR)
+
+
+# --- how a body carries it out ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where a body heads.
+
+    Attributes:
+        goal: x and y in m, before refinement.
+        refined: x and y in m, after it.
+    """
+
+    goal: Spot
+    refined: Spot
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What a body makes of an intent.
+
+    Attributes:
+        command: For the next step.
+        state: What the robot is doing.
+        bearing: The direction that was chosen, rad, or None.
+        goal: Where it heads, or None.
+    """
+
+    command: Command
+    state: str
+    bearing: float | None = None
+    goal: Goal | None = None
+
+
+class Body(Protocol):
+    """How a robot of one model moves."""
+
+    def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
+        """What is in this body's way for now, besides walls: the robots that it gives way to.
+
+        Args:
+            tick: Now.
+            pose: The robot's own.
+            bumped: Whether its last move was cancelled.
+            peers: The robots heard so far, by number.
+
+        Returns:
+            Discs: x, y and radius in m.
+        """
+        ...
+
+    def obey(self, intent: Intent, view: View) -> Choice:
+        """The command that carries an intent out best in the next step.
+
+        Args:
+            intent: Checked (`checked`).
+            view: The same as the policy's.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """One tick's decision and its diagnostics.
+
+    Attributes:
+        command: What to do for the next step.
+        state: `State.DEAD_END` while escaping (car) or blocked on every side (holonomic), `State.HOLDING` when nothing
+            pulls or the robot is off the reachable ground; else the policy's word.
+        direction: The bearing that was chosen, rad, or None.
+        goal: x and y in m before refinement, or None.
+        refined: x and y in m after refinement, or None.
+        mfow: Believed age of the stalest point, ticks.
+        rejected: Frames refused so far.
+        figures: What the policy wants to have shown.
+    """
+
+    command: Command
+    state: str
+    direction: float | None
+    goal: Spot | None
+    refined: Spot | None
+    mfow: int
+    rejected: int
+    figures: Figures = field(default_factory=dict)
+
+
+# --- what a mind is put into -----------------------------------------------------------------------------------------
+
+
+class Robot(Protocol):
+    """A body that can be read and commanded."""
+
+    def sense(self) -> Sensed | None:
+        """Wait for the fleet's next tick; None when it is time to leave.
+
+        A robot whose pose stays away for long stops meanwhile: who does not know where it is must not drive.
+        """
+        ...
+
+    def act(self, command: Command) -> None:
+        """Obey for one step."""
+        ...
+
+    def stop(self, reason: str) -> None:
+        """Stop for good: the mind cannot go on. reason: one line, for whoever can be told."""
+        ...
+
+
+class Radio(Protocol):
+    """A broadcast of position frames."""
+
+    def send(self, frames: tuple[bytes, ...]) -> None:
+        """Send this robot's position and its contacts."""
+        ...
+
+    def hear(self) -> list[bytes] | None:
+        """The frames that have arrived for this tick's decision, by sender and sequence.
+
+        None when the tick is over, so that a decision would come too late, or when it is time to leave.
+        """
+        ...
+
+
+class FleetClock(Protocol):
+    """Where the fleet's ticks come from: the world of simulated robots, or a clock of the robot's own."""
+
+    def tick(self) -> int | None:
+        """Wait for the next tick, which is never an earlier one; None when it is time to leave."""
+        ...
+
+    def decide(self) -> bool:
+        """Wait until it is time to decide on this tick; False when it is too late for that, or time to leave."""
+        ...
+
+
+class Telemetry(Protocol):
+    """Who looks on. Nothing that it does may change a decision."""
+
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """A decision has been taken, and is about to be acted on. decision_ms: wall time that it took."""
+        ...

@@ -1,0 +1,125 @@
+"""What a policy may know in one tick: its robot, the fog that it believes in, the ground, the ways, and the others.
+
+Never the truth, and never what another robot intends: positions are all that robots tell each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.random import Purpose
+
+if TYPE_CHECKING:
+    from agent.belief.believed import Belief
+    from agent.belief.posts import Posts
+    from agent.ports import Spot
+    from agent.routes.ground import Ground
+    from agent.routes.routes import Routes
+    from patrol.pose import Pose
+    from patrol.radio.peers import Peer
+    from patrol.scenario import RobotSpec
+
+T = TypeVar("T", bound=np.generic)
+
+Draw = Callable[[int, int, Purpose], float]
+"""What chance says at a tick, on a question (0, 1, ...), for a purpose: a number in [0, 1) that depends on nothing else
+but the scenario's seed, the robot and its incarnation."""
+
+
+class FogView:
+    """The fog as this robot believes it, read-only. Grids are (height, width) of the terrain, by row and column.
+
+    Attributes:
+        last_seen: int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0.
+        dilated: int32, the same with staleness spread by `patrol.dilatation` (paper, "dilatation").
+        looked: int32, the tick at which each point was last in somebody's view; `last_seen` unless a look leaves age.
+        patrolled: bool, the points that this robot could see from somewhere: those that have an age.
+        posts: Where to stand to see patrolled points on which the body does not fit.
+    """
+
+    def __init__(self, belief: Belief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
+        self._belief = belief
+        self.last_seen = _read_only(belief.fog.last_seen)
+        self.dilated = _read_only(belief.dilated)
+        self.looked = _read_only(belief.looked)
+        self.patrolled = _read_only(patrolled)
+        self.posts = posts
+
+    def mfow(self, tick: int) -> int:
+        """The believed age of the stalest point, ticks."""
+        return self._belief.fog.mfow(tick)
+
+    def age(self, tick: int) -> NDArray[np.int32]:
+        """The age of every point, int32 ticks; 0 where there is nothing to patrol."""
+        return np.where(self.patrolled, np.int32(tick) - np.maximum(self.last_seen, np.int32(0)), np.int32(0))
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What a robot may know in one tick.
+
+    Attributes:
+        tick: The fleet's tick.
+        time_s: Since tick 0, s.
+        pose: The robot's own, m and rad.
+        reported: The same as others hear it, rounded to centimetres and milliradians.
+        bumped: Whether its last move was cancelled.
+        spec: The robot's model, speed (m/s), radius (m) and turning radius (m).
+        stride: How far it drives in a step at top speed, m.
+        peers: The robots heard from lately, by number: pose and the tick at which it was heard.
+        radii: Of all robots of the fleet, by number, m.
+        contacts: The intruders known now, x and y in m.
+        fog: What it believes of the fog.
+        ground: Where its centre may be, and what is in the way now.
+        routes: Lengths of ways, from here and from elsewhere.
+    """
+
+    tick: int
+    time_s: float
+    pose: Pose
+    reported: Pose
+    bumped: bool
+    spec: RobotSpec
+    stride: float
+    peers: Mapping[int, Peer]
+    radii: Mapping[int, float]
+    contacts: Sequence[Spot]
+    fog: FogView
+    ground: Ground
+    routes: Routes
+    chance: Draw
+
+    def draw(self, index: int = 0, purpose: Purpose = Purpose.POLICY) -> float:
+        """What chance says in this tick, in [0, 1); the same for the same question, however often it is asked.
+
+        Args:
+            index: Which of this tick's questions, 0 and up.
+            purpose: What the draw is for; policies of one's own keep to the default.
+        """
+        return self.chance(self.tick, index, purpose)
+
+    @property
+    def start(self) -> tuple[int, int] | None:
+        """The open element (row, col) of `ground` on which the robot stands or which it joins first, else None."""
+        return self.ground.join(self.pose.x, self.pose.y)
+
+    @property
+    def mfow(self) -> int:
+        """The believed age of the stalest point, ticks."""
+        return self.fog.mfow(self.tick)
+
+    @property
+    def age(self) -> NDArray[np.int32]:
+        """The believed age of every point, int32 (height, width), ticks."""
+        return self.fog.age(self.tick)
+
+
+def _read_only(array: NDArray[T]) -> NDArray[T]:
+    seen = array.view()
+    seen.flags.writeable = False
+    return seen

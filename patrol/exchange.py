@@ -1,0 +1,48 @@
+"""What passes between a robot's body and its mind in each tick: what it senses, and what it replies.
+
+The same two values serve the world, the messages between processes, fleets in one process and robots of one's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from patrol.pose import Command, Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """What a robot senses at the beginning of a tick.
+
+    Attributes:
+        k: The fleet's tick. Receivers judge a position's tick by their own, so all robots must count alike.
+        pose: Where the robot takes itself to be (m, rad).
+        bumped: Whether its last move was cancelled by a collision.
+        contacts: The intruders in its view, x and y in m.
+        clock_s: What its own clock shows, s.
+    """
+
+    k: int
+    pose: Pose
+    bumped: bool = False
+    contacts: tuple[tuple[float, float], ...] = ()
+    clock_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What a mind makes of a tick: the command, and diagnostics that change nothing.
+
+    Attributes:
+        command: What the body is to do for the next step.
+        state: What the robot is doing, one short word.
+        goal: Where it is heading, x and y in m, or None.
+        decision_ms: Wall time that the decision took, ms.
+        rejected: Frames that its inbox has refused so far.
+    """
+
+    command: Command
+    state: str
+    goal: tuple[float, float] | None
+    decision_ms: float
+    rejected: int

@@ -1,0 +1,48 @@
+"""A limit to the wall time that somebody else's code may take."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+DECISION_LIMIT_S = 8.0
+"""Wall time, s, that a policy of one's own may take to decide. Generous, and less than the world waits in lockstep."""
+
+
+class Late(BaseException):
+    """The time is over. No `Exception`, so that code that catches all of these does not go on."""
+
+
+@contextmanager
+def deadline(limit_s: float | None) -> Iterator[None]:
+    """Raise in the middle of a block that takes too long.
+
+    It works in the main thread of a process, and on code that comes back to Python now and then. Elsewhere there is no
+    limit. A timer that was running goes on afterwards.
+
+    Args:
+        limit_s: Wall time, s; None for no limit.
+
+    Raises:
+        Late: The block has taken longer.
+    """
+    if limit_s is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def ring(_signal: int, _frame: object) -> None:
+        raise Late(f"took longer than {limit_s:g} s to decide")
+
+    handler = signal.signal(signal.SIGALRM, ring)
+    left_s, interval_s = signal.setitimer(signal.ITIMER_REAL, limit_s)
+    begun = time.monotonic()
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, handler)
+        if left_s > 0.0:
+            signal.setitimer(signal.ITIMER_REAL, max(left_s - (time.monotonic() - begun), 1e-3), interval_s)

@@ -1,0 +1,29 @@
+"""The file that a scenario's policy comes from, without running it."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from patrol.errors import BadInput
+
+PAPER = "potential-field"
+"""The policy of the paper, which is the default."""
+
+
+def policy_file(policy: str) -> Path | None:
+    """The file in ``./file.py:Class``; None for a policy that comes from an installed package."""
+    place, colon, _ = policy.rpartition(":")
+    return Path(place) if colon and (place.endswith(".py") or "/" in place) else None
+
+
+def policy_digest(path: Path) -> str:
+    """SHA-256 (hex) of a policy's file.
+
+    Raises:
+        BadInput: It cannot be read.
+    """
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise BadInput(f"{path}: the policy's file cannot be read ({error.strerror}); correct patrol.policy") from None

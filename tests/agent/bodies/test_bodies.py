@@ -1,0 +1,298 @@
+"""Bodies: what each makes of the intents, on ground with walls; and that none is ever led into one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agent.bodies import BODIES
+from agent.build import build_mind
+from agent.mind import Mind
+from agent.ports import Bearing, Decision, Intent, Place, Spot, State, Stay, Steer
+from agent.view import View
+from patrol.ground.swept_path import advance, path_is_free
+from patrol.ground.terrain import Terrain
+from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Velocity, command_of
+from patrol.prepare import Prepared
+from patrol.scenario import load_scenario
+from tests.agent.minds import STEP, at, prepared_on
+
+RADIUS, SPEED, TURNING = 1.0, 4.4, 3.5
+FIRST = Pose(5.0, 5.0, 0.3)
+NEAR = {"holonomic": 0.01, "car": 1.0}
+"""How near to a place each body comes, m."""
+IN_TIME = {"holonomic": 40, "car": 80}
+"""Ticks for the way round the wall, of about 50 m."""
+
+
+def walled() -> Terrain:
+    """30 x 30 m; a wall over y in [15, 15.5) leaves a gap over x from 22 on, and a closed chamber fills a corner."""
+    passable = np.ones((60, 60), dtype=np.bool_)
+    passable[30, :44] = False
+    passable[:16, 44] = passable[16, 44:] = False
+    return Terrain("walled", passable, 0.5)
+
+
+class Says:
+    """A policy that wants what a function says."""
+
+    def __init__(self, wants: Callable[[View], Intent]) -> None:
+        self._wants = wants
+
+    def decide(self, view: View) -> Intent:
+        return self._wants(view)
+
+
+@pytest.fixture(scope="module")
+def prepared() -> dict[str, Prepared]:
+    """By model."""
+    found = {}
+    for model in MODELS:
+        robots = {"count": 2, "model": model}
+        mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots}
+        found[model] = prepared_on(load_scenario(mapping), walled(), [FIRST])
+    return found
+
+
+class Drives:
+    """One robot of a model, moved as its body commands where walls allow it."""
+
+    def __init__(self, prepared: Prepared, wants: Intent | Callable[[View], Intent], pose: Pose = FIRST) -> None:
+        self.mind: Mind = build_mind(prepared, 1)
+        self.mind.policy = Says(wants if callable(wants) else lambda _view: wants)
+        self.terrain = prepared.terrain
+        self.pose = pose
+        self.k = 0
+
+    def tick(self, bumped: bool = False) -> Decision:
+        decision = self.mind.step(at(self.k, self.pose, bumped), [])
+        self.k += 1
+        assert path_is_free(self.terrain, self.pose, decision.command, STEP, RADIUS), "it drives into a wall"
+        assert decision.command.is_within(SPEED, TURNING)
+        self.pose = advance(self.pose, decision.command, STEP)
+        return decision
+
+    def until_near(self, spot: Spot, within: float, ticks: int) -> int:
+        """Ticks until it is there; fails when it takes more."""
+        for _ in range(ticks):
+            if self.apart(spot) <= within:
+                return self.k
+            self.tick()
+        assert self.apart(spot) <= within, f"it is at {self.pose} after {self.k} ticks"
+        return self.k
+
+    def apart(self, spot: Spot) -> float:
+        return math.dist((self.pose.x, self.pose.y), spot)
+
+
+def test_every_model_has_a_body() -> None:
+    assert set(BODIES) == set(MODELS)
+
+
+# --- Place -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("heading", [0.0, 1.5, 3.1, -1.5])
+def test_a_place_behind_a_wall_is_reached_and_kept(model: str, heading: float, prepared: dict[str, Prepared]) -> None:
+    spot = (5.1, 25.2)
+    drives = Drives(prepared[model], Place(*spot, state="homing"), Pose(5.0, 5.0, heading))
+    took = drives.until_near(spot, NEAR[model], IN_TIME[model])
+    assert took >= 45.0 / (SPEED * STEP), "that is too short a way"
+    for _ in range(10):
+        decision = drives.tick()
+        assert drives.apart(spot) <= NEAR[model]
+        assert decision.state == "homing"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_place_is_the_goal_and_the_bend_on_the_way_the_refined_one(model: str, prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared[model], Place(5.1, 25.2))
+    decision = drives.tick()
+    assert decision.goal == (5.1, 25.2)
+    assert decision.refined is not None
+    assert decision.refined[0] > 21.0
+    assert decision.direction == pytest.approx(
+        math.atan2(decision.refined[1] - FIRST.y, decision.refined[0] - FIRST.x), abs=1e-9
+    )
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    "spot", [(26.0, 3.0), (5.0, 15.25), (-70.0, 5.0), (5.0, 400.0), (1e9, -1e9)], ids=["chamber", "wall", *"wnx"]
+)
+def test_a_place_that_cannot_be_reached_stands_for_the_nearest_that_can(
+    model: str, spot: Spot, prepared: dict[str, Prepared]
+) -> None:
+    drives = Drives(prepared[model], Place(*spot))
+    goal = drives.tick().goal
+    assert goal is not None
+    reach = prepared[model].fields[1].reach
+    row, col = drives.terrain.point_at(*goal)
+    assert reach[row, col]
+    asked = drives.terrain.point_at(*spot)
+    inside = [min(max(place, 0), 59) for place in asked]
+    nearest = np.sqrt(((np.argwhere(reach) - inside) ** 2).sum(axis=1)).min()
+    assert math.dist((row, col), inside) == pytest.approx(nearest)
+    drives.until_near(goal, NEAR[model], IN_TIME[model])
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_place_where_the_robot_stands_keeps_it_there(model: str, prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared[model], Place(FIRST.x, FIRST.y))
+    for _ in range(5):
+        drives.tick()
+    assert (drives.pose.x, drives.pose.y) == (FIRST.x, FIRST.y)
+
+
+def test_a_holonomic_body_leans_where_that_leads_on_and_takes_the_bend_where_not(
+    prepared: dict[str, Prepared],
+) -> None:
+    near = Pose(20.0, 16.6, 0.0)
+    aside, into_the_wall = (20.0, 20.0), (20.0, 10.0)
+    lean = Drives(prepared["holonomic"], Place(26.0, 16.6, bend=(26.0, 16.6), lean=aside), near)
+    lean.tick()
+    assert lean.pose.y > 18.0
+    straight = Drives(prepared["holonomic"], Place(26.0, 16.6, bend=(26.0, 16.6), lean=into_the_wall), near)
+    straight.tick()
+    assert straight.pose.y == pytest.approx(16.6)
+    assert straight.pose.x == pytest.approx(20.0 + SPEED * STEP)
+
+
+def test_a_holonomic_body_that_bumps_on_its_way_steps_aside_now_and_then(prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared["holonomic"], Place(15.0, 5.0, bend=(15.0, 5.0)))
+    bearings = []
+    for _ in range(60):
+        drives.pose = FIRST
+        drives.tick(bumped=True)
+        bearings.append(round(math.atan2(drives.pose.y - FIRST.y, drives.pose.x - FIRST.x), 6))
+    straight = bearings.count(0.0)
+    assert 15 <= straight <= 45
+    assert len(set(bearings)) == 60 - straight + 1
+
+
+# --- Steer -----------------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=60)
+@given(
+    first=st.floats(-9.0, 9.0), second=st.floats(-9.0, 9.0), x=st.floats(2, 20), y=st.floats(2, 13.5), data=st.data()
+)
+@pytest.mark.parametrize("model", MODELS)
+def test_a_policy_that_steers_is_obeyed_as_far_as_walls_and_limits_allow(
+    model: str, first: float, second: float, x: float, y: float, data: st.DataObject, prepared: dict[str, Prepared]
+) -> None:
+    wanted = command_of(model, first, second)
+    pose = Pose(x, y, data.draw(st.floats(-3.0, 3.0)))
+    drives = Drives(prepared[model], Steer(wanted, state="playing"), pose)
+    decision = drives.tick()  # which checks walls and limits
+    limited = wanted.limited(SPEED, TURNING)
+    assert type(decision.command) is COMMANDS[model]
+    if path_is_free(drives.terrain, pose, limited, STEP, RADIUS):
+        assert decision.state == "playing"
+        assert decision.command.numbers == pytest.approx(limited.numbers, abs=1e-6)
+    else:
+        assert decision.command.speed_mps < limited.speed_mps
+
+
+def test_a_car_steered_into_a_wall_holds(prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared["car"], Steer(Drive(SPEED, 0.0)), Pose(10.0, 13.5, math.pi / 2))
+    decision = drives.tick()
+    assert (decision.command, decision.state) == (Drive(0.0, 0.0), State.HOLDING)
+
+
+def test_a_holonomic_body_steered_into_a_wall_stops_at_it(prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared["holonomic"], Steer(Velocity(0.0, SPEED)), Pose(10.0, 13.5, 0.0))
+    for _ in range(3):
+        drives.tick()
+    assert drives.pose.x == pytest.approx(10.0)
+    assert drives.pose.y == pytest.approx(14.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("model", "command"), [("car", Velocity(1.0, 0.0)), ("holonomic", Drive(1.0, 0.0))], ids=MODELS
+)
+def test_a_command_of_another_model_makes_a_body_hold(
+    model: str, command: Command, prepared: dict[str, Prepared]
+) -> None:
+    drives = Drives(prepared[model], Steer(command))
+    decision = drives.tick()
+    assert type(decision.command) is COMMANDS[model]
+    assert decision.command.numbers == (0.0, 0.0)
+    assert decision.state is State.HOLDING
+
+
+# --- Stay and Bearing ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_who_is_to_stay_stays(model: str, prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared[model], Stay("watching"))
+    for _ in range(3):
+        decision = drives.tick()
+        assert type(decision.command) is COMMANDS[model]
+        assert decision.command.numbers == (0.0, 0.0)
+        assert (decision.state, decision.goal, decision.direction) == ("watching", None, None)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_of_bearings_the_first_that_leads_on_is_taken(model: str, prepared: dict[str, Prepared]) -> None:
+    pose = Pose(10.0, 13.9, 0.0)
+    drives = Drives(prepared[model], Bearing((math.pi / 2, 0.0, math.pi), state="looking"), pose)
+    decision = drives.tick()
+    assert (decision.state, decision.direction) == ("looking", 0.0)
+    assert drives.pose.x > 11.0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_no_bearings_make_a_body_hold(model: str, prepared: dict[str, Prepared]) -> None:
+    decision = Drives(prepared[model], Bearing(())).tick()
+    assert (decision.command.numbers, decision.state) == ((0.0, 0.0), State.HOLDING)
+
+
+def test_a_wander_goes_before_all_bearings_for_one_step(prepared: dict[str, Prepared]) -> None:
+    for model in MODELS:
+        drives = Drives(prepared[model], Bearing((0.0,), wander=1.2), Pose(5.0, 5.0, 1.2))
+        decision = drives.tick()
+        assert decision.direction == 1.2
+        assert math.atan2(drives.pose.y - 5.0, drives.pose.x - 5.0) == pytest.approx(1.2)
+
+
+def test_a_holonomic_body_stops_at_a_place_in_sight(prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared["holonomic"], Bearing((0.0,), near=(6.25, 5.75)))
+    decision = drives.tick()
+    assert decision.goal == decision.refined == (6.25, 5.75)
+    assert (drives.pose.x, drives.pose.y) == pytest.approx((6.25, 5.75))
+
+
+# --- off the ground --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    "pose", [Pose(27.0, 3.0, 0.0), Pose(-20.0, 3.0, 0.0), Pose(5.0, 15.25, 0.0)], ids=["chamber", "outside", "wall"]
+)
+@pytest.mark.parametrize("intent", [Place(5.0, 25.0), Bearing((0.0, 1.0)), Stay()], ids=lambda one: type(one).__name__)
+def test_who_is_off_the_ground_holds(model: str, pose: Pose, intent: Intent, prepared: dict[str, Prepared]) -> None:
+    mind = Drives(prepared[model], intent).mind
+    decision = mind.step(at(0, pose), [])
+    assert type(decision.command) is COMMANDS[model]
+    assert decision.command.numbers == (0.0, 0.0)
+    assert decision.state is State.HOLDING
+    assert decision.goal is None
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_who_starts_beside_the_ground_joins_it(model: str, prepared: dict[str, Prepared]) -> None:
+    """A body that its own point does not hold, but the free ground round it does."""
+    reach = prepared[model].fields[1].reach
+    terrain = prepared[model].terrain
+    pose = Pose(10.1, 14.0, 0.0)
+    assert not reach[terrain.point_at(pose.x, pose.y)]
+    drives = Drives(prepared[model], Place(12.0, 8.0), pose)
+    drives.until_near((12.0, 8.0), NEAR[model], IN_TIME[model])

@@ -1,0 +1,46 @@
+"""Minds for tests: scenarios prepared on small terrains, and what robots sense on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agent.belief.posts import Posts
+from agent.policies.found import policy_of
+from agent.ports import PolicySetup
+from patrol.exchange import Sensed
+from patrol.ground.fields import compute_fields
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from patrol.prepare import Prepared
+from patrol.scenario import Scenario
+
+STEP = 0.5
+
+
+def prepared_on(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) -> Prepared:
+    """A scenario on another terrain than its own; robots of 1 m radius reach what they reach from the starts."""
+    fields = compute_fields(terrain, 1.0, scenario.sensor.range, True, list(starts))
+    return Prepared(scenario, terrain, tuple(starts), {spec.number: fields for spec in scenario.roster})
+
+
+def at(k: int, pose: Pose, bumped: bool = False, contacts: tuple[tuple[float, float], ...] = ()) -> Sensed:
+    """What a robot with a true clock senses at tick k."""
+    return Sensed(k, pose, bumped, contacts, k * STEP)
+
+
+def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
+    """What the policy of one robot is made from."""
+    scenario, fields = prepared.scenario, prepared.fields[number]
+    return PolicySetup(
+        spec=scenario.roster[number - 1],
+        radii={spec.number: spec.radius for spec in scenario.roster},
+        step=scenario.step,
+        sensor=scenario.sensor,
+        patrol=scenario.patrol,
+        options=policy_of(scenario).options,
+        terrain=prepared.terrain,
+        fields=fields,
+        posts=Posts(fields.proxy),
+        regions=prepared.regions_of(number),
+        scratch={},
+    )

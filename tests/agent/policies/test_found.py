@@ -1,0 +1,388 @@
+"""Which policy a scenario names: where it is looked for, what options it takes, and what is said of a missing one."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from textwrap import dedent
+from typing import Any
+
+import pytest
+import yaml
+
+from agent.build import build_mind
+from agent.policies.found import GROUP, policy_of
+from agent.policies.potential_field.policy import PotentialField
+from agent.ports import PolicyFailed, State
+from patrol.errors import BadInput
+from patrol.pose import Pose
+from patrol.prepare import prepare
+from patrol.scenario import Scenario, dump_scenario, load_scenario, scenario_hash
+from patrol.scenario.copying import keep_scenario
+from patrol.scenario.policy_file import policy_digest
+from tests.agent.minds import at
+
+STILL = '''
+    """A policy that stands still."""
+
+    from agent.ports import Stay
+
+
+    class Still:
+        def __init__(self, setup):
+            self.options = setup.options
+
+        def decide(self, view):
+            return Stay("resting")
+
+
+    class Silent:
+        """No policy: it decides nothing."""
+
+
+    def function(setup):
+        return Still(setup)
+    '''
+
+PATIENT = '''
+    """A policy with options."""
+
+    from pydantic import BaseModel, ConfigDict, Field
+
+    from agent.ports import Stay
+
+
+    class Patient:
+        class Options(BaseModel):
+            model_config = ConfigDict(extra="forbid")
+            patience: float = Field(3.0, gt=0.0)
+            corners: list[int] = []
+
+        def __init__(self, setup):
+            self.options = setup.options
+
+        def decide(self, view):
+            return Stay()
+    '''
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Writes a policy's file and a scenario's that names it, in a folder of the test's own; the scenario's path."""
+
+    def make(policy: str, source: str = STILL, folder: str = "own", name: str = "guard.py", **patrol: Any) -> Path:
+        place = tmp_path / folder
+        place.mkdir(exist_ok=True)
+        (place / name).write_text(dedent(source), encoding="utf-8")
+        path = place / "scenario.yaml"
+        mapping = {"terrain": {"builtin": "open"}, "point": 2.0, "patrol": {"policy": policy, **patrol}}
+        path.write_text(yaml.safe_dump(mapping), encoding="utf-8")
+        return path
+
+    return make
+
+
+def named(policy: str, **patrol: Any) -> Scenario:
+    return load_scenario(
+        {"terrain": {"builtin": "open"}, "point": 2.0, "patrol": {"policy": policy, **patrol}},
+    )
+
+
+def refused(scenario: Scenario) -> str:
+    with pytest.raises(BadInput) as bad:
+        policy_of(scenario)
+    said = str(bad.value)
+    assert "\n" not in said
+    return said
+
+
+# --- where it comes from ---------------------------------------------------------------------------------------------
+
+
+def test_the_papers_policy_is_the_default() -> None:
+    for scenario in (load_scenario({"terrain": {"builtin": "open"}}), named("potential-field")):
+        kind = policy_of(scenario)
+        assert (kind.name, kind.make, kind.options, kind.ours) == ("potential-field", PotentialField, {}, True)
+        assert scenario.patrol.policy_sha256 is None
+
+
+def test_a_file_beside_the_scenario(write: Write, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path = write("./guard.py:Still")
+    monkeypatch.chdir(tmp_path)
+    scenario = load_scenario(path)
+    kind = policy_of(scenario)
+    assert not kind.ours
+    assert kind.name == scenario.patrol.policy == f"{path.parent / 'guard.py'}:Still"
+    assert scenario.patrol.policy_sha256 == policy_digest(path.parent / "guard.py")
+    mind = build_mind(prepare(scenario), 1)
+    decision = mind.step(at(0, Pose(20.0, 20.0, 0.0)), [])
+    assert decision.state == "resting"
+    assert decision.command.numbers == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("policy", ["guard.py:Still", "../own/guard.py:Still", "./guard.py:Still"])
+def test_a_file_is_named_in_any_way_that_leads_there(policy: str, write: Write) -> None:
+    assert policy_of(load_scenario(write(policy))).make.__name__ == "Still"
+
+
+def test_a_file_given_from_code_is_relative_to_the_working_folder(
+    write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write("./guard.py:Still")
+    monkeypatch.chdir(path.parent)
+    assert policy_of(named("./guard.py:Still")).name == f"{path.parent / 'guard.py'}:Still"
+
+
+def test_a_file_is_run_once_as_long_as_it_stays_the_same(write: Write) -> None:
+    first, again = (policy_of(load_scenario(write("./guard.py:Still", folder=name))) for name in ("one", "two"))
+    assert first.make is again.make
+    changed = policy_of(load_scenario(write("./guard.py:Still", dedent(STILL) + "\nMORE = 1\n")))
+    assert changed.make is not first.make
+
+
+def test_a_module_and_class(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "guarding_of_a_test.py").write_text(dedent(STILL), encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    scenario = named("guarding_of_a_test:Still")
+    assert scenario.patrol.policy_sha256 is None
+    kind = policy_of(scenario)
+    assert kind.make.__module__ == "guarding_of_a_test"
+    assert (kind.name, kind.ours) == ("guarding_of_a_test:Still", False)
+    monkeypatch.delitem(sys.modules, "guarding_of_a_test")
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A package that offers the policies `sleepy` and `broken`."""
+    (tmp_path / "sleepers_of_a_test.py").write_text(dedent(STILL), encoding="utf-8")
+    facts = tmp_path / "sleepers_of_a_test-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: sleepers-of-a-test\nVersion: 1.0\n", encoding="utf-8")
+    points = f"[{GROUP}]\nsleepy = sleepers_of_a_test:Still\nbroken = sleepers_of_a_test:Nobody\n"
+    (facts / "entry_points.txt").write_text(points, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "sleepers_of_a_test", raising=False)
+
+
+@pytest.mark.usefixtures("installed")
+def test_an_entry_point_of_an_installed_package() -> None:
+    kind = policy_of(named("sleepy"))
+    assert kind.make.__module__ == "sleepers_of_a_test"
+    assert (kind.name, kind.ours) == ("sleepy", False)
+
+
+@pytest.mark.usefixtures("installed")
+def test_an_entry_point_that_cannot_be_loaded_is_named() -> None:
+    said = refused(named("broken"))
+    assert said.startswith("patrol.policy = broken (sleepers_of_a_test:Nobody): raises AttributeError: ")
+
+
+def test_an_unknown_entry_point_is_named_and_what_there_is_offered() -> None:
+    said = refused(named("potential-feild"))
+    assert said.startswith("patrol.policy = potential-feild: no such policy; ")
+    assert "potential-field" in said.partition(";")[2]
+    assert "package.module:Class or ./file.py:Class" in said
+
+
+# --- what is wrong with it -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["Silent", "function", "Stay"])
+def test_what_cannot_decide_is_no_policy(name: str, write: Write) -> None:
+    scenario = load_scenario(write(f"./guard.py:{name}"))
+    said = refused(scenario)
+    assert f"patrol.policy = {scenario.patrol.policy}: is no class with a method decide(view)" in said
+
+
+def test_a_class_that_is_not_there_is_named_and_another_offered(write: Write) -> None:
+    scenario = load_scenario(write("./guard.py:Stil"))
+    said = refused(scenario)
+    assert f"patrol.policy = {scenario.patrol.policy}: has no Stil; " in said
+    assert "Still" in said.partition("has no Stil;")[2]
+
+
+def test_a_file_with_no_policy_has_none_to_offer(write: Write) -> None:
+    assert refused(load_scenario(write("./guard.py:Still", "X = 1\n"))).endswith("has no Still; there is none in it")
+
+
+def test_a_file_that_is_not_there_is_named(write: Write) -> None:
+    path = write("./missing.py:Still")
+    said = refused(load_scenario(path))
+    assert said.startswith(
+        f"{path.parent / 'missing.py'}: the policy's file cannot be read (No such file or directory)"
+    )
+
+
+def test_a_module_that_is_not_there_is_named() -> None:
+    said = refused(named("nobody_has_this.module:Class"))
+    assert said.startswith(
+        "patrol.policy = nobody_has_this.module:Class: No module named 'nobody_has_this'; install it"
+    )
+
+
+@pytest.mark.parametrize(
+    ("source", "says"),
+    [
+        ("1 / 0\n", "raises ZeroDivisionError: division by zero; correct it"),
+        ("def broken(:\n", "raises SyntaxError: "),
+        ("raise ValueError('two\\nlines')\n", "raises ValueError: two lines; correct it"),
+        ("import nobody_has_this\n", "No module named 'nobody_has_this'"),
+    ],
+)
+def test_a_file_that_raises_is_named_with_what_it_raises_each_time(source: str, says: str, write: Write) -> None:
+    scenario = load_scenario(write("./guard.py:Still", source))
+    for _ in range(2):
+        said = refused(scenario)
+        assert said.startswith(f"patrol.policy = {scenario.patrol.policy}: ")
+        assert says in said
+
+
+def test_a_file_that_has_changed_is_refused_and_another_load_takes_it(write: Write) -> None:
+    path = write("./guard.py:Still")
+    scenario = load_scenario(path)
+    old = policy_digest(path.parent / "guard.py")
+    with (path.parent / "guard.py").open("a", encoding="utf-8") as file:
+        file.write("\nMORE = 1\n")
+    new = policy_digest(path.parent / "guard.py")
+    said = refused(scenario)
+    assert said.startswith(f"{path.parent / 'guard.py'}: is not the file that this scenario was resolved with")
+    for part in (old[:12], new[:12], "patrol.policy_sha256"):
+        assert part in said
+    assert policy_of(load_scenario(path)).make.__name__ == "Still"
+
+
+def test_a_scenario_may_insist_on_a_files_content(write: Write) -> None:
+    path = write("./guard.py:Still", policy_sha256="0" * 64)
+    scenario = load_scenario(path)
+    assert scenario.patrol.policy_sha256 == "0" * 64
+    assert "is not the file" in refused(scenario)
+
+
+@pytest.mark.parametrize("digest", ["", "0" * 63, "G" * 64, 7])
+def test_a_digest_is_64_hex_digits(digest: object) -> None:
+    with pytest.raises(BadInput, match=r"patrol\.policy_sha256"):
+        named("potential-field", policy_sha256=digest)
+
+
+@pytest.mark.parametrize("policy", ["", "two words", ":Class", "file.py:", "file.py:not-a-name", "a\nb", 7])
+def test_what_names_no_policy_at_all_is_refused_when_the_scenario_is_read(policy: Any) -> None:
+    with pytest.raises(BadInput, match=r"patrol\.policy"):
+        named(policy)
+
+
+def test_a_policy_that_cannot_be_made_fails_with_what_it_raises(write: Write) -> None:
+    source = dedent(STILL).replace("self.options = setup.options", "raise KeyError('no idea')")
+    prepared = prepare(load_scenario(write("./guard.py:Still", source)))
+    with pytest.raises(PolicyFailed, match=r"guard\.py:Still: cannot be made: KeyError: 'no idea'"):
+        build_mind(prepared, 1)
+
+
+# --- options ---------------------------------------------------------------------------------------------------------
+
+
+def test_options_are_the_policys_own(write: Write) -> None:
+    scenario = load_scenario(write("./guard.py:Patient", PATIENT, options={"patience": 7, "corners": [1, 2]}))
+    kind = policy_of(scenario)
+    assert (kind.options.patience, kind.options.corners) == (7.0, [1, 2])
+    assert policy_of(load_scenario(write("./guard.py:Patient", PATIENT))).options.patience == 3.0
+    mind = build_mind(prepare(scenario), 1)
+    assert mind.policy._otherwise.options.patience == 7.0  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"patience": -1}, "patrol.options.patience = -1: "),
+        ({"patience": "long"}, "patrol.options.patience = 'long': "),
+        ({"corners": [1, "x"]}, "patrol.options.corners.1 = 'x': "),
+        ({"patiense": 1}, "patrol.options.patiense = 1: "),
+    ],
+)
+def test_a_wrong_option_is_named_with_its_value_and_those_there_are(
+    options: dict[str, Any], says: str, write: Write
+) -> None:
+    scenario = load_scenario(write("./guard.py:Patient", PATIENT, options=options))
+    said = refused(scenario)
+    assert said.startswith(says)
+    assert said.endswith(f"{scenario.patrol.policy} has the options patience, corners")
+
+
+def test_a_policy_without_options_takes_none(write: Write) -> None:
+    scenario = load_scenario(write("./guard.py:Still", options={"patience": 3}))
+    said = refused(scenario)
+    assert said.startswith("patrol.options = {'patience': 3}: ")
+    assert "takes no options" in said
+    assert policy_of(load_scenario(write("./guard.py:Still", options={}))).options == {}
+
+
+def test_the_papers_policy_takes_no_options() -> None:
+    assert "takes no options" in refused(named("potential-field", options={"alpha": 3}))
+
+
+def test_wrong_options_stop_a_mind_before_it_is_made(write: Write) -> None:
+    prepared = prepare(load_scenario(write("./guard.py:Still", options={"patience": 3})))
+    with pytest.raises(BadInput, match="takes no options"):
+        build_mind(prepared, 1)
+
+
+# --- what a scenario with a policy means -----------------------------------------------------------------------------
+
+
+def test_a_scenarios_hash_is_that_of_the_files_content_wherever_it_lies(write: Write) -> None:
+    here, there = write("./guard.py:Still", folder="here"), write("./sentry.py:Still", folder="there", name="sentry.py")
+    assert scenario_hash(load_scenario(here)) == scenario_hash(load_scenario(there))
+    by_class = write("./guard.py:Silent", folder="by_class")
+    by_content = write("./guard.py:Still", dedent(STILL) + "\nMORE = 1\n", folder="by_content")
+    by_options = write("./guard.py:Still", folder="by_options", options={"patience": 1})
+    hashes = [scenario_hash(load_scenario(path)) for path in (here, by_class, by_content, by_options)]
+    hashes.append(scenario_hash(named("potential-field")))
+    assert len(set(hashes)) == 5
+
+
+def test_looking_at_a_scenario_runs_no_policy(write: Write, tmp_path: Path) -> None:
+    mark = tmp_path / "ran"
+    scenario = load_scenario(write("./guard.py:Still", f"open({str(mark)!r}, 'w').close()\n"))
+    scenario_hash(scenario)
+    dump_scenario(scenario)
+    (tmp_path / "kept").mkdir()
+    keep_scenario(scenario, tmp_path / "kept")
+    prepare(scenario)
+    assert not mark.exists()
+    refused(scenario)
+    assert mark.exists()
+
+
+def test_a_scenario_in_a_run_folder_has_its_policy_with_it_wherever_it_goes(write: Write, tmp_path: Path) -> None:
+    path = write("./guard.py:Patient", PATIENT, options={"patience": 7})
+    scenario = load_scenario(path)
+    kept, moved = tmp_path / "kept", tmp_path / "elsewhere" / "moved"
+    kept.mkdir()
+    keep_scenario(scenario, kept)
+    shutil.copytree(kept, moved)
+    shutil.rmtree(path.parent)
+    shutil.rmtree(kept)
+    again = load_scenario(moved / "scenario.yaml")
+    assert again.patrol.policy == f"{moved / 'policy' / 'guard.py'}:Patient"
+    assert again.patrol.policy_sha256 == scenario.patrol.policy_sha256
+    assert scenario_hash(again) == scenario_hash(scenario)
+    assert policy_of(again).options.patience == 7.0
+
+
+def test_a_copy_of_a_policy_that_is_gone_says_so(write: Write, tmp_path: Path) -> None:
+    path = write("./guard.py:Still")
+    scenario = load_scenario(path)
+    (path.parent / "guard.py").unlink()
+    (tmp_path / "kept").mkdir()
+    with pytest.raises(BadInput, match=r"patrol\.policy = .*guard\.py: cannot be read \(No such file or directory\)"):
+        keep_scenario(scenario, tmp_path / "kept")
+
+
+def test_surrounding_goes_before_a_policy_of_ones_own(write: Write) -> None:
+    mind = build_mind(prepare(load_scenario(write("./guard.py:Still"))), 1)
+    pose = Pose(20.0, 20.0, 0.0)
+    assert mind.step(at(0, pose), []).state == "resting"
+    assert mind.step(at(1, pose, contacts=((25.0, 20.0),)), []).state is State.SURROUNDING

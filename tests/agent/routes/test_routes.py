@@ -1,0 +1,196 @@
+"""Routes: lengths against Dijkstra's algorithm, and ways that bend where the wave's do."""
+
+from __future__ import annotations
+
+import heapq
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agent.routes.ground import Ground
+from agent.routes.kernels.wave import SETTLED, STATUS
+from agent.routes.path_window import PathWindow
+from agent.routes.routes import LONGEST, Routes, Way
+from agent.routes.wave import Wave
+from patrol.ground.terrain import Terrain
+
+POINT = 0.5
+Grid = np.ndarray
+seeds = st.integers(0, 2**32 - 1)
+
+
+def dijkstra(is_open: Grid, row: int, col: int) -> Grid:
+    """Lengths from one point to all, in hundredths of a point; FAR where no way leads."""
+    lengths = np.full(is_open.shape, np.inf)
+    lengths[row, col] = 0
+    heap = [(0, row, col)]
+    while heap:
+        length, r, c = heapq.heappop(heap)
+        if length > lengths[r, c]:
+            continue
+        for up in (-1, 0, 1):
+            for across in (-1, 0, 1):
+                nr, nc = r + up, c + across
+                if not (0 <= nr < is_open.shape[0] and 0 <= nc < is_open.shape[1]) or not is_open[nr, nc]:
+                    continue
+                if not (is_open[r, nc] and is_open[nr, c]):
+                    continue  # it would cut a corner
+                new = length + (141 if up and across else 100)
+                if new < lengths[nr, nc]:
+                    lengths[nr, nc] = new
+                    heapq.heappush(heap, (new, nr, nc))
+    return lengths
+
+
+def grid_of(seed: int) -> tuple[Grid, tuple[int, int]]:
+    """A small random grid and an open point on it."""
+    rng = np.random.default_rng(seed)
+    height, width = (int(size) for size in rng.integers(2, 14, 2))
+    is_open = rng.random((height, width)) < rng.choice([0.5, 0.7, 0.9])
+    row, col = int(rng.integers(height)), int(rng.integers(width))
+    is_open[row, col] = True
+    return is_open, (row, col)
+
+
+def routes_of(is_open: Grid) -> tuple[Ground, Routes]:
+    ground = Ground(Terrain("t", is_open, POINT), is_open)
+    return ground, Routes(ground, {})
+
+
+def centre(row: int, col: int) -> tuple[float, float]:
+    return (col + 0.5) * POINT, (row + 0.5) * POINT
+
+
+@settings(max_examples=80)
+@given(seed=seeds)
+def test_lengths_are_those_of_the_shortest_ways(seed: int) -> None:
+    is_open, (row, col) = grid_of(seed)
+    _, routes = routes_of(is_open)
+    found = routes.lengths(centre(row, col))
+    assert found.shape == is_open.shape
+    assert found == pytest.approx(dijkstra(is_open, row, col) * POINT / 100.0, rel=1e-12)
+
+
+@settings(max_examples=40)
+@given(seed=seeds, within=st.floats(0.0, 8.0))
+def test_within_leaves_out_what_is_farther_and_nothing_else(seed: int, within: float) -> None:
+    is_open, (row, col) = grid_of(seed)
+    _, routes = routes_of(is_open)
+    hundredths = dijkstra(is_open, row, col)
+    expected = np.where(hundredths <= round(100.0 * within / POINT), hundredths * POINT / 100.0, np.inf)
+    assert routes.lengths(centre(row, col), within) == pytest.approx(expected, rel=1e-12)
+    assert routes.lengths(centre(row, col)) == pytest.approx(hundredths * POINT / 100.0, rel=1e-12)
+
+
+@settings(max_examples=40)
+@given(seed=seeds)
+def test_lengths_lead_round_what_is_in_the_way_now(seed: int) -> None:
+    is_open, (row, col) = grid_of(seed)
+    ground, routes = routes_of(is_open)
+    free = routes.lengths(centre(row, col))
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0.0, 6.0, 2)
+    ground.begin([(float(x), float(y), 1.2)])
+    left = ground.open_now.copy()
+    if left[row, col]:
+        assert routes.lengths(centre(row, col)) == pytest.approx(dijkstra(left, row, col) * POINT / 100.0, rel=1e-12)
+    ground.begin([])
+    assert np.array_equal(routes.lengths(centre(row, col)), free)
+
+
+def test_from_within_what_is_closed_the_ground_is_as_it_is_without_it() -> None:
+    is_open = np.ones((40, 40), dtype=np.bool_)
+    is_open[20, 5:] = False
+    ground, routes = routes_of(is_open)
+    ground.begin([(10.0, 5.0, 3.0)])
+    assert not ground.open_now[10, 20]
+    assert routes.lengths((10.25, 5.25)) == pytest.approx(dijkstra(is_open, 10, 20) * POINT / 100.0, rel=1e-12)
+    # Others go round it still.
+    round_it = dijkstra(ground.open_now.copy(), 2, 2) * POINT / 100.0
+    assert routes.lengths((1.25, 1.25)) == pytest.approx(round_it, rel=1e-12)
+    assert np.isinf(round_it[10, 20])
+
+
+@pytest.mark.parametrize("place", [(9.0, 3.0), (-4.0, 3.0), (1e9, -1e9)])
+def test_no_way_leads_from_a_place_off_the_ground(place: tuple[float, float]) -> None:
+    is_open = np.ones((20, 24), dtype=np.bool_)
+    is_open[:, 14:] = False
+    _, routes = routes_of(is_open)
+    found = routes.lengths(place)
+    assert found.shape == is_open.shape
+    assert np.isinf(found).all()
+
+
+def test_lengths_belong_to_whoever_asked() -> None:
+    _, routes = routes_of(np.ones((10, 10), dtype=np.bool_))
+    first = routes.lengths((1.0, 1.0))
+    kept = first.copy()
+    routes.lengths((4.0, 4.0))
+    assert np.array_equal(first, kept)
+    first[:] = 0.0
+    assert np.array_equal(routes.lengths((1.0, 1.0)), kept)
+
+
+@settings(max_examples=60)
+@given(seed=seeds)
+def test_a_way_bends_where_the_waves_path_does(seed: int) -> None:
+    is_open, (row, col) = grid_of(seed)
+    ground, routes = routes_of(is_open)
+    height, width = is_open.shape
+    wave = Wave(height, width, max(height, width))
+    wave.begin(ground, row + 1, col + 1)
+    wave.extend(LONGEST)
+    settled = np.argwhere(wave.state & STATUS == SETTLED)
+    for r, c in settled[:: max(1, len(settled) // 5)]:
+        target = int(r) + wave.row0 + 1, int(c) + wave.col0 + 1
+        way = routes.way((row + 1, col + 1), target)
+        assert way.place == ground.centre(*target)
+        if target == (row + 1, col + 1):
+            assert way == Way(way.place, way.place)
+            continue
+        bend_row, bend_col = divmod(int(wave.bend[r, c]), wave.state.shape[1])
+        assert way.bend == ground.centre(bend_row + wave.row0 + 1, bend_col + wave.col0 + 1)
+        assert routes.way((row + 1, col + 1), target, expected=150) == way
+        assert routes.way((row + 1, col + 1), target, expected=LONGEST) == way
+
+
+@settings(max_examples=60)
+@given(seed=seeds)
+def test_a_way_to_what_cannot_be_reached_leads_to_the_nearest_that_can(seed: int) -> None:
+    is_open, (row, col) = grid_of(seed)
+    ground, routes = routes_of(is_open)
+    reached = np.argwhere(np.isfinite(dijkstra(is_open, row, col)))
+    for r, c in np.argwhere(np.isinf(dijkstra(is_open, row, col)))[::7]:
+        way = routes.way((row + 1, col + 1), (int(r) + 1, int(c) + 1), expected=100)
+        there = ground.terrain.point_at(*way.place)
+        assert np.isfinite(dijkstra(is_open, row, col)[there])
+        nearest = np.sqrt(((reached - (r, c)) ** 2).sum(axis=1)).min()
+        assert math.dist(there, (r, c)) == pytest.approx(nearest)
+
+
+def test_a_way_bends_at_a_corner() -> None:
+    passable = np.ones((20, 20), dtype=np.bool_)
+    passable[10, :15] = False
+    ground, routes = routes_of(passable)
+    target = 16, 3
+    way = routes.way((6, 3), target)
+    assert way.place == ground.centre(*target)
+    row, col = ground.terrain.point_at(*way.bend)
+    assert row in (9, 10)
+    assert col == 15
+    assert routes.way((6, 3), (6, 12)) == Way(ground.centre(6, 12), ground.centre(6, 12))
+
+
+def test_windows_are_shared_and_leave_nothing_behind() -> None:
+    is_open, (row, col) = grid_of(5)
+    other, (other_row, other_col) = np.ones_like(is_open), (0, 0)
+    scratch: dict[str, PathWindow] = {}
+    ground, another = (Ground(Terrain("t", grid, POINT), grid) for grid in (is_open, other))
+    one, two = Routes(ground, scratch), Routes(another, scratch)
+    alone = one.lengths(centre(row, col)).copy()
+    two.lengths(centre(other_row, other_col))
+    assert np.array_equal(one.lengths(centre(row, col)), alone)
+    assert len(scratch) == 1

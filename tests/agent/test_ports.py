@@ -1,0 +1,157 @@
+"""Intents: those that a body can use pass, and all others stop their own robot with a line that says why."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.ports import (
+    MAX_FAILURE,
+    MAX_STATE,
+    Bearing,
+    Intent,
+    Place,
+    PolicyFailed,
+    State,
+    Stay,
+    Steer,
+    checked,
+    policy_failure,
+)
+from patrol.pose import Drive, Velocity
+
+VALID: list[Intent] = [
+    Bearing(()),
+    Bearing((0.5, -3.0, 1)),
+    Bearing((0.5,), near=(1.0, 2.0), bend=(3.0, 4.0), wander=0.1, state="sniffing", figures={"x": 1.0}),
+    Bearing((), wander=7.0),
+    Place(1.0, -2.0),
+    Place(1, 2, bend=(3, 4), lean=(5.0, 6.0), state=State.SURROUNDING),
+    Place(float(np.float64(1.5)), np.float64(2.5)),
+    Stay(),
+    Stay("waiting for others"),
+    Stay("x" * MAX_STATE),
+    Steer(Velocity(1.0, 2.0)),
+    Steer(Drive(-1.0, 0.2), state="reversing"),
+]
+
+BAD: list[Any] = [
+    math.nan,
+    math.inf,
+    -math.inf,
+    "1",
+    None,
+    True,
+    1j,
+    (1.0,),
+    np.float64("nan"),
+    np.float32(1.0),
+    1e300,
+    10**400,
+]
+
+
+@pytest.mark.parametrize("intent", VALID, ids=repr)
+def test_an_intent_that_can_be_used_is_passed_on_as_it_is(intent: Intent) -> None:
+    assert checked(intent) is intent
+
+
+@pytest.mark.parametrize("other", [None, 3, "patrolling", (1.0, 2.0), {}, Velocity(1.0, 0.0), Stay])
+def test_what_is_no_intent_is_refused_by_its_type(other: object) -> None:
+    with pytest.raises(PolicyFailed, match=rf"returned {type(other).__name__} and not Bearing, Place, Stay or Steer"):
+        checked(other)
+
+
+def with_number(field: str, value: Any) -> Intent:
+    """An intent with one number replaced, by the words that name it."""
+    spot: Any = (1.0, value)
+    made: dict[str, Intent] = {
+        "Bearing bearings": Bearing((0.5, value)),
+        "Bearing near": Bearing((), near=spot),
+        "Bearing bend": Bearing((), bend=spot),
+        "Place x": Place(value, 1.0),
+        "Place y": Place(1.0, value),
+        "Place bend": Place(1.0, 2.0, bend=spot),
+        "Place lean": Place(1.0, 2.0, lean=spot),
+        "Steer command": Steer(Velocity(1.0, value)),
+    }
+    return made[field]
+
+
+@pytest.mark.parametrize("value", BAD, ids=repr)
+@pytest.mark.parametrize(
+    "field",
+    [
+        "Bearing bearings",
+        "Bearing near",
+        "Bearing bend",
+        "Place x",
+        "Place y",
+        "Place bend",
+        "Place lean",
+        "Steer command",
+    ],
+)
+def test_a_number_that_is_none_or_not_finite_is_named(field: str, value: Any) -> None:
+    kind, name = field.split()
+    with pytest.raises(PolicyFailed) as failed:
+        checked(with_number(field, value))
+    assert str(failed.value) == f"returned {kind} with {name} = {value!r}, which is no int or float from -1e9 to 1e9"
+
+
+@pytest.mark.parametrize("value", [one for one in BAD if one is not None], ids=repr)
+def test_a_random_direction_is_a_number_too(value: Any) -> None:
+    with pytest.raises(PolicyFailed, match="returned Bearing with wander = "):
+        checked(Bearing((), wander=value))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, "1"])
+def test_both_numbers_of_a_command_count(value: Any) -> None:
+    for command in (Velocity(value, 0.0), Drive(value, 0.0), Drive(0.0, value)):
+        with pytest.raises(PolicyFailed, match="returned Steer with command = "):
+            checked(Steer(command))
+
+
+@pytest.mark.parametrize("command", [None, 1.0, (1.0, 2.0), "ahead"])
+def test_a_command_is_a_command(command: Any) -> None:
+    with pytest.raises(PolicyFailed, match="returned Steer with command = "):
+        checked(Steer(command))
+
+
+@pytest.mark.parametrize("bearings", [None, 0.5, "north", {1.0}, np.array([1.0])], ids=repr)
+def test_bearings_are_a_tuple(bearings: Any) -> None:
+    with pytest.raises(PolicyFailed, match=r"returned an intent with bearings = .*, which is no tuple of numbers"):
+        checked(Bearing(bearings))
+
+
+@pytest.mark.parametrize("spot", [3.0, (), (1.0,), (1.0, 2.0, 3.0), "ab", np.array([1.0, 2.0])], ids=repr)
+def test_a_spot_is_a_pair(spot: Any) -> None:
+    for intent in (Bearing((), near=spot), Bearing((), bend=spot)):
+        with pytest.raises(PolicyFailed, match=r"an intent with (near|bend) = .*, which is no pair of numbers"):
+            checked(intent)
+    for place in (Place(1.0, 2.0, bend=spot), Place(1.0, 2.0, lean=spot)):
+        with pytest.raises(PolicyFailed, match=r"an intent with (bend|lean) = .*, which is no pair of numbers"):
+            checked(place)
+
+
+@pytest.mark.parametrize("state", ["", "x" * (MAX_STATE + 1), "two\nlines", "\x1b[2J", None, 7, b"patrolling"])
+@pytest.mark.parametrize("kind", [Bearing, Place, Stay, Steer])
+def test_a_state_is_one_short_printable_word(kind: type[Any], state: Any) -> None:
+    needed: dict[type[Any], tuple[Any, ...]] = {
+        Bearing: ((),),
+        Place: (1.0, 2.0),
+        Stay: (),
+        Steer: (Velocity(0.0, 0.0),),
+    }
+    with pytest.raises(PolicyFailed, match=f"returned a state that is no printable word of at most {MAX_STATE}"):
+        checked(kind(*needed[kind], state=state))
+
+
+def test_the_account_of_a_failure_is_one_short_printable_line() -> None:
+    said = policy_failure(7, PolicyFailed("raised ValueError: two\n  lines"))
+    assert said == "its policy failed at tick 7: raised ValueError: two lines"
+    assert len(policy_failure(7, PolicyFailed("x" * 5000))) == MAX_FAILURE
+    assert policy_failure(7, PolicyFailed("clear \x1b[2J \ud800 the screen")).isprintable()
