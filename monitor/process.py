@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ending = heed(options.lifeline)
     key = os.environ.pop(KEY, "")
     try:
-        show(opener(options, ending), options.host, options.port, key, ending, announced=bool(key))
+        show(opener(options, ending), options.host, options.page_port, key, ending, announced=bool(key), key_name=KEY)
     except BadInput as bad:
         print(f"monitor: {bad}", file=sys.stderr)
         return 2
@@ -71,23 +71,25 @@ def show(
     ending: Ending,
     *,
     announced: bool = False,
+    key_name: str = "--token",
     opened: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Serve a page until asked to end.
 
     open_source: None when it was asked to end meanwhile. port: 0 for a free one. key: empty to have one drawn.
-    announced: whoever started this knows the key, so the address is printed without it. opened: told the address.
+    announced: whoever started this knows the key, so the address is printed without it. key_name: how errors name the key: the option or
+    variable by which it was given. opened: told the address.
     """
     from monitor.page.gate import LEAST_TOKEN, Gate
     from patrol.net.keys import is_loopback
 
     alone = is_loopback(host)
     if not alone and not key:
-        raise BadInput(f"--host {host}: others could look and ask for faults; give a --token too, or stay on 127.0.0.1")
+        raise BadInput(f"--host {host}: any host could view and control the fleet; set {key_name}, or use 127.0.0.1")
     if key and len(key) < LEAST_TOKEN:
-        raise BadInput(f"--token: has {len(key)} letters; give {LEAST_TOKEN} or more, drawn by lot")
+        raise BadInput(f"{key_name}: has {len(key)} characters; give {LEAST_TOKEN} or more, chosen at random")
     if key and not (key.isascii() and key.isalnum()):
-        raise BadInput("--token: give letters and digits only, so that it fits into an address")
+        raise BadInput(f"{key_name}: has characters that do not fit into an address; give ASCII letters and digits only")
     place = _listen(host, port)
     try:
         gate = Gate(host, place.getsockname()[1], key or os.urandom(16).hex(), alone)
@@ -205,7 +207,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--scenario", type=Path, metavar="FILE", help="of robots without a world, which are only heard")
     parser.add_argument("--radio", metavar="LOCATOR", help="where these robots hear each other (the router)")
     parser.add_argument("--host", default="127.0.0.1", metavar="HOST", help="address to serve on (127.0.0.1)")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="TCP port to serve on (a free one)")
+    parser.add_argument("--page-port", type=int, default=0, metavar="N", help="TCP port of the page (default: a free one)")
     parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="how long to wait for the fleet (60)")
     parser.add_argument("--lifeline", type=int, metavar="FD", help="given by a launcher")
     return parser.parse_args(arguments)

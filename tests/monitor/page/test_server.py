@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from tests.monitor.conftest import Seen
 
 TOKEN = "abcdefghij0123456789"
+OPTION = re.compile(r"--[a-z]+(?:-[a-z]+)*")
 
 
 @pytest.fixture(scope="module")
@@ -223,15 +225,35 @@ def test_what_loopback_is(host: str, alone: bool) -> None:
     assert is_loopback(host) == alone
 
 
-def test_bad_input_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+BAD_INPUT: tuple[tuple[list[str], str, str], ...] = (
+    (["--replay", "RUN", "--host", "0.0.0.0"], "", "--host 0.0.0.0: "),
+    (["--replay", "RUN"], "short", "FOGWATCH_PAGE_KEY: has 5 characters"),
+    (["--replay", "RUN"], "not-letters-and-digits", "FOGWATCH_PAGE_KEY: "),
+    (["--replay", "RUN/nowhere"], "", "no such folder"),
+    (["--router", "tcp/127.0.0.1:1"], "", "--fleet"),
+    (["--router", "tcp/127.0.0.1:1", "--fleet", "x", "--radio", "tcp/127.0.0.1:2"], "", "give their --scenario"),
+    (["--replay", "RUN", "--page-port", "99999"], "", "--page-port 99999: ports go from 1 to 65535"),
+    (["--replay", "RUN", "--page-port", "-1"], "", "--page-port -1: ports go from 1 to 65535"),
+    (["--replay", "RUN", "--host", "no.such.host.invalid"], "", "--host"),
+)
+
+
+@pytest.mark.parametrize(("arguments", "token", "problem"), BAD_INPUT)
+def test_bad_input_is_reported_in_terms_of_the_options_that_there_are(
+    arguments: list[str],
+    token: str,
+    problem: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("monitor.process.heed", lambda _: None)
-    for arguments, problem in (
-        (["--replay", str(tmp_path), "--host", "0.0.0.0"], "--host 0.0.0.0"),
-        (["--replay", str(tmp_path / "nowhere")], "no such folder"),
-        (["--router", "tcp/127.0.0.1:1"], "--fleet"),
-        (["--router", "tcp/127.0.0.1:1", "--fleet", "x", "--radio", "tcp/127.0.0.1:2"], "give their --scenario"),
-        (["--replay", str(tmp_path), "--port", "99999"], "--page-port 99999: ports go from 1 to 65535"),
-        (["--replay", str(tmp_path), "--host", "no.such.host.invalid"], "--host"),
-    ):
-        assert main(arguments) == 2
-        assert problem in capsys.readouterr().err
+    monkeypatch.setenv("FOGWATCH_PAGE_KEY", token)
+    assert main([argument.replace("RUN", str(tmp_path)) for argument in arguments]) == 2
+    says = capsys.readouterr().err
+    assert problem in says
+    assert says.count("\n") == 1
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    options = set(OPTION.findall(capsys.readouterr().out))
+    assert set(OPTION.findall(says)) <= options
