@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from monitor.replay.runfiles import JOURNAL
+from monitor.replay.run_files import JOURNAL
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Contents:
     why_cut: str = ""
 
 
-def look(path: Path, repaired: Path | None = None) -> Contents:
+def inspect_recording(path: Path, repaired: Path | None = None) -> Contents:
     """Read a recording through, testing its checksums.
 
     repaired: where to write a whole copy of what can be read. BadInput for a file that is no MCAP, that somebody else

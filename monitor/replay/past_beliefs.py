@@ -9,8 +9,8 @@ from collections.abc import Callable, Collection, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observer import Listener, keep_outside
-from monitor.replay.beliefs import BeliefWatcher
+from monitor.observation.listener import Listener, mark_outside
+from monitor.replay.belief_errors import BeliefWatcher
 from monitor.replay.run import Run
 from monitor.replay.snapshot import Snapshot
 from patrol.ground.fog import Fog
@@ -33,7 +33,7 @@ SNAPSHOTS = 40
 """Of one robot, evenly over the run; fewer where there is no room."""
 
 
-class Hindsight:
+class PastBeliefs:
     """The fogs of a run's robots at any tick; where there is no room for all, who was looked at last is kept."""
 
     def __init__(self, run: Run, key: bytes | None, now: Callable[[], float] = time.monotonic) -> None:
@@ -62,7 +62,7 @@ class Hindsight:
         self._make_room()
         return found
 
-    def keep(self, numbers: Collection[int]) -> None:
+    def set_shown(self, numbers: Collection[int]) -> None:
         """Somebody shows these robots' fogs; of others nothing is kept once nobody has asked for long."""
         now = self._now()
         self._shown = frozenset(numbers)
@@ -102,7 +102,7 @@ class _Robot:
         self._apart = max(1, run.ticks // SNAPSHOTS)
         self._area = run.prepared.fields[number].patrolled
         self._patrolled = run.prepared.patrolled
-        self._recall = _Recall(run, footprint, key, number)
+        self._look_log = _LookLog(run, footprint, key, number)
         self._kept: dict[int, Snapshot] = {}
         self._fog = self._blank()
         self._k = -1
@@ -115,7 +115,7 @@ class _Robot:
     @property
     def held(self) -> int:
         """Bytes that it takes."""
-        return self._fog.last_seen.nbytes + self.snapshots + self._recall.nbytes
+        return self._fog.last_seen.nbytes + self.snapshots + self._look_log.nbytes
 
     def thin(self) -> bool:
         """Keep half as many snapshots; False where there were none."""
@@ -127,10 +127,10 @@ class _Robot:
         return True
 
     def last_seen(self, k: int) -> NDArray[np.int32] | None:
-        """See `Hindsight`."""
+        """See `PastBeliefs`."""
         until = self._now() + BUDGET_S
-        while self._recall.ticks <= k:
-            if not self._recall.hear(self._recall.ticks) or self._now() > until:
+        while self._look_log.ticks <= k:
+            if not self._look_log.hear(self._look_log.ticks) or self._now() > until:
                 return None
         base = self._before(k)
         if not base <= self._k <= k:
@@ -150,18 +150,18 @@ class _Robot:
     def _walk(self) -> None:
         """One tick on."""
         self._k += 1
-        if self._k in self._recall.anew:
+        if self._k in self._look_log.anew:
             self._fog = self._blank()
-        for at, pose in self._recall.looks(self._k):
+        for at, pose in self._look_log.looks(self._k):
             self._fog.observe(self._footprint.visible(pose), at)
         if self._k % self._apart == 0 and self._k not in self._kept:
             self._kept[self._k] = Snapshot.of(self._fog.last_seen)
 
     def _blank(self) -> Fog:
-        return keep_outside(Fog(self._area), self._patrolled)
+        return mark_outside(Fog(self._area), self._patrolled)
 
 
-class _Noting(Listener):
+class _LookRecorder(Listener):
     """Notes where somebody looked from, and leaves the looking for later."""
 
     note: Callable[[int, Pose], None]
@@ -173,7 +173,7 @@ class _Noting(Listener):
 _NOWHERE = np.ones((1, 1), dtype=np.bool_)
 
 
-class _Recall(BeliefWatcher):
+class _LookLog(BeliefWatcher):
     """The looks of which one robot learnt in each tick. anew: ticks at which it knew nothing."""
 
     def __init__(self, run: Run, footprint: Footprint, key: bytes | None, number: int) -> None:
@@ -209,7 +209,7 @@ class _Recall(BeliefWatcher):
         self._poses.extend((pose.x, pose.y, pose.heading))
 
     def _listener(self, number: int) -> Listener:
-        noting = _Noting(self._footprint, _NOWHERE, super()._listener(number).inbox, self._run.step)
+        noting = _LookRecorder(self._footprint, _NOWHERE, super()._listener(number).inbox, self._run.step)
         noting.note = self._note
         self.anew.add(self.ticks)
         return noting

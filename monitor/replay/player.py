@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.linklog import LinkLog
-from monitor.replay.past_beliefs import Hindsight
+from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
+from monitor.replay.link_log import LinkLog
+from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.replay import Replay
 from monitor.replay.run import Run
-from monitor.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from patrol.errors import BadInput
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
@@ -40,7 +40,7 @@ class Player:
         self._now = now
         self._replay = Replay(run)
         self._links = LinkLog(run)
-        self._hindsight = Hindsight(run, _key_of(run))
+        self._past_beliefs = PastBeliefs(run, _key_of(run))
         # With a direct radio nobody knows who heard what.
         self._direct = run.prepared.scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", *(() if self._direct else run.numbers))
@@ -112,7 +112,7 @@ class Player:
         if layer not in self._layers:
             return None
         if isinstance(layer, int):
-            return self._hindsight.last_seen(layer, self._at)
+            return self._past_beliefs.last_seen(layer, self._at)
         return self._replay.fog(self._at).last_seen
 
     def since(self, layer: Layer) -> int:  # noqa: ARG002 - a run is known from its beginning
@@ -123,9 +123,9 @@ class Player:
         """See `Source`."""
         return self._at
 
-    def keep(self, layers: Collection[Layer]) -> None:
+    def set_shown(self, layers: Collection[Layer]) -> None:
         """See `Source`."""
-        self._hindsight.keep([layer for layer in layers if isinstance(layer, int)])
+        self._past_beliefs.set_shown([layer for layer in layers if isinstance(layer, int)])
 
     def trail(self, first: int, last: int) -> NDArray[np.float64]:
         """See `Source`."""
@@ -144,7 +144,7 @@ class Player:
         """See `Source`; those of the whole run, also those to come."""
         return self._run.events[since:]
 
-    def ask(self, control: Mapping[str, Any]) -> Answer:
+    def control(self, control: Mapping[str, Any]) -> Answer:
         """See `Source`."""
         with self._changed:
             self._advance()

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observer import as_sent
+from monitor.observation.listener import as_sent
 from monitor.replay.run import Run
 from monitor.replay.snapshot import Snapshot
 from patrol.errors import BadInput

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.runfiles import SCENARIO, SUMMARY, journal_in
-from monitor.tally import tally
+from monitor.observation.frames import count_frames
+from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from patrol.errors import BadInput
 from patrol.journal import Journal
 from patrol.journal.records import DEAD_END, FORGED, Event, RobotFacts, Status, TickRecord, sent_at, standing_after
@@ -34,8 +34,8 @@ SILENT = ""
 
 
 @dataclass(frozen=True, eq=False)
-class Links:
-    """What became of frames, by directed link: index 0 is who forges, then the roster; see `monitor.tally`.
+class LinkTotals:
+    """What became of frames, by directed link: index 0 is who forges, then the roster; see `monitor.observation.frames`.
 
     sent, delivered: int64 (n + 1, n + 1), source by destination. dropped: the same by cause. late: the most ticks that
     a frame took. delivered_in, dropped_in: int64 (ticks,), over all links between robots. Of a direct radio sent is
@@ -88,7 +88,7 @@ class Run:
     mfow: NDArray[np.int64]
     fog_mean: NDArray[np.float64]
     seen: NDArray[np.int64]
-    links: Links
+    links: LinkTotals
     positions: int
     rejected: int
     standing: NDArray[np.uint8]
@@ -260,7 +260,7 @@ class _Rows:
         self.positions += len({source for source, _ in record.frames if source in self._index})
         self._delivered_in.append(sum(source in self._index for source, _, _ in record.deliveries))
         self._dropped_in.append(sum(source in self._index for source, _, _, _ in record.dropped))
-        tally(record, self._place, self._sent, self._delivered)
+        count_frames(record, self._place, self._sent, self._delivered)
         if record.deliveries:
             earliest = min(sent_at(sequence) for _, _, sequence in record.deliveries)
             self._late = max(self._late, record.k - earliest)
@@ -269,11 +269,11 @@ class _Rows:
                 self._dropped[cause] = np.zeros_like(self._delivered)
             self._dropped[cause][self._place[source], self._place[destination]] += 1
 
-    def links(self) -> Links:
+    def links(self) -> LinkTotals:
         delivered_in = np.array(self._delivered_in, dtype=np.int64)
         dropped_in = np.array(self._dropped_in, dtype=np.int64)
         dropped = dict(sorted(self._dropped.items()))
-        return Links(self._sent, self._delivered, dropped, self._late, delivered_in, dropped_in)
+        return LinkTotals(self._sent, self._delivered, dropped, self._late, delivered_in, dropped_in)
 
 
 def _standing(status: Sequence[Sequence[int]], index: Mapping[int, int], events: Sequence[Event]) -> NDArray[np.uint8]:

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from monitor.replay.beliefs import BeliefErrors, BeliefWatcher, exact_by_construction
+from monitor.observation.fault_bands import Band, bands_of
+from monitor.replay.belief_errors import BeliefErrors, BeliefWatcher, exact_by_construction
 from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.visits import VisitCounter, Visits
-from monitor.report.faultbands import Band, bands_of
 from patrol.errors import BadInput
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import Status

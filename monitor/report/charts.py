@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.beliefs import BeliefErrors
+from monitor.observation.fault_bands import Band, lanes
+from monitor.replay.belief_errors import BeliefErrors
 from monitor.replay.run import Run
-from monitor.report.faultbands import Band, lanes
 from monitor.report.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, plain
 from patrol.journal.records import DEAD_END, Status
 
@@ -55,9 +55,9 @@ _PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE,
 def mfow_chart(run: Run, bands: Sequence[Band]) -> Figure:
     """MFoW and mean fog over time, under the faults."""
     made, axes, rows = _with_lanes(run, bands, 3.4)
-    times, mfow = stretched(run.times, run.mfow.astype(np.float64) * run.step)
+    times, mfow = thinned(run.times, run.mfow.astype(np.float64) * run.step)
     axes.plot(times, mfow, color=ACCENT, label="MFoW (the stalest point)")
-    times, mean = stretched(run.times, run.fog_mean * run.step)
+    times, mean = thinned(run.times, run.fog_mean * run.step)
     axes.plot(times, mean, color=INK, linewidth=1.0, label="mean fog")
     bound = run.journal.header.bound_s
     if bound > 0.0:
@@ -241,9 +241,7 @@ def troubles_chart(run: Run) -> Figure:
     return made
 
 
-def stretched(
-    times: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def thinned(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A line with at most `MOST_POINTS`: the largest value of each stretch, where it was."""
     width = -(-len(values) // MOST_POINTS)
     if width <= 1:

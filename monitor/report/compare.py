@@ -10,8 +10,8 @@ import numpy as np
 from monitor.replay.run import Run
 from monitor.report import html
 from monitor.report.analysis import Analysis, measures, state_of, verdict_of
-from monitor.report.charts import WIDTH, stretched
-from monitor.report.mapcharts import fog_chart
+from monitor.report.charts import WIDTH, thinned
+from monitor.report.map_charts import fog_chart
 from monitor.report.style import Drawing, colour, draw, figure, plain
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
     runs = [analysis.run for analysis in analyses]
     names = names_of(runs)
     of = {figure.name: figure for figure in figures}
-    maps = [html.shown(figure, heading=True) for figure in figures if figure.name.startswith("fog-mean-")]
+    maps = [html.figure(figure, heading=True) for figure in figures if figure.name.startswith("fog-mean-")]
     columns = range(1, len(runs) + 1)
     differ = differences(runs)
     apart = [
@@ -106,7 +106,7 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
         for band in bands
     ]
     body = [
-        html.headline(f"{len(runs)} runs side by side"),
+        html.heading(f"{len(runs)} runs side by side"),
         html.text(" · ".join(names), "sub"),
         *(html.banner(line, bad=True) for line in apart),
         html.section("measures", "Measures", html.table(("", *names), rows_of(runs), numbers=columns)),
@@ -115,8 +115,8 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
             "Where the scenarios differ",
             html.table(("field", *names), differ) if differ else html.text("Nowhere: they are runs of one scenario."),
         ),
-        html.section("fog", "Fog", html.shown(of["mfow"]), html.shown(of["fog"])),
-        html.section("visits", "Time between visits", html.shown(of["gaps"])),
+        html.section("fog", "Fog", html.figure(of["mfow"]), html.figure(of["fog"])),
+        html.section("visits", "Time between visits", html.figure(of["gaps"])),
         html.section("maps", "Mean fog, on one scale", html.side_by_side(*maps)),
         html.section("faults", "Faults", html.table(heads, faults, (2, 3)) if faults else ""),
     ]
@@ -135,7 +135,7 @@ def _mfow(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
     axes = made.add_subplot()
     for place, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
         run = analysis.run
-        times, values = stretched(run.times, run.mfow.astype(np.float64) * run.step)
+        times, values = thinned(run.times, run.mfow.astype(np.float64) * run.step)
         axes.plot(times, values, color=colour(place), label=name)
     axes.set_ylabel("MFoW (s)")
     return _over_time(made)
@@ -146,7 +146,7 @@ def _fog(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
     axes = made.add_subplot()
     for place, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
         run = analysis.run
-        axes.plot(*stretched(run.times, run.fog_mean * run.step), color=colour(place), label=name)
+        axes.plot(*thinned(run.times, run.fog_mean * run.step), color=colour(place), label=name)
     axes.set_ylabel("mean fog (s)")
     return _over_time(made)
 

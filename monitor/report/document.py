@@ -16,10 +16,10 @@ from urllib.parse import quote
 
 import numpy as np
 
-from monitor.replay.beliefs import SAMPLES
+from monitor.replay.belief_errors import SAMPLES
 from monitor.replay.run import Run
-from monitor.replay.runfiles import RECORDING, REPORT, SCENARIO, check_out
-from monitor.report import charts, html, mapcharts
+from monitor.replay.run_files import RECORDING, REPORT, SCENARIO, check_out
+from monitor.report import charts, html, map_charts
 from monitor.report.analysis import Analysis, direct_of, measures, state_of, verdict_of
 from monitor.report.style import Drawing, draw
 from patrol.errors import BadInput
@@ -51,13 +51,13 @@ def drawings(analysis: Analysis) -> list[Drawing]:
             "fog-mean",
             "Mean fog",
             "Each point's time since it was last seen, mean over the run.",
-            lambda: mapcharts.fog_chart(terrain, visits.mean * step, counted, visits.never, "mean fog (s)"),
+            lambda: map_charts.fog_chart(terrain, visits.mean * step, counted, visits.never, "mean fog (s)"),
         ),
         draw(
             "fog-worst",
             "Worst fog",
             "The longest that each point waited; purple was never seen." if visits.never.any() else "The longest wait.",
-            lambda: mapcharts.fog_chart(
+            lambda: map_charts.fog_chart(
                 terrain, visits.worst.astype(np.float64) * step, counted, visits.never, "worst fog (s)"
             ),
         ),
@@ -71,7 +71,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
             "paths",
             "Paths",
             "Ring: where a robot began; dot: where it ended; cross: where it was lost.",
-            lambda: mapcharts.paths_chart(run),
+            lambda: map_charts.paths_chart(run),
         ),
     ]
     if len(run.names) > 1 and (run.links.delivered.any() or run.links.lost.any()):
@@ -107,26 +107,26 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
     ]
     sections = [
         html.section("verdict", "Verdict", _verdict(run)),
-        html.section("fog", "Fog", html.shown(of.get("mfow")), _pair(of, "fog-mean", "fog-worst")),
-        html.section("visits", "Time between visits", html.shown(of.get("gaps"))),
-        html.section("robots", "Robots", html.shown(of.get("states")), _robots(run), html.shown(of.get("troubles"))),
-        html.section("paths", "Paths", html.shown(of.get("paths"))),
-        html.section("links", "Radio", html.shown(of.get("links")), html.shown(of.get("radio")), _links(run)),
-        html.section("belief", "Belief error", _belief(analysis), html.shown(of.get("belief"))),
-        html.section("decisions", "Decision times", html.shown(of.get("decisions"))),
+        html.section("fog", "Fog", html.figure(of.get("mfow")), _pair(of, "fog-mean", "fog-worst")),
+        html.section("visits", "Time between visits", html.figure(of.get("gaps"))),
+        html.section("robots", "Robots", html.figure(of.get("states")), _robots(run), html.figure(of.get("troubles"))),
+        html.section("paths", "Paths", html.figure(of.get("paths"))),
+        html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), _links(run)),
+        html.section("belief", "Belief error", _belief(analysis), html.figure(of.get("belief"))),
+        html.section("decisions", "Decision times", html.figure(of.get("decisions"))),
         html.section("faults", "Faults", _faults(analysis)),
         html.section("events", "Events", _events(run)),
         html.section("scenario", "Scenario", _scenario(run)),
     ]
     body = [
-        html.headline(scenario.name, html.badge(*_outcome(run))),
+        html.heading(scenario.name, html.badge(*_outcome(run))),
         html.text(" · ".join(sub), "sub"),
         html.banner(why),
         html.banner(_mismatch(analysis), bad=True),
-        html.tiles((measure.text, measure.name, measure.note) for measure in measures(run)),
-        html.links(_contents(sections)),
+        html.boxes((measure.text, measure.name, measure.note) for measure in measures(run)),
+        html.navigation(_contents(sections)),
         *(part for part in sections if part),
-        html.section("files", "Files", html.links(_files(run.folder, beside or run.folder))),
+        html.section("files", "Files", html.navigation(_files(run.folder, beside or run.folder))),
     ]
     return html.page(f"{scenario.name}: fogwatch report", (part for part in body if part))
 
@@ -183,7 +183,7 @@ def _verdict(run: Run) -> str:
     if len(apart) > failed:
         counts.append(f"{len(apart) - failed} could not be judged")
     shown = html.table(heads, apart) if apart else ""
-    return html.text(f"{', '.join(counts)}.") + shown + html.folded("checks passed", html.table(heads, passed))
+    return html.text(f"{', '.join(counts)}.") + shown + html.details("checks passed", html.table(heads, passed))
 
 
 def _robots(run: Run) -> str:
@@ -200,7 +200,7 @@ def _robots(run: Run) -> str:
         )
     shown = html.table(heads, rows, numbers=range(2, 7))
     more = len(run.names) - MOST_ROBOTS
-    return html.folded("numbers", shown, html.text(f"and {more} more" if more > 0 else "", "note"))
+    return html.details("numbers", shown, html.text(f"and {more} more" if more > 0 else "", "note"))
 
 
 def _links(run: Run) -> str:
@@ -235,7 +235,7 @@ def _links(run: Run) -> str:
 def _every_link(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
     listed = html.table(heads, rows[:MOST_LINKS], numbers)
     more = f"and {len(rows) - MOST_LINKS} more links" if len(rows) > MOST_LINKS else ""
-    return html.folded("every link", listed, html.text(more, "note"))
+    return html.details("every link", listed, html.text(more, "note"))
 
 
 def _direct_links(run: Run) -> str:
@@ -276,7 +276,7 @@ def _belief(analysis: Analysis) -> str:
             continue
         rows.append((run.names[place], f"{np.nanmean(off):.2f}", f"{np.nanmax(off):.2f}"))
     table = html.table(("robot", "mean error s", f"most, of {SAMPLES} moments, s"), rows, numbers=(1, 2))
-    return html.text(f"{says}{some}.{keyless}", "note") + html.folded("numbers", table)
+    return html.text(f"{says}{some}.{keyless}", "note") + html.details("numbers", table)
 
 
 def _faults(analysis: Analysis) -> str:
@@ -310,7 +310,7 @@ def _events(run: Run) -> str:
         return ""
     listed = html.table(("s", "event", "robot", ""), rows, numbers=(0,))
     more = len(run.events) - MOST_EVENTS
-    return html.folded(f"{len(run.events)} events", listed, html.text(f"and {more} more" if more > 0 else "", "note"))
+    return html.details(f"{len(run.events)} events", listed, html.text(f"and {more} more" if more > 0 else "", "note"))
 
 
 def _scenario(run: Run) -> str:
@@ -321,7 +321,9 @@ def _scenario(run: Run) -> str:
     facts = [f"scenario hash {run.journal.header.scenario_hash}"]
     if run.journal.end is not None:
         facts.append(f"trace hash {run.journal.end.trace_hash}")
-    return html.folded("resolved, as it was run", html.listing(says)) + "".join(html.text(f, "note") for f in facts)
+    return html.details("resolved, as it was run", html.preformatted(says)) + "".join(
+        html.text(f, "note") for f in facts
+    )
 
 
 def _mismatch(analysis: Analysis) -> str:
@@ -336,7 +338,7 @@ def _mismatch(analysis: Analysis) -> str:
 
 
 def _pair(of: dict[str, Drawing], *names: str) -> str:
-    return html.side_by_side(*(html.shown(of.get(name), heading=True) for name in names))
+    return html.side_by_side(*(html.figure(of.get(name), heading=True) for name in names))
 
 
 def _contents(sections: Sequence[str]) -> list[tuple[str, str]]:

@@ -38,7 +38,7 @@ def section(name: str, heading: str, *content: str) -> str:
     return f'<section id="{escape(name)}">\n<h2>{escape(heading)}</h2>\n{inside}\n</section>' if inside else ""
 
 
-def headline(title: str, mark: Markup | None = None) -> str:
+def heading(title: str, mark: Markup | None = None) -> str:
     """The page's title, after a badge if there is one."""
     return f"<h1>{f'{mark} ' if mark else ''}{escape(title)}</h1>"
 
@@ -58,7 +58,7 @@ def badge(word: str, kind: str) -> Markup:
     return Markup(f'<span class="badge {escape(kind)}">{escape(word)}</span>')
 
 
-def tiles(items: Iterable[tuple[str, str, str]]) -> str:
+def boxes(items: Iterable[tuple[str, str, str]]) -> str:
     """(value, name, note) each in a box."""
     boxes = "".join(
         f'<div class="tile"><b>{escape(value)}</b>{escape(name)}<span>{escape(note)}</span></div>'
@@ -82,18 +82,18 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence
     return f'<div class="scroll"><table>\n<thead>{head}</thead>\n<tbody>\n{body}\n</tbody>\n</table></div>'
 
 
-def folded(summary: str, *content: str) -> str:
+def details(summary: str, *content: str) -> str:
     """What is shown when asked for."""
     inside = "\n".join(content)
     return f"<details><summary>{escape(summary)}</summary>\n{inside}\n</details>"
 
 
-def listing(says: str) -> str:
+def preformatted(says: str) -> str:
     """Text as it is."""
     return f"<pre>{escape(says)}</pre>"
 
 
-def shown(drawing: Drawing | None, heading: bool = False) -> str:
+def figure(drawing: Drawing | None, heading: bool = False) -> str:
     """A figure with its caption."""
     if drawing is None:
         return ""
@@ -107,7 +107,7 @@ def side_by_side(*content: str) -> str:
     return f'<div class="pair">{inside}</div>' if inside else ""
 
 
-def links(items: Iterable[tuple[str, str]]) -> str:
+def navigation(items: Iterable[tuple[str, str]]) -> str:
     """(target, text): places on the page, or files beside it."""
     return f"<nav>{' '.join(f'<a href={chr(34)}{escape(to)}{chr(34)}>{escape(says)}</a>' for to, says in items)}</nav>"
 

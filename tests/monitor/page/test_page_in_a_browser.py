@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from monitor.replay.linklog import LinkLog
-from monitor.replay.past_beliefs import Hindsight
+from monitor.replay.link_log import LinkLog
+from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
 from tests.browser import Look, browser_or_skip, looking
-from tests.monitor.live.test_feed_source import Told
+from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
 
 if TYPE_CHECKING:
@@ -179,9 +179,9 @@ def test_links_that_take_a_while_to_read_come_by_themselves(
 def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
     chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    known, last_seen = threading.Event(), Hindsight.last_seen
+    known, last_seen = threading.Event(), PastBeliefs.last_seen
     monkeypatch.setattr(
-        Hindsight, "last_seen", lambda one, number, k: last_seen(one, number, k) if known.is_set() else None
+        PastBeliefs, "last_seen", lambda one, number, k: last_seen(one, number, k) if known.is_set() else None
     )
     caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
     with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
@@ -202,7 +202,7 @@ def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
 
 
 def test_a_run_that_is_over_stays_over_when_its_page_ends(chromium: Any, faulty: Seen) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         wire.send(10_000)
         look.until("document.getElementById('mode').textContent === 'over: completed'")

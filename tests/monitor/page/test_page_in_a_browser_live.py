@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from monitor.live.follow import Followers
-from monitor.source import Answer
+from monitor.live.fog_tracker import FogTrackers
+from monitor.observation.source import Answer
 from patrol.net.feed import Batch
 from tests.browser import PATIENCE_S, Look, browser_or_skip, looking
-from tests.monitor.live.test_feed_source import Told
+from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def text_of(look: Look, name: str) -> str:
 
 
 def test_who_comes_late_sees_what_is_not_known_as_that(chromium: Any, quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     wire.number = 61
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
@@ -48,7 +48,7 @@ def test_who_comes_late_sees_what_is_not_known_as_that(chromium: Any, quiet: See
 
 
 def test_what_was_before_has_a_colour_where_it_hardly_matters(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         drawn = look.evaluate(
             """async () => {
@@ -70,7 +70,7 @@ def test_what_was_before_has_a_colour_where_it_hardly_matters(chromium: Any, qui
         assert drawn[place] == [vague, True, False]
 
 
-class Slow(Told):
+class Slow(FakeFeed):
     """A wire whose world answers when it is told to."""
 
     def __init__(self, seen: Seen) -> None:
@@ -78,8 +78,8 @@ class Slow(Told):
         self.came = threading.Semaphore(0)
         self.may_answer = threading.Semaphore(0)
 
-    def ask(self, control: Mapping[str, Any]) -> Answer:
-        answer = super().ask(control)
+    def control(self, control: Mapping[str, Any]) -> Answer:
+        answer = super().control(control)
         self.came.release()
         assert self.may_answer.acquire(timeout=PATIENCE_S)
         return answer
@@ -129,7 +129,7 @@ def test_there_is_one_loss_at_a_time_and_no_gap_however_slowly_a_world_answers(c
 
 
 def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.plain) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.plain) as look:
         look.until("document.body.dataset.frames > 0")
         asked = look.evaluate(
             """async () => {
@@ -162,7 +162,7 @@ def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromi
 
 
 def test_of_a_direct_radio_the_page_says_what_nobody_knows(chromium: Any, direct: Seen) -> None:
-    wire = Told(direct)
+    wire = FakeFeed(direct)
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         look.page.click("#tab-links")
@@ -178,7 +178,7 @@ def test_of_a_direct_radio_the_page_says_what_nobody_knows(chromium: Any, direct
 
 
 def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         count, newest, stalest, most = look.evaluate(
             """async () => {
@@ -203,7 +203,7 @@ def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) ->
 
 
 def test_a_fog_and_its_state_change_together_but_for_a_little_lag(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         strict, lax = look.evaluate(
             """async () => {
@@ -227,7 +227,7 @@ def test_a_fog_and_its_state_change_together_but_for_a_little_lag(chromium: Any,
 
 
 def test_a_belief_that_lags_is_held_against_the_truth_of_its_own_tick(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         drawn = look.evaluate(
             """async () => {
@@ -244,7 +244,7 @@ def test_a_belief_that_lags_is_held_against_the_truth_of_its_own_tick(chromium: 
 
 
 def test_a_map_with_more_points_than_the_screen_has_pixels_is_drawn_from_some(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         size, walls, seen = look.evaluate(
             """async () => {
@@ -267,7 +267,7 @@ def test_a_map_with_more_points_than_the_screen_has_pixels_is_drawn_from_some(ch
     assert seen == [False, True, True]
 
 
-class Timed(Told):
+class Timed(FakeFeed):
     """A wire on which time goes by also where nobody waits."""
 
     def batch(self, timeout_s: float) -> Batch | None:
@@ -276,18 +276,18 @@ class Timed(Told):
 
 
 def test_a_belief_that_lags_is_shown_and_says_so(chromium: Any, quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
-    behind, catch_up = threading.Event(), Followers.catch_up
+    behind, catch_up = threading.Event(), FogTrackers.catch_up
 
-    def lagging(followers: Followers, over: Callable[[], bool]) -> None:
+    def lagging(followers: FogTrackers, over: Callable[[], bool]) -> None:
         """Up to four ticks behind, if so."""
 
         def enough() -> bool:
-            return behind.is_set() and any(one.late == 4 for one in followers._all.values())
+            return behind.is_set() and any(one.late == 4 for one in followers._by_layer.values())
 
         if not enough():
             catch_up(followers, lambda: over() or enough())
 
-    monkeypatch.setattr(Followers, "catch_up", lagging)
+    monkeypatch.setattr(FogTrackers, "catch_up", lagging)
     wire = Timed(quiet)
     caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:

@@ -18,10 +18,8 @@ from monitor.report.charts import troubles_chart
 from monitor.report.compare import compare_html, differences, names_of, rows_of
 from monitor.report.compare import drawings as drawings_of_several
 from monitor.report.document import drawings, report_html, write_page, write_report
-from monitor.report.faultbands import bands_of, lanes
 from monitor.report.style import draw
 from patrol.errors import BadInput
-from patrol.journal.records import Event
 
 SECTIONS = ("verdict", "fog", "visits", "robots", "paths", "links", "belief", "decisions", "scenario", "files")
 
@@ -190,29 +188,6 @@ def test_runs_side_by_side(quiet: Any, faulty: Any, hazy: Any) -> None:
     assert page.count("<svg") == len(made) == 6
     assert sections(page) == ["measures", "scenario", "fog", "visits", "maps", "faults"]
     assert all(name in page for name in names)
-
-
-def test_bands_last_from_their_beginning_to_their_end() -> None:
-    events = [
-        Event(2, "fault", None, "f1 loss begins: all to all, rate 0.5"),
-        Event(4, "fault", None, "f2 kill happens: r1"),
-        Event(4, "dead", 1, "f2 kill"),
-        Event(6, "fault", None, "f1 loss ends"),
-        Event(8, "fault", None, "f3 delay begins: all to all"),
-        Event(9, "lost", 2, "its process ended"),
-        Event(9, "fault", None, "who knows"),
-    ]
-    bands = bands_of(events, 0.5, 10.0)
-    assert [(band.id, band.kind, band.begin, band.end) for band in bands] == [
-        ("f1", "loss", 1.0, 3.0),
-        ("f2", "kill", 2.0, 2.0),
-        ("f3", "delay", 4.0, 10.0),
-        ("", "lost", 4.5, 4.5),
-    ]
-    assert [band.lasts for band in bands] == [True, False, True, False]
-    assert bands[0].text == "all to all, rate 0.5"
-    assert [name for name, _ in lanes(bands, 8)] == ["f1 loss", "f2 kill", "f3 delay", "lost"]
-    assert [name for name, _ in lanes(bands[:1] * 2 + bands[1:], 3)] == ["loss", "kill", "delay", "lost"]
 
 
 def test_no_collision_is_drawn_as_none_of_one(quiet: Any) -> None:

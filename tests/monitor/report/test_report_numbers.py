@@ -15,18 +15,18 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from monitor.recording.writer import Recorder
+from monitor.recording.run_recorder import Recorder
 from monitor.replay.replay import play
 from monitor.replay.run import Run, open_run
 from monitor.report.analysis import analyse, measures
 from monitor.report.charts import gaps_chart, radio_chart, troubles_chart
 from monitor.report.document import report_html
-from monitor.report.mapcharts import paths_chart
+from monitor.report.map_charts import paths_chart
 from patrol.journal.records import TickRecord
 from patrol.scenario.faults.kinds import KINDS
 from tests.monitor.conftest import QUIET, run_of
-from tests.monitor.recording.test_writer import decoded
-from tests.monitor.retold import retold
+from tests.monitor.recording.test_run_recorder import decoded
+from tests.monitor.rewritten import rewritten
 
 ALL_KINDS: list[dict[str, Any]] = [
     {"kind": "loss", "rate": 0.3, "at": 1, "for": 30},
@@ -60,7 +60,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     scenario = {**QUIET, "name": "troubled", "robots": robots, "faults": ALL_KINDS}
     whole = run_of(tmp_path_factory.mktemp("whole"), scenario)
     folder = tmp_path_factory.mktemp("troubled") / "run"
-    return open_run(retold(whole, folder, lambda record: record if record.k < LAST else None))
+    return open_run(rewritten(whole, folder, lambda record: record if record.k < LAST else None))
 
 
 def rows(page: str, section: str, number: int = 0) -> dict[str, list[str]]:
@@ -163,7 +163,7 @@ def test_dead_ends_are_a_share_of_decisions_as_in_the_summary(quiet: Any, tmp_pa
         ]
         return replace(record, robots=tuple(robots))
 
-    run = open_run(retold(quiet, tmp_path / "missed", missed))
+    run = open_run(rewritten(quiet, tmp_path / "missed", missed))
     assert run.summary is not None
     assert [facts["dead_end_share"] for facts in run.summary["robots"].values()] == [0.5, 0.5, 0.5]
     assert [row[3] for row in rows(report_html(analyse(run), ()), "robots").values()] == ["50.0"] * 3
@@ -209,7 +209,7 @@ def test_of_a_direct_radio_a_report_says_what_robots_said_and_nothing_of_beliefs
 
     scenario = {**QUIET, "pace": 1.0, "radio": {"via": "direct"}}
     notes = {"direct": {"said": SAID, "missed": {"r1": 0, "r2": 0, "r3": 0}}}
-    folder = retold(quiet, tmp_path / "direct", direct, scenario, notes)
+    folder = rewritten(quiet, tmp_path / "direct", direct, scenario, notes)
     run = open_run(folder)
     assert run.summary is not None
     analysis = analyse(run)

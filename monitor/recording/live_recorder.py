@@ -1,4 +1,4 @@
-"""A recording of a fleet that is running, from what a page would show of it: topics as in `monitor.recording.writer`.
+"""A recording of a fleet that is running, from what a page would show of it: topics as in `monitor.recording.run_recorder`.
 
 Each state that the source tells is written as it comes. Of robots without a world that is every tick, and what is
 known is where they say that they are. A world's feed tells of about twenty moments a second; MFoW and mean fog are of
@@ -15,11 +15,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from monitor.observation.source import Source, State
 from monitor.recording import ros_messages as ros
 from monitor.recording.ros_file import RosFile
-from monitor.recording.writer import KEY_FRAME_S, THERE, grid_values, tokens_of, wall_values
-from monitor.replay.runfiles import SCENARIO
-from monitor.source import Source, State
+from monitor.recording.run_recorder import KEY_FRAME_S, WITH_BODY, grid_values, ros_names, wall_values
+from monitor.replay.run_files import SCENARIO
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.journal.records import Status
@@ -45,9 +45,9 @@ class LiveRecorder:
         self._source = source
         self._static = static
         self._out = out
-        self._tokens = tokens_of([robot.name for robot in static.robots])
-        self._names = {robot.number: token for robot, token in zip(static.robots, self._tokens, strict=True)}
-        self._bodies = THERE if static.has_truth else (Status.ALIVE,)
+        self._ros_names = ros_names([robot.name for robot in static.robots])
+        self._names = {robot.number: token for robot, token in zip(static.robots, self._ros_names, strict=True)}
+        self._bodies = WITH_BODY if static.has_truth else (Status.ALIVE,)
         self._every = max(1, round(KEY_FRAME_S / static.step))
         self._scale_s = LEAST_SCALE_S
         self._begun = False
@@ -126,7 +126,7 @@ class LiveRecorder:
     def _robots(self, state: State, at: int) -> None:
         self._shown = state.k
         bodies = []
-        for token, robot in zip(self._tokens, state.robots, strict=True):
+        for token, robot in zip(self._ros_names, state.robots, strict=True):
             if robot.decision_ms is not None:
                 self._file.number(f"/{token}/decision_ms", robot.decision_ms, at)
             if robot.pose is not None and robot.status in self._bodies:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from monitor.recording import ros_messages as ros
 from monitor.recording.ros_file import RosFile
 from monitor.replay.run import Run
-from monitor.replay.runfiles import RECORDING, SCENARIO, check_out
+from monitor.replay.run_files import RECORDING, SCENARIO, check_out
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
@@ -45,7 +45,7 @@ GRID_MEMORY = 2 << 30
 CHUNK = 1 << 15
 """Bytes of a chunk, before compression: what a file that was cut off anywhere loses at most."""
 
-THERE = (Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST)
+WITH_BODY = (Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST)
 """Standings of robots whose bodies are on the terrain."""
 
 
@@ -70,7 +70,7 @@ class Recorder:
         self._part = out.with_name(f"{out.name}.part")
         self._file = RosFile(self._part, out, chunk=CHUNK)
         self._ros = self._file.encoder
-        self._tokens = tokens_of(run.names)
+        self._ros_names = ros_names(run.names)
         self._scale_s = scale_of(run)
         self._every = key_frame_ticks(run)
         self._counted = run.prepared.patrolled
@@ -90,11 +90,11 @@ class Recorder:
             values = grid_values(fog, k, self._scale_s / run.step)
             self._file.write("/fog", ros.GRID, self._ros.grid(at, *self._place(), values), at)
         bodies = []
-        for place, token in enumerate(self._tokens):
+        for place, token in enumerate(self._ros_names):
             decision_ms = float(run.decision_ms[k, place])
             if not math.isnan(decision_ms):
                 self._file.number(f"/{token}/decision_ms", decision_ms, at)
-            if run.status[k, place] in THERE:
+            if run.status[k, place] in WITH_BODY:
                 x, y, heading = run.poses[k, place].tolist()
                 bodies.append((token, x, y, heading))
                 self._file.write(f"/{token}/pose", ros.POSE, self._ros.pose(at, x, y, heading), at)
@@ -160,7 +160,7 @@ class Recorder:
 
     def _log(self, event: Event) -> None:
         place = None if event.robot is None else self._run.index.get(event.robot)
-        name = "run" if place is None else self._tokens[place]
+        name = "run" if place is None else self._ros_names[place]
         self._file.event(event.kind, name, event.detail, self._ns(event.k))
 
 
@@ -189,7 +189,7 @@ def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
     return shown
 
 
-def tokens_of(names: Sequence[str]) -> list[str]:
+def ros_names(names: Sequence[str]) -> list[str]:
     """Names as ROS takes them in topics, told apart, and from `NOT_ROBOTS`."""
     tokens: list[str] = []
     for name in names:

@@ -7,29 +7,26 @@ dilatation. Where every frame arrives in its own tick, and robots know where the
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observer import Listener, as_sent
+from monitor.observation.frames import MIND_ENDS, frames_of, own_pose
+from monitor.observation.listener import Listener
 from monitor.replay.run import Run
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
-from patrol.journal.records import Status, TickRecord, frame_sequence, sent_at
+from patrol.journal.records import Status, TickRecord, sent_at
 from patrol.pose import Pose
 from patrol.radio.inbox import inbox_of
-from patrol.radio.message import Rejected, decode
 
 SAMPLES = 200
 """Ticks at which beliefs are held against the truth, evenly over the run."""
 
 WORK = 400_000
 """Footprints taken in for beliefs, at most; a fleet for which that is too few is told by some of its robots."""
-
-GONE = frozenset({"dead", "lost", "left"})
-"""Events at which a robot's mind ends; one that comes back knows nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +89,7 @@ class BeliefWatcher:
         self._past: deque[dict[tuple[int, int], bytes]] = deque(maxlen=run.links.late + 1)
         self._fresh: dict[int, set[int]] = defaultdict(set)
         for event in run.events:
-            if event.robot is not None and event.kind in GONE:
+            if event.robot is not None and event.kind in MIND_ENDS:
                 self._fresh[event.k].add(event.robot)
         self._sampled = set(np.unique(np.linspace(0, run.ticks - 1, SAMPLES).astype(np.int64)).tolist())
         self._ticks: list[int] = []
@@ -149,14 +146,8 @@ class BeliefWatcher:
         return self._alive(k, number) and before not in (Status.ALIVE, Status.PAUSED)
 
     def _own(self, k: int, number: int) -> Pose:
-        """Where the robot took itself to be, by the position it sent; its true pose when it sent none."""
-        frame = self._past[-1].get((number, frame_sequence(k, 0)))
-        try:
-            if frame is not None and (position := decode(frame)).robot == number:
-                return position.pose
-        except Rejected:
-            pass
-        return as_sent(number, Pose(*self._run.poses[k, self._run.index[number]].tolist()))
+        true = Pose(*self._run.poses[k, self._run.index[number]].tolist())
+        return own_pose(k, number, self._past[-1], true)
 
     def _deliveries(self, record: TickRecord) -> dict[int, list[bytes]]:
         """By receiver, the frames that reach it in this tick, in the order of arrival."""
@@ -188,15 +179,3 @@ class BeliefWatcher:
         self._ticks.append(k)
         self._mean.append(means)
         self._mfow.append(mfows)
-
-
-def frames_of(record: TickRecord) -> dict[tuple[int, int], bytes]:
-    """A tick's frames by (source, sequence)."""
-    return dict(_numbered(record.k, record.frames))
-
-
-def _numbered(k: int, frames: Iterable[tuple[int, bytes]]) -> Iterable[tuple[tuple[int, int], bytes]]:
-    places: dict[int, int] = defaultdict(int)
-    for source, frame in frames:
-        yield (source, frame_sequence(k, places[source])), frame
-        places[source] += 1

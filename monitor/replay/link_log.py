@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.observation.frames import count_frames
+from monitor.observation.source import LinkCounts
 from monitor.replay.run import Run
-from monitor.source import Links
-from monitor.tally import tally
 
 BUDGET_S = 0.02
 """Wall time that is given at once to reading the journal."""
@@ -26,7 +26,7 @@ _Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 
 class LinkLog:
-    """Links at any tick, counted by `monitor.tally`; forged frames do not count."""
+    """LinkCounts at any tick, counted by `monitor.observation.frames`; forged frames do not count."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
         self._run = run
@@ -42,9 +42,9 @@ class LinkLog:
         zeros = np.zeros((side, side), dtype=np.int64)
         self._counts: list[_Counts] = [(zeros, zeros, zeros - 1)]
 
-    def at(self, k: int) -> Links | None:
+    def at(self, k: int) -> LinkCounts | None:
         """Up to tick k; None as long as the journal is not read that far (`reach`)."""
-        return Links(*self._after(k)) if self.reach(k) else None
+        return LinkCounts(*self._after(k)) if self.reach(k) else None
 
     def reach(self, k: int) -> bool:
         """Read on for `BUDGET_S` at most; whether the journal is read up to tick k."""
@@ -80,7 +80,7 @@ class LinkLog:
         if record is None:
             return False
         counts = np.zeros(self._shape, dtype=np.uint16)
-        tally(record, self._run.index, *counts)
+        count_frames(record, self._run.index, *counts)
         self._open.append(counts)
         self._ticks += 1
         if len(self._open) == _APART:
