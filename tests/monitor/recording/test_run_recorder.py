@@ -203,7 +203,7 @@ def test_a_recording_that_was_cut_off_is_saved(faulty: Any, tmp_path: Path, shar
     assert again.messages == contents.messages
     assert again.facts == contents.facts
     assert len(decoded(saved)["/mfow"]) == contents.messages["/mfow"] > 0
-    with pytest.raises(BadInput, match="is there already"):
+    with pytest.raises(BadInput, match="exists already"):
         inspect_recording(torn, saved)
 
 
@@ -243,7 +243,7 @@ def test_foreign_files_are_refused(quiet: Any, tmp_path: Path) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
     for path, words in (
         (foreign, "not one of fogwatch"),
-        (quiet.folder / "journal", "is no MCAP file"),
+        (quiet.folder / "journal", "is not an MCAP file"),
         (tmp_path / "none.mcap", "cannot be read"),
     ):
         with pytest.raises(BadInput, match=words):
@@ -251,5 +251,5 @@ def test_foreign_files_are_refused(quiet: Any, tmp_path: Path) -> None:
     assert not (tmp_path / "saved.mcap").exists()
     empty = tmp_path / "empty.mcap"
     empty.write_bytes(b"")
-    with pytest.raises(BadInput, match="no MCAP file"):
+    with pytest.raises(BadInput, match="is not an MCAP file"):
         inspect_recording(empty)
