@@ -97,7 +97,7 @@ def test_a_quiet_run_has_no_faults_and_no_error(quiet: Any) -> None:
     analysis = analyse(quiet.open())
     page = report_html(analysis, drawings(analysis))
     assert sections(page) == list(SECTIONS)
-    assert "what each believed was the truth" in page
+    assert "so every belief was exact" in page
     assert ">valid</span>" in page
 
 
@@ -139,7 +139,7 @@ def test_a_changed_scenario_is_told(quiet: Any, copied: Callable[..., Path]) -> 
     (folder / "scenario.yaml").write_text(text.replace("range: 10.0", "range: 9.0"), encoding="utf-8")
     analysis = analyse(open_run(folder))
     assert analysis.wrong_from == 0
-    assert "is not the one that the run measured" in report_html(analysis, ())
+    assert "differs from the one measured during the run" in report_html(analysis, ())
 
 
 @pytest.mark.parametrize(
