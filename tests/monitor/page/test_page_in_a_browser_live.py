@@ -43,8 +43,8 @@ def test_who_comes_late_sees_what_is_not_known_as_that(chromium: Any, quiet: See
         for fog in ("-1", "2", "d2"):
             look.page.select_option("#layer", fog)
             look.page.hover("#canvas", position=MIDDLE)
-            look.until("document.getElementById('legendtext').textContent.endsWith('striped: not known')")
-            look.until("document.getElementById('tip').textContent.includes('s at least; known from 30 s on')")
+            look.until("document.getElementById('legendtext').textContent.endsWith('striped: unknown')")
+            look.until("document.getElementById('tip').textContent.includes(' s (known since 30 s)')")
 
 
 def test_what_was_before_has_a_colour_where_it_hardly_matters(chromium: Any, quiet: Seen) -> None:
@@ -133,16 +133,17 @@ def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromi
         look.until("document.body.dataset.frames > 0")
         asked = look.evaluate(
             """async () => {
-                const { Controls } = await import('/controls.js');
+                const { FaultsPanel } = await import('/panel_faults.js');
                 const loss = document.getElementById('loss'), asked = [];
                 const facts = { live: true, controls: [], robots: [] };
                 const told = { robots: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
                 let state = null, looks = 0;
                 const store = { facts, get state() { looks++; return state; } };
-                const controls = new Controls(store, (control) => {
+                const operate = (control) => {
                     asked.push([control.fault.rate, control.instead]);
-                    return Promise.resolve({ done: true, text: '' });
-                }, {});
+                    return Promise.resolve(true);
+                };
+                const panel = new FaultsPanel({ store, map: { selected: -1 }, operate });
                 const slide = (share) => { loss.value = share; loss.dispatchEvent(new Event('input')); };
                 const turn = () => new Promise((done) => setTimeout(done, 10));
                 const until = async (met) => { for (let i = 0; i < 1000 && !met(); i++) await turn(); };
@@ -150,7 +151,7 @@ def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromi
                 await until(() => looks > 0);
                 await turn();
                 state = told;
-                controls.renew();
+                panel.update('state');
                 await until(() => asked.length === 1);
                 await turn();
                 slide(40);
@@ -187,7 +188,7 @@ def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) ->
                 const told = (from, to) => {
                     const k = Array.from({ length: to - from }, (_, i) => from + i);
                     const falling = (one) => (one === 1234 ? 99 : 50 - (one % 50));
-                    store.take({ type: 'series', k, mfow: k.map(falling), mean: k });
+                    store.receive({ type: 'series', k, mfow: k.map(falling), mean: k });
                     newest &&= store.series.k.at(-1) === to - 1;
                 };
                 let newest = true;
@@ -211,11 +212,11 @@ def test_a_fog_and_its_state_change_together_but_for_a_little_lag(chromium: Any,
                 return [0, 2].map((late) => {
                     const store = new Store(() => {}), seen = [];
                     const look = () => seen.push(store.fog(3)?.tick ?? null);
-                    store.take({ type: 'static', width: 4, height: 4, side: 64, live: false, late });
+                    store.receive({ type: 'static', width: 4, height: 4, side: 64, live: false, late });
                     for (const [tick, k] of [[4, 4], [5, 5], [5, 7], [5, 8], [9, 9], [9, 2]]) {
                         store.unpack(Int32Array.of(3, tick, 0, 0, 0).buffer);
                         look();
-                        store.take({ type: 'state', k, robots: [] });
+                        store.receive({ type: 'state', k, robots: [] });
                         look();
                     }
                     return seen;
@@ -300,4 +301,4 @@ def test_a_belief_that_lags_is_shown_and_says_so(chromium: Any, quiet: Seen, mon
         wire.send(60)
         look.until(f"{caption} === 'seconds since last seen, as of 2.0 s ago' && /as of 2.0 s ago.$/.test({tip})")
         look.page.select_option("#layer", "d2")
-        look.until(f"{caption} === 's believed younger or older, as of 2.0 s ago; striped: not known'")
+        look.until(f"{caption} === 'believed minus true age (s), as of 2.0 s ago; striped: unknown'")

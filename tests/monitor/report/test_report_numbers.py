@@ -105,11 +105,7 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
         by_kind[cause.partition(":")[0]] += int(frames)
     assert +by_kind == messages["dropped_by_cause"]
     listed = rows(page, "links", 1)
-    linked = {
-        f"{source} to {to}": facts
-        for source, links in summary["links"].items()
-        for to, facts in links.items()
-    }
+    linked = {f"{source} to {to}": facts for source, links in summary["links"].items() for to, facts in links.items()}
     assert set(listed) == set(linked)
     for link, (_, _, sent, delivered, flying, share, _) in listed.items():
         facts = linked[link]
