@@ -258,7 +258,7 @@ def _links(run: Run) -> str:
         says.append(f"{flying} were still in flight at the end.")
     late = f"The largest delay was {run.links.late * run.step:g} s."
     says += [late if run.links.late else "All arrived in the tick in which they were sent."]
-    says.append(f"Robots rejected {run.rejected}.")
+    says.append(f"Robots rejected {run.rejected} frames.")
     causes = [(why, *(str(int(of.sum())) for of in (c[1:], c[0]))) for why, c in run.links.dropped.items()]
     parts = [html.text(" ".join(says))]
     if causes:

@@ -97,7 +97,7 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
     for words in (
         f"{messages['delivered']} of {messages['sent']} frames were delivered",
         f"{messages['in_flight']} were still in flight at the end",
-        f"Robots rejected {messages['rejected']}.",
+        f"Robots rejected {messages['rejected']} frames.",
     ):
         assert words in page
     by_kind: Counter[str] = Counter()
