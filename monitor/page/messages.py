@@ -119,7 +119,15 @@ def trail_message(first: int, trail: NDArray[np.float64]) -> str:
 
 
 def links_message(links: LinkCounts, k: int) -> str:
-    """Frame counts by link at tick k, as flat lists, row by row (sender by receiver)."""
+    """Frame counts by link.
+
+    Args:
+        links: The counts.
+        k: Their tick.
+
+    Returns:
+        JSON; each kind of count is a flat list, row by row (sender by receiver).
+    """
     return _json(
         {
             "type": "links",

@@ -59,6 +59,15 @@ class Server:
     """
 
     def __init__(self, hub: Hub, authorisation: Authorisation) -> None:
+        """Find the static files.
+
+        Args:
+            hub: The hub; started and closed by the caller.
+            authorisation: Who may view and control.
+
+        Raises:
+            BadInput: plotly is not installed.
+        """
         self._hub = hub
         self._authorisation = authorisation
         self._viewers = 0

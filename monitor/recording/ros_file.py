@@ -59,7 +59,13 @@ class RosFile:
         self._writer.add_metadata(METADATA, dict(facts))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Attach a file."""
+        """Attach a file.
+
+        Args:
+            name: Its name.
+            media_type: Its MIME type.
+            data: Its content.
+        """
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def write(self, topic: str, kind: str, data: bytes, at: int) -> None:
@@ -82,11 +88,24 @@ class RosFile:
         self._writer.add_message(channel, at, data, at, sequence)
 
     def number(self, topic: str, value: float, at: int) -> None:
-        """Write a std_msgs/Float64."""
+        """Write a std_msgs/Float64.
+
+        Args:
+            topic: Its topic.
+            value: The number.
+            at: Time, ns.
+        """
         self.write(topic, ros.NUMBER, self.encoder.number(value), at)
 
     def log(self, name: str, text: str, at: int, level: int = ros.INFO) -> None:
-        """Write a line of the log /rosout."""
+        """Write a line of the log /rosout.
+
+        Args:
+            name: Name of the logger.
+            text: The line.
+            at: Time, ns.
+            level: One of the levels in `monitor.recording.ros_messages`.
+        """
         self.write("/rosout", ros.LOG, self.encoder.log(at, level, name, text), at)
 
     def event(self, kind: str, name: str, detail: str, at: int) -> None:

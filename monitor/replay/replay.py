@@ -86,7 +86,16 @@ def _as_measured(run: Run, k: int, fog: Fog) -> bool:
 
 
 def views_at(run: Run, k: int, footprint: Footprint) -> list[View]:
-    """The true footprint of each robot that takes part in tick k, in roster order."""
+    """The true footprints in a tick.
+
+    Args:
+        run: The run.
+        k: The tick.
+        footprint: The sensor's footprint on the terrain.
+
+    Returns:
+        A footprint for each robot that takes part in the tick, in roster order.
+    """
     return [footprint.visible(as_sent(number, pose)) for number, pose in run.alive(k)]
 
 

@@ -53,7 +53,12 @@ _PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE,
 
 
 def mfow_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """MFoW and mean fog over time, below the faults."""
+    """MFoW and mean fog over time, below the faults.
+
+    Args:
+        run: The run.
+        bands: Its faults.
+    """
     made, axes, rows = _with_lanes(run, bands, 3.4)
     times, mfow = thinned(run.times, run.mfow.astype(np.float64) * run.step)
     axes.plot(times, mfow, color=ACCENT, label="MFoW (age of the stalest point)")
@@ -69,7 +74,13 @@ def mfow_chart(run: Run, bands: Sequence[Band]) -> Figure:
 
 
 def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figure:
-    """Mean difference between each robot's believed fog and the true one over time, below the faults."""
+    """Mean difference between each robot's believed fog and the true one over time, below the faults.
+
+    Args:
+        run: The run.
+        errors: The differences.
+        bands: Its faults.
+    """
     made, axes, rows = _with_lanes(run, bands, 2.7)
     times = errors.ticks * run.step
     for column, place in enumerate(errors.robots):
@@ -82,7 +93,12 @@ def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figur
 
 
 def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """The delivered share of the robots' frames over time, below the faults."""
+    """The delivered share of the robots' frames over time, below the faults.
+
+    Args:
+        run: The run.
+        bands: Its faults.
+    """
     made, axes, _ = _with_lanes(run, bands, 2.2)
     width = max(1, run.ticks // 240)
     delivered, dropped = (_summed(counts, width) for counts in (run.links.delivered_in, run.links.dropped_in))
@@ -95,7 +111,12 @@ def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
 
 
 def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """The state of each robot in each tick, and its cancelled moves."""
+    """The state of each robot in each tick, and its cancelled moves.
+
+    Args:
+        run: The run.
+        bands: Its faults.
+    """
     from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch

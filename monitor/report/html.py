@@ -50,22 +50,42 @@ def section(name: str, heading: str, *content: str) -> str:
 
 
 def main_heading(title: str, mark: Markup | None = None) -> str:
-    """The heading of the document, after a badge if there is one."""
+    """The heading of the document.
+
+    Args:
+        title: Its text.
+        mark: A badge before it; None for none.
+    """
     return f"<h1>{f'{mark} ' if mark else ''}{escape(title)}</h1>"
 
 
 def text(says: str, kind: str = "") -> str:
-    """A paragraph; nothing without text."""
+    """A paragraph; nothing without text.
+
+    Args:
+        says: The text.
+        kind: Its CSS class.
+    """
     return f"<p{_class(kind)}>{escape(says)}</p>" if says else ""
 
 
 def banner(says: str, bad: bool = False) -> str:
-    """A highlighted message; nothing without text."""
+    """A highlighted message; nothing without text.
+
+    Args:
+        says: The text.
+        bad: Whether it reports a problem.
+    """
     return f'<div class="banner{" bad" if bad else ""}">{escape(says)}</div>' if says else ""
 
 
 def badge(word: str, kind: str) -> Markup:
-    """A word in a frame, of a CSS class."""
+    """A word in a frame.
+
+    Args:
+        word: The word.
+        kind: Its CSS class.
+    """
     return Markup(f'<span class="badge {escape(kind)}">{escape(word)}</span>')
 
 
@@ -111,7 +131,12 @@ def preformatted(says: str) -> str:
 
 
 def figure(drawing: Drawing | None, heading: bool = False) -> str:
-    """A figure with its caption, and with its heading if wanted; nothing without a drawing."""
+    """A figure with its caption; nothing without a drawing.
+
+    Args:
+        drawing: The figure.
+        heading: Whether to add its heading.
+    """
     if drawing is None:
         return ""
     above = f"<b>{escape(drawing.heading)}.</b> " if heading else ""
