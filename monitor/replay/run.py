@@ -90,7 +90,7 @@ class Run:
         links: Frames by directed link.
         positions: Number of frames with the sender's own position, over all ticks.
         rejected: Number of frames that robots report as rejected.
-        standing: uint8 (n,), status at the end, including events after the last tick.
+        final_status: uint8 (n,), status at the end, including events after the last tick.
         events: All events.
         ended: How the run ended; None for a journal without an end.
         truncated: Whether the journal ends within a record.
@@ -115,7 +115,7 @@ class Run:
     links: LinkTotals
     positions: int
     rejected: int
-    standing: NDArray[np.uint8]
+    final_status: NDArray[np.uint8]
     events: tuple[Event, ...]
     ended: str | None
     truncated: bool
@@ -245,7 +245,7 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
         links=rows.links(),
         positions=rows.positions,
         rejected=rows.rejected,
-        standing=_standing(rows.status, index, journal.events),
+        final_status=_final_status(rows.status, index, journal.events),
         events=journal.events,
         ended=None if journal.end is None else journal.end.reason,
         truncated=journal.truncated,
@@ -324,14 +324,16 @@ class _Rows:
         return LinkTotals(self._sent, self._delivered, dropped, self._late, delivered_in, dropped_in)
 
 
-def _standing(status: Sequence[Sequence[int]], index: Mapping[int, int], events: Sequence[Event]) -> NDArray[np.uint8]:
+def _final_status(
+    status: Sequence[Sequence[int]], index: Mapping[int, int], events: Sequence[Event]
+) -> NDArray[np.uint8]:
     """Each robot's status at the end, including events after the last tick, as in the summary."""
-    standing = np.array(status[-1], dtype=np.uint8)
+    final_status = np.array(status[-1], dtype=np.uint8)
     for event in events:
         place, left = index.get(event.robot or 0), standing_after(event.kind)
         if event.k >= len(status) and place is not None and left is not None:
-            standing[place] = left
-    return standing
+            final_status[place] = left
+    return final_status
 
 
 def _summary(path: Path) -> Mapping[str, Any] | None:

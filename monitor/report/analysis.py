@@ -115,7 +115,9 @@ def measures(run: Run) -> list[Measure]:
         Measure("collisions", float(run.bumped.sum()), "", "moves cancelled"),
         Measure("driven", float(run.driven.sum()), "m", "all robots"),
         Measure("median decision time", float(np.median(decisions)) if len(decisions) else None, "ms"),
-        Measure("robots at the end", float(np.count_nonzero(run.standing == Status.ALIVE)), "", f"of {len(run.names)}"),
+        Measure(
+            "robots at the end", float(np.count_nonzero(run.final_status == Status.ALIVE)), "", f"of {len(run.names)}"
+        ),
     ]
 
 

@@ -234,7 +234,7 @@ def _robots(run: Run) -> str:
         times = times[~np.isnan(times)]
         p50, p99 = (f"{np.percentile(times, part):.1f}" if len(times) else "-" for part in (50, 99))
         stuck = 100.0 * float(run.dead_end_share[place])
-        end = charts.STATUS_WORDS[int(run.standing[place])]
+        end = charts.STATUS_WORDS[int(run.final_status[place])]
         rows.append(
             (name, end, f"{run.driven[place]:.0f}", f"{stuck:.1f}", str(int(run.bumped[:, place].sum())), p50, p99)
         )

@@ -137,7 +137,7 @@ def _path(axes: Axes, run: Run, place: int, width: float) -> None:
     tone = colour(place)
     axes.plot(*track[::every].T, color=tone, linewidth=width, alpha=0.85, rasterized=len(run.names) > MOST_PANELS)
     begin, end = track[there[0]], track[there[-1]]
-    last = run.standing[place] if there[-1] == run.ticks - 1 else run.status[there[-1], place]
+    last = run.final_status[place] if there[-1] == run.ticks - 1 else run.status[there[-1], place]
     gone = last in (Status.DEAD, Status.LOST)
     axes.plot(*begin, marker="o", markersize=5, markerfacecolor="none", markeredgecolor=MUTED)
     axes.plot(*end, marker="X" if gone else "o", markersize=7 if gone else 5, color=tone, markeredgecolor=INK)
