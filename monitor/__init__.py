@@ -1,9 +1,13 @@
-"""The eyes: what a patrol looks like from outside, rebuilt from positions and from journals.
+"""Monitoring: shows, replays, records and reports patrols. It never influences a run.
 
-    observer    the fog of one who only listens, and beside it the truth
-    runs        a run folder as arrays; replay: its state at any tick; visits, beliefs: what adds up over a run
-    recording   an MCAP file for robot viewers (ros: its messages; mcapfile: one read again)
-    report      one page about a run (charts, mapcharts, style, html, faultbands, analysis); compare: several runs
+    observation   the interface of a source; the fog from heard positions, frame counts, and faults over time
+    live          sources for running fleets
+    replay        a run from its folder: its state at any tick, statistics, beliefs
+    page          the live page: web server and static files
+    recording     MCAP files for robot viewers
+    report        the report of a run, and the comparison of runs
+    process       the page's process, ``python -m monitor``
 
-Nothing here decides anything, and nothing that decides reads it.
+Each folder imports only from those above it: page, recording and report from live, replay and observation; live and
+replay from observation.
 """

@@ -1,4 +1,4 @@
-"""The process around the page: it opens what there is to see, serves it to browsers, and leaves when it is told to."""
+"""The page's process: it opens the source, serves it to browsers, and ends on request."""
 
 from __future__ import annotations
 
@@ -10,60 +10,70 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from monitor.replay.runfiles import journal_in
+from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
 
 if TYPE_CHECKING:
-    from monitor.page.gate import Gate
-    from monitor.source import Source
+    from monitor.observation.source import Source
+    from monitor.page.authorisation import Authorisation
 
 HELP = """
-The live page of a fleet, or of a run that is over:
+Serve the live page of a fleet, or of a run that is over:
 
   python -m monitor --access runs/yards-20260101-120000/control.json
   python -m monitor --router tcp/192.168.1.10:7447 --fleet yards-1
   python -m monitor --router tcp/192.168.1.10:7447 --fleet real-1 --scenario real.yaml
   python -m monitor --replay runs/yards-20260101-120000
 
-It serves this machine alone. On another address (--host) it needs a token, in the environment variable
-FOGWATCH_PAGE_KEY; what it sends is not encrypted, so use a network that you trust, or forward the port with ssh.
-Exit codes: 2 bad input, 130 told to leave.
+The page is served to this machine only. Another address (--host) takes a token of 16 or more letters and digits, in the
+environment variable FOGWATCH_PAGE_KEY. The page is not encrypted: use a network that you trust, or forward the port
+with ssh.
+Exit codes: 2 bad input, 130 interrupted.
 """
 
 KEY = "FOGWATCH_PAGE_KEY"
-"""The environment variable with what proves the right to ask for anything; where there is none, one is drawn."""
+"""Environment variable with the key, which gives the right to control; a random key is made when it is not set."""
 
 READY = "page: "
-"""What the line with the address begins with."""
+"""Beginning of the line with the page's address."""
 
-MOST_PORTS = 65535
-FAREWELL_S = 1
+MAX_PORT = 65535
+SHUTDOWN_S = 1
+"""How long open connections may take to close, s."""
 
 _M_MMAP_THRESHOLD = -3
-LARGE = 1 << 20
-"""Bytes from which on memory goes back to the system as soon as it is free."""
+MMAP_THRESHOLD = 1 << 20
+"""Allocations of at least this many bytes return to the system as soon as they are freed."""
 
-GIVES_WAY = 10
-"""How much nicer than the fleet that it watches a page is."""
+NICENESS = 10
+"""How much lower the priority of a page is than that of the fleet that it shows."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Serve one page; the exit code."""
+    """Serve one page.
+
+    Args:
+        arguments: Command line arguments; None for those of this process.
+
+    Returns:
+        The exit code.
+    """
     options = _options(arguments)
     ending = heed(options.lifeline)
     key = os.environ.pop(KEY, "")
+    open_source = source_opener(options, ending)
     try:
-        show(opener(options, ending), options.host, options.port, key, ending, announced=bool(key))
+        serve(open_source, options.host, options.page_port, key, ending, announced=bool(key), key_name=KEY)
     except BadInput as bad:
         print(f"monitor: {bad}", file=sys.stderr)
         return 2
     return INTERRUPTED
 
 
-def show(
+def serve(
     open_source: Callable[[], Source | None],
     host: str,
     port: int,
@@ -71,59 +81,76 @@ def show(
     ending: Ending,
     *,
     announced: bool = False,
+    key_name: str = "--token",
     opened: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Serve a page until asked to end.
 
-    open_source: None when it was asked to end meanwhile. port: 0 for a free one. key: empty to have one drawn.
-    announced: whoever started this knows the key, so the address is printed without it. opened: told the address.
+    Args:
+        open_source: Opens the source; returns None when asked to end meanwhile.
+        host: Address to serve on.
+        port: TCP port; 0 for a free one.
+        key: Gives the right to control; empty for a random one.
+        ending: Says when to end.
+        announced: Whether the caller knows the key, so that the address is printed without it.
+        key_name: The option or environment variable that holds the key, for error messages.
+        opened: Called with the address once the page is served.
+
+    Raises:
+        BadInput: The address or the key cannot be used, or the source cannot be opened.
     """
-    from monitor.page.gate import LEAST_TOKEN, Gate
+    from monitor.page.authorisation import MIN_TOKEN_LENGTH, Authorisation
     from patrol.net.keys import is_loopback
 
-    alone = is_loopback(host)
-    if not alone and not key:
-        raise BadInput(f"--host {host}: others could look and ask for faults; give a --token too, or stay on 127.0.0.1")
-    if key and len(key) < LEAST_TOKEN:
-        raise BadInput(f"--token: has {len(key)} letters; give {LEAST_TOKEN} or more, drawn by lot")
+    local = is_loopback(host)
+    if not local and not key:
+        raise BadInput(f"--host {host}: other hosts could view the page; set {key_name}, or serve on 127.0.0.1")
+    if key and len(key) < MIN_TOKEN_LENGTH:
+        raise BadInput(f"{key_name}: has {len(key)} characters; give {MIN_TOKEN_LENGTH} or more, chosen at random")
     if key and not (key.isascii() and key.isalnum()):
-        raise BadInput("--token: give letters and digits only, so that it fits into an address")
-    place = _listen(host, port)
+        raise BadInput(f"{key_name}: has characters that do not fit into an address; use ASCII letters and digits only")
+    listening = _listen(host, port)
     try:
-        gate = Gate(host, place.getsockname()[1], key or os.urandom(16).hex(), alone)
+        authorisation = Authorisation(host, listening.getsockname()[1], key or os.urandom(16).hex(), local)
+        address = authorisation.address_without_key if announced else authorisation.address
         source = open_source()
         if source is not None:
-            _serve(source, gate, place, ending, gate.plain if announced else gate.address, opened)
+            _run_server(source, authorisation, listening, ending, address, opened)
     finally:
-        place.close()
+        listening.close()
 
 
-def _serve(
-    source: Source, gate: Gate, place: socket.socket, ending: Ending, address: str, opened: Callable[[str], None]
+def _run_server(
+    source: Source,
+    authorisation: Authorisation,
+    listening: socket.socket,
+    ending: Ending,
+    address: str,
+    opened: Callable[[str], None],
 ) -> None:
     import asyncio
 
     import uvicorn
 
     from monitor.page.hub import Hub
-    from monitor.page.server import LONGEST, Server
+    from monitor.page.server import MAX_MESSAGE, Server
 
     hub = Hub(source)
     config = uvicorn.Config(
-        Server(hub, gate).app,
+        Server(hub, authorisation).app,
         ws="websockets-sansio",
         ws_per_message_deflate=False,
-        ws_max_size=4 * LONGEST,
+        ws_max_size=4 * MAX_MESSAGE,
         log_level="warning",
         access_log=False,
         server_header=False,
         lifespan="off",
-        timeout_graceful_shutdown=FAREWELL_S,
+        timeout_graceful_shutdown=SHUTDOWN_S,
     )
     server = uvicorn.Server(config)
 
-    async def serve() -> None:
-        serving = asyncio.create_task(server._serve([place]))  # serve() itself would take the signals over
+    async def run() -> None:
+        serving = asyncio.create_task(server._serve([listening]))  # serve() would take over the signals
         while not serving.done():
             if ending or hub.failure is not None:
                 server.should_exit = True
@@ -134,20 +161,28 @@ def _serve(
     print(f"{READY}{address}", flush=True)
     opened(address)
     try:
-        asyncio.run(serve())
+        asyncio.run(run())
     finally:
         hub.close()
     if hub.failure is not None:
         raise hub.failure
 
 
-def opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source | None]:
-    """What opens the source that the options name."""
+def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source | None]:
+    """A function that opens the source that the options name.
+
+    Args:
+        options: Parsed command line options.
+        ending: Says when to stop waiting for a fleet.
+
+    Returns:
+        The function; it returns None when asked to end before there is a source, and raises BadInput.
+    """
 
     def open_source() -> Source | None:
         from patrol.process.warmup import warm
 
-        _free_at_once()
+        _free_early()
         if options.replay is not None:
             journal_in(options.replay)
         warm(("patrol", "monitor"), lambda line: print(line, file=sys.stderr, flush=True))
@@ -157,7 +192,7 @@ def opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source |
             return open_player(options.replay)
         from monitor.live.attach import open_fleet
 
-        os.nice(GIVES_WAY)  # before there are threads, which would not follow
+        os.nice(NICENESS)  # before threads start: they keep their own priority
         return open_fleet(
             ending,
             access=options.access,
@@ -171,41 +206,45 @@ def opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source |
     return open_source
 
 
-def _free_at_once() -> None:
-    """Have maps that are not needed any more freed: GNU's C library would keep 32 MB pieces between what is needed."""
+def _free_early() -> None:
+    """Return large freed arrays to the system at once; GNU's C library would keep them in pieces of up to 32 MB."""
     with suppress(AttributeError, OSError):  # another C library
-        ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, LARGE)
+        ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, MMAP_THRESHOLD)
 
 
 def _listen(host: str, port: int) -> socket.socket:
-    """A socket that listens there; BadInput where that cannot be."""
-    if not 0 <= port <= MOST_PORTS:
-        raise BadInput(f"--page-port {port}: ports go from 1 to {MOST_PORTS}; choose one of them, or 0 for a free one")
+    """A listening socket; raises BadInput if there can be none."""
+    if not 0 <= port <= MAX_PORT:
+        raise BadInput(f"--page-port {port}: ports go from 1 to {MAX_PORT}; choose one of them, or 0 for a free one")
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        place = socket.socket(family, kind, protocol)
-        place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        place.bind(address)
-        place.listen()  # whoever comes before there is a server waits for it
+        listening = socket.socket(family, kind, protocol)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+        listening.listen()  # early clients wait for the server
     except OSError as error:
         raise BadInput(
-            f"--host {host} --page-port {port}: nobody can listen there ({error.strerror}); choose another"
+            f"--host {host} --page-port {port}: cannot listen there ({error.strerror}); choose another host or port"
         ) from None
-    return place
+    return listening
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m monitor", epilog=HELP, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--router", metavar="LOCATOR", help="of the fleet, such as tcp/127.0.0.1:7447")
-    parser.add_argument("--fleet", metavar="NAME", help="the fleet's name")
-    parser.add_argument("--access", type=Path, metavar="FILE", help="a running fleet's control.json: the right to ask")
-    parser.add_argument("--replay", type=Path, metavar="RUN", help="a run's folder")
-    parser.add_argument("--scenario", type=Path, metavar="FILE", help="of robots without a world, which are only heard")
-    parser.add_argument("--radio", metavar="LOCATOR", help="where these robots hear each other (the router)")
-    parser.add_argument("--host", default="127.0.0.1", metavar="HOST", help="address to serve on (127.0.0.1)")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="TCP port to serve on (a free one)")
-    parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="how long to wait for the fleet (60)")
-    parser.add_argument("--lifeline", type=int, metavar="FD", help="given by a launcher")
+
+    def add(name: str, metavar: str, says: str, **more: Any) -> None:
+        parser.add_argument(name, metavar=metavar, help=says, **more)
+
+    add("--access", "FILE", "control.json of a running fleet; gives the right to control it", type=Path)
+    add("--router", "LOCATOR", "router of a running fleet, such as tcp/127.0.0.1:7447; needs --fleet")
+    add("--fleet", "NAME", "name of the fleet at the router")
+    add("--replay", "RUN", "folder of a run that is over", type=Path)
+    add("--scenario", "FILE", "scenario of robots without a world, which are shown by their positions", type=Path)
+    add("--radio", "LOCATOR", "where robots without a world exchange positions (default: the router)")
+    add("--host", "HOST", "address to serve on (default: 127.0.0.1)", default="127.0.0.1")
+    add("--page-port", "N", "TCP port of the page (default: a free one)", type=int, default=0)
+    add("--wait", "S", "how long to wait for the fleet, s (default: 60)", type=float, default=60.0)
+    add("--lifeline", "FD", "file descriptor of the launcher's pipe, set by the launcher", type=int)
     return parser.parse_args(arguments)

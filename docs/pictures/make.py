@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import fogwatch
-from monitor.process import show
+from monitor.process import serve
 from monitor.replay.player import open_player
 from patrol.process.lifeline import Ending
 
@@ -48,7 +48,7 @@ def main(given: Path | None) -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         player = open_player(given or fogwatch.run(SCENARIO, out=Path(folder) / SCENARIO["name"]).folder)
         ending, addresses = Ending(), queue.Queue[str]()
-        page = threading.Thread(target=lambda: show(lambda: player, "127.0.0.1", 0, "", ending, opened=addresses.put))
+        page = threading.Thread(target=lambda: serve(lambda: player, "127.0.0.1", 0, "", ending, opened=addresses.put))
         page.start()
         browser = playwright.chromium.launch(
             executable_path=shutil.which("chromium") or shutil.which("chromium-browser")

@@ -62,7 +62,7 @@ def record(
 
 def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, radio: str | None, wait_s: float) -> int:
     """Record a fleet until its run ends or somebody interrupts, which is how it ends well; the exit code."""
-    from monitor.replay.runfiles import check_out
+    from monitor.replay.run_files import check_out
 
     check_out(out, f"{fleet}.mcap")
     ending = heed(None, patience=1)
@@ -70,7 +70,7 @@ def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, rad
         raise BadInput(f"{out}: is there already; name a new file with --out")
     warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
     from monitor.live.attach import open_fleet
-    from monitor.recording.live import record_live
+    from monitor.recording.live_recorder import record_live
 
     source = open_fleet(ending, router=router, fleet=fleet, scenario=scenario, radio=radio, wait_s=wait_s)
     if source is None:
@@ -93,13 +93,13 @@ def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, rad
 
 
 def _record_run(run: Path, out: Path | None) -> None:
-    from monitor.replay.runfiles import RECORDING, check_out
+    from monitor.replay.run_files import RECORDING, check_out
 
     file = run / RECORDING if out is None else out
     if out is not None:
         check_out(out, RECORDING)
     what, going = _open(run)
-    from monitor.recording.writer import Recorder, key_frame_ticks
+    from monitor.recording.run_recorder import Recorder, key_frame_ticks
     from monitor.replay.replay import play
 
     recorder = Recorder(what, file)
@@ -124,9 +124,9 @@ def recording(
     ] = None,
 ) -> int:
     """Say what a recording holds and whether it is whole. Exit code 1: it is cut off or damaged."""
-    from monitor.recording.mcap_file import look
+    from monitor.recording.mcap_file import inspect_recording
 
-    contents = look(file, repair)
+    contents = inspect_recording(file, repair)
     facts = contents.facts
     by = facts.get("software") or facts.get("told_by")
     typer.echo(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
@@ -150,7 +150,7 @@ def report(
     ] = None,
 ) -> None:
     """Write a run's report: what happened, as one HTML file that needs no network."""
-    from monitor.replay.runfiles import REPORT, check_out
+    from monitor.replay.run_files import REPORT, check_out
 
     file = run / REPORT if out is None else out
     if out is not None:
@@ -179,7 +179,7 @@ def compare(
     from rich.console import Console
     from rich.table import Table
 
-    from monitor.replay.runfiles import check_out
+    from monitor.replay.run_files import check_out
 
     check_out(out, "compare.html")
 
@@ -212,7 +212,7 @@ def _analysed(folder: Path) -> Analysis:
 
 def _open(folder: Path) -> tuple[Run, bool]:
     """The run in a folder, and whether it may still be going."""
-    from monitor.replay.runfiles import journal_in
+    from monitor.replay.run_files import journal_in
 
     journal_in(folder)
     warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
@@ -230,9 +230,9 @@ def _may_go_on(run: Run) -> bool:
 
     if not (run.folder / FILE).is_file():
         return False
-    from monitor.live.attach import goes_on
+    from monitor.live.attach import is_running
 
-    return goes_on(run.folder)
+    return is_running(run.folder)
 
 
 def _say_state(run: Run, going: bool) -> None:

@@ -66,7 +66,7 @@ def monitor(
 
 def _access_in(run: Path) -> Path:
     """The control file that a running fleet's folder holds, or that is named itself; BadInput where there is none."""
-    from monitor.replay.runfiles import JOURNAL
+    from monitor.replay.run_files import JOURNAL
     from patrol.net.access import FILE
 
     if run.is_file() and run.name != JOURNAL:
@@ -82,7 +82,7 @@ def _access_in(run: Path) -> Path:
 
 
 def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> int:
-    from monitor.process import opener, show
+    from monitor.process import serve, source_opener
     from patrol.process.lifeline import heed
 
     def opened(address: str) -> None:
@@ -92,5 +92,5 @@ def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> i
             webbrowser.open(address)
 
     ending = heed(None, patience=1)
-    show(opener(what, ending), host, port, token, ending, opened=opened)
+    serve(source_opener(what, ending), host, port, token, ending, opened=opened)
     return INTERRUPTED

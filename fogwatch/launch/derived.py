@@ -69,7 +69,7 @@ def _derive(
     report: Path | None,
     impatience: _Impatience,
 ) -> None:
-    from monitor.recording.writer import Recorder
+    from monitor.recording.run_recorder import Recorder
     from monitor.replay.replay import Watcher, play
     from monitor.replay.run import read_run
     from monitor.report.analysis import analyse

@@ -1,1 +1,1 @@
-"""A fleet that is running, as a source for pages and recordings."""
+"""Sources for running fleets."""

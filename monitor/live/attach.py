@@ -1,4 +1,4 @@
-"""A source over a fleet that is running: from its world's feed, or from what its robots say where there is no world."""
+"""Opens the source of a running fleet: its world's feed or, without a world, its robots' positions."""
 
 from __future__ import annotations
 
@@ -6,25 +6,29 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from monitor.live.wire import FeedWire, first_answer
+from monitor.live.feed_client import ZenohFeedClient, first_answer
 from patrol.errors import BadInput
 from patrol.net.access import FILE, read_access
 from patrol.net.keys import WORLD, FleetKeys, check_locator, check_radio, fleet_keys, is_local
 from patrol.net.link import Link, LinkDown, open_link, open_links
 
 if TYPE_CHECKING:
-    from monitor.source import Source
+    from monitor.observation.source import Source
     from patrol.process.lifeline import Ending
 
 POLL_S = 0.2
 ANSWER_S = 2.0
-"""How long the router of a run that may be over is waited for."""
+"""How long to wait for the router of a run that may be over, s."""
 
 
-def goes_on(folder: Path) -> bool:
-    """Whether the world of the run in a folder is there now; a launcher that was killed leaves its control file.
+def is_running(folder: Path) -> bool:
+    """Whether the world of a run is running.
 
-    Asked is a router of this machine alone, where a launcher's is: a folder may come from anybody.
+    A control file alone does not prove it, because a killed launcher leaves one behind. Only a router on
+    this machine is contacted, where launchers start theirs, because a folder may come from anybody.
+
+    Args:
+        folder: The run's folder.
     """
     try:
         access = read_access(folder, str(folder))
@@ -49,25 +53,36 @@ def open_fleet(
     radio: str | None = None,
     wait_s: float = 60.0,
 ) -> Source | None:
-    """Watch a fleet; None when told to end before there was anything to see.
+    """Connect to a running fleet.
 
-    access: a run's folder or its control file, which gives the right to control it, or else router and fleet, without
-    it. scenario: where given, positions alone are listened to, as on a fleet of real robots, which has no world. radio:
-    where these robots hear each other. Raises BadInput where nobody is met within wait_s.
+    Args:
+        ending: Says when to stop waiting.
+        access: A run's folder or its control file, which gives the right to control the fleet.
+        router: The fleet's router, where there is no `access`.
+        fleet: The fleet's name, where there is no `access`.
+        scenario: Scenario of robots without a world; only their positions are listened to.
+        radio: Where robots without a world exchange positions; None for the router.
+        wait_s: How long to wait for the fleet, s.
+
+    Returns:
+        The source; None when asked to end before there was one.
+
+    Raises:
+        BadInput: The arguments do not name a fleet, or it did not answer in time.
     """
     token = None
     if radio is not None and scenario is None:
-        raise BadInput(f"--radio {radio}: is for robots without a world; give their --scenario FILE as well")
+        raise BadInput(f"--radio {radio}: applies only to robots without a world; give their --scenario FILE as well")
     if access is not None:
         file = access / FILE if access.is_dir() else access
         if not ending.wait_for(file, wait_s):
             if ending:
                 return None
-            raise BadInput(f"--access {access}: there is no such file; a run's is gone when the run is over")
+            raise BadInput(f"--access {access}: no such file; a run's {FILE} is removed when the run is over")
         found = read_access(file, "--access")
         router, fleet, token = found.router, found.fleet, found.token
     if router is None or fleet is None:
-        raise BadInput("which fleet? give --access RUN, or --router LOCATOR and --fleet NAME")
+        raise BadInput("no fleet named; give --router LOCATOR and --fleet NAME, or the control file of a running fleet")
     router, keys = check_locator(router, "--router"), fleet_keys(fleet)
     if scenario is None:
         return _of_a_world(router, keys, token, wait_s, ending)
@@ -75,13 +90,13 @@ def open_fleet(
 
 
 def _of_a_world(router: str, keys: FleetKeys, token: str | None, wait_s: float, ending: Ending) -> Source | None:
-    from monitor.live.feed_source import LiveSource
+    from monitor.live.feed_source import FeedSource
 
     links = open_links(router, None, wait_s, _say, lambda: bool(ending))
     if links is None:
         return None
     link: Link = links[0]
-    wire = FeedWire(link, keys, token)
+    client = ZenohFeedClient(link, keys, token)
     waited = 0.0
 
     def waits(pause_s: float) -> bool:
@@ -89,14 +104,14 @@ def _of_a_world(router: str, keys: FleetKeys, token: str | None, wait_s: float, 
         waited += pause_s
         if waited >= wait_s:
             raise BadInput(
-                f"--fleet {keys.fleet}: no world of this fleet at {router} tells anything; for robots without a world "
-                "give --scenario FILE as well"
+                f"--fleet {keys.fleet}: no world of this fleet answers at {router}; check both, or give --scenario "
+                "FILE for robots without a world"
             )
         return ending.wait(pause_s)
 
     try:
-        so_far = first_answer(wire, keys.fleet, lambda: bool(ending), waits)
-        source = None if so_far is None else LiveSource(keys.fleet, wire, so_far)
+        so_far = first_answer(client, keys.fleet, lambda: bool(ending), waits)
+        source = None if so_far is None else FeedSource(keys.fleet, client, so_far)
     except BaseException:
         link.close()
         raise
@@ -108,14 +123,14 @@ def _of_a_world(router: str, keys: FleetKeys, token: str | None, wait_s: float, 
 def _of_robots(
     router: str, keys: FleetKeys, scenario: Path, radio: str | None, wait_s: float, ending: Ending
 ) -> Source | None:
-    from monitor.live.positions_source import EarSource
+    from monitor.live.positions_source import PositionsSource
     from patrol.prepare import prepare
     from patrol.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     on_air = check_radio(radio, "--radio", loaded.radio.via)
     links = open_links(router, on_air, wait_s, _say, lambda: bool(ending))
-    return None if links is None else EarSource(keys, prepare(loaded), *links)
+    return None if links is None else PositionsSource(keys, prepare(loaded), *links)
 
 
 def _say(line: str) -> None:

@@ -1,8 +1,8 @@
-"""A patrol that goes on now, as the feed of its world tells: the true fog, and what robots must believe.
+"""The source for a running fleet with a world: its feed gives the true fog, and from it follow the robots' beliefs.
 
-The journal's records come in batches (`patrol.net.feed`). Where one is missing, or before the first, the fog so far is
-asked of the world. Only the true fog is kept up all the time; what follows from positions heard, by everybody or by one
-robot, is computed from the ticks remembered once somebody wants to see it.
+The journal's records arrive in batches (`patrol.net.feed`). At the start, and whenever a batch is missing, the source
+requests the fog so far from the world. Only the true fog is always up to date. The fogs that follow from heard
+positions are computed on demand from the ticks kept in memory.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.live.follow import HEARD, Follower, Followers
-from monitor.observer import as_sent
-from monitor.source import Answer, Layer, Links, RobotShape, RobotState, Series, State, Static
-from monitor.tally import tally
+from monitor.live.fog_tracker import HEARD, FogTracker, FogTrackers
+from monitor.observation.frames import count_frames
+from monitor.observation.listener import as_sent
+from monitor.observation.source import Answer, Layer, LinkCounts, RobotShape, RobotState, Series, State, Static
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import sensor_footprint
@@ -37,37 +37,47 @@ from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.controls import CONTROLS, OPERATOR, amended, in_force, read_control, told
 
 if TYPE_CHECKING:
-    from monitor.live.wire import Wire
+    from monitor.live.feed_client import FeedClient
 
 SLICE_S = 0.05
-"""Wall time that catching up on a belief may take at a time."""
+"""Wall time for computing beliefs between two batches, s."""
 SLOW_S = 3.0
-"""Wall time without news after which a viewer is told."""
+"""Wall time without data after which the page says so, s."""
 AGAIN_S = 5.0
-"""Wall time between two questions for the fog."""
+"""Least wall time between two requests for the fog so far, s."""
 LATE_S, LATE_TICKS = 5.0, 20
-"""By how much a belief may be behind and is shown still: whichever is more, in simulated time or in ticks."""
+"""How far a belief may lag and still be shown: in simulated time (s) or in ticks, whichever is more."""
 REMEMBERED = 48 << 20
-"""Bytes of the ticks that are remembered for beliefs."""
+"""Bytes of the ticks that are kept for beliefs."""
 PATHS = 256
-"""Ticks whose places are remembered for trails."""
+"""Ticks whose positions are kept for trails."""
 BATCHES = 4096
-"""Batches that are taken in before a state is shown again."""
+"""Most batches to process between two states."""
 
 _RATE_S = 3.0
 _SAMPLE_S = 0.1
 
 
-class LiveSource:
-    """A `monitor.source.Source` over the feed of a world. now: wall clock, s."""
+class FeedSource:
+    """A `monitor.observation.source.Source` that reads the feed of a world."""
 
-    def __init__(self, name: str, wire: Wire, so_far: SoFar, now: Callable[[], float] = time.monotonic) -> None:
-        """name: the fleet's. so_far: an answer of its world. BadInput where that makes no sense."""
+    def __init__(self, name: str, client: FeedClient, so_far: SoFar, now: Callable[[], float] = time.monotonic) -> None:
+        """Start from the state so far.
+
+        Args:
+            name: The fleet's name.
+            client: The connection with the world.
+            so_far: The state of the run so far, from the world.
+            now: Wall clock, s.
+
+        Raises:
+            BadInput: The world runs another version.
+        """
         header = _record(so_far.header)
         if not isinstance(header, Header):
-            raise BadInput(f"fleet {name}: its world speaks another language; use the same version on all hosts")
+            raise BadInput(f"--fleet {name}: its world runs another version; use one version on all hosts")
         self._name = name
-        self._wire = wire
+        self._client = client
         self._now = now
         self._header = header
         self._ground = so_far.ground
@@ -83,24 +93,24 @@ class LiveSource:
         self._ended: str | None = None
         self._events: list[Event] = []
         self._next_event = 0
-        # With a direct radio the journal has what the world has overheard; what robots have, nobody knows.
+        # With a direct radio the journal has what the world overheard. What each robot heard is unknown.
         self._direct = self._scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", HEARD, *(() if self._direct else self._numbers))
-        self._followers = Followers(self._follower)
+        self._trackers = FogTrackers(self._tracker)
         self._log: deque[tuple[int, bytes]] = deque()
         self._logged = 0
         self._last: TickRecord | None = None
         self._rates: deque[tuple[float, int]] = deque()
         self._paths: deque[NDArray[np.float64]] = deque(maxlen=PATHS)
-        self._asked_at = now()
-        self._news_at = now()
+        self._requested_at = now()
+        self._received_at = now()
         self._shown: tuple[object, ...] = ()
         self._begin(so_far)
 
     # --- Source ------------------------------------------------------------------------------------------------------
 
     def static(self) -> Static:
-        """What never changes."""
+        """See `Source`."""
         sensor = self._scenario.sensor
         robots = tuple(
             RobotShape(robot.number, robot.name, robot.model, robot.radius, sensor.range, sensor.angle)
@@ -119,24 +129,24 @@ class LiveSource:
             bound_s=self._header.bound_s,
             live=True,
             layers=self._layers,
-            controls=CONTROLS if self._wire.may_ask else (),
+            controls=CONTROLS if self._client.may_control else (),
             direct=self._direct,
             late=self._late,
         )
 
     def wait(self, timeout_s: float) -> State | None:
-        """The newest state once it differs from the last one, or None after `timeout_s`."""
+        """See `Source`."""
         until = self._now() + timeout_s
         while True:
             left = until - self._now()
-            batch = self._wire.batch(0.0 if self._followers.behind else max(0.0, left))
+            batch = self._client.batch(0.0 if self._trackers.behind else max(0.0, left))
             for _ in range(BATCHES):
                 if batch is None:
                     break
-                self._take(batch)
-                batch = self._wire.batch(0.0)
+                self._read(batch)
+                batch = self._client.batch(0.0)
             self._catch_up(min(SLICE_S, max(left, 0.01)))
-            self._followers.drop(self._now())
+            self._trackers.drop(self._now())
             state = self._state()
             mark = (state.k, state.running, state.pace, state.ended, state.note, len(self._events))
             if mark != self._shown:
@@ -146,30 +156,30 @@ class LiveSource:
                 return None
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
-        """See `Source`; a belief for which a turn is too short lags, and while it lags too much is not shown."""
+        """See `Source`; None also while a belief lags more than `Static.late`."""
         if layer == "truth":
             return self._truth.last_seen
         if layer not in self._layers:
             return None
-        follower = self._followers.ask(layer, self._now())
-        late = follower.late
-        return None if late is None or late > self._late else follower.fog.last_seen
+        tracker = self._trackers.track(layer, self._now())
+        late = tracker.late
+        return None if late is None or late > self._late else tracker.fog.last_seen
 
     def tick(self, layer: Layer) -> int:
         """See `Source`."""
-        tick = self._followers.tick(layer)
+        tick = self._trackers.tick(layer)
         return self._k if tick is None else tick
 
     def since(self, layer: Layer) -> int:
-        """See `Source`; of a belief, whatever is remembered."""
-        return self._followers.since(layer)
+        """See `Source`; a belief is known as far back as ticks are kept."""
+        return self._trackers.since(layer)
 
-    def keep(self, layers: Collection[Layer]) -> None:
+    def set_shown(self, layers: Collection[Layer]) -> None:
         """See `Source`."""
-        self._followers.keep([layer for layer in layers if layer != "truth"], self._now())
+        self._trackers.set_shown([layer for layer in layers if layer != "truth"], self._now())
 
     def trail(self, first: int, last: int) -> NDArray[np.float64] | None:
-        """See `Source`; None where one of these ticks is not remembered."""
+        """See `Source`; None also when one of these ticks is not kept."""
         end = 0 if self._last is None else self._last.k + 1
         begin = end - len(self._paths)
         if first < begin or last >= end:
@@ -177,33 +187,33 @@ class LiveSource:
         return np.stack([self._paths[k - begin] for k in range(first, last + 1)])
 
     def series(self, after: int) -> Series:
-        """What is known of MFoW and mean fog in ticks after `after`."""
+        """See `Source`."""
         first = bisect_right(self._ticks, after)
         mfow, mean = (np.array(values[first:], dtype=np.float64) * self._step for values in (self._mfow, self._mean))
         return Series(np.array(self._ticks[first:], dtype=np.int64), mfow, mean)
 
     def events(self, since: int) -> Sequence[Event]:
-        """What has happened, from the event numbered `since` on."""
+        """See `Source`."""
         return self._events[since:]
 
-    def ask(self, control: Mapping[str, Any]) -> Answer:
-        """Ask the world for something."""
-        if not self._wire.may_ask:
-            return Answer(False, "this viewer has no right to control the fleet")
+    def control(self, control: Mapping[str, Any]) -> Answer:
+        """See `Source`; the world carries it out."""
+        if not self._client.may_control:
+            return Answer(False, "this page has no right to control the fleet; start it with the run's control.json")
         try:
             read_control(control)
         except BadInput as bad:
             return Answer(False, str(bad))
-        return self._wire.ask(control)
+        return self._client.control(control)
 
     def close(self) -> None:
-        """No more is wanted."""
-        self._wire.close()
+        """See `Source`."""
+        self._client.close()
 
-    # --- taking in ---------------------------------------------------------------------------------------------------
+    # --- reading the feed ---------------------------------------------------------------------------------------------
 
     def _begin(self, so_far: SoFar) -> None:
-        """Begin, or begin anew, with all so far."""
+        """Start, or start again, from the state so far."""
         self._number = so_far.number
         self._running, self._pace = so_far.running, so_far.pace
         self._truth = Fog.resumed(self._ground.patrolled, so_far.last_seen)
@@ -214,21 +224,21 @@ class LiveSource:
         self._since = 0 if self._last is None else self._last.k + 1
         self._scenario = load_scenario(self._header.scenario)
         for event in _events(so_far.asked):
-            self._amend(event)
-        # Places of events that were given out stay; a gap only adds those that were missed and are still to be had.
+            self._apply_control(event)
+        # Events keep their numbers. After a gap, those missed are added as far as the world still has them.
         self._events += [_shown(event) for event in _events(so_far.events)[max(self._next_event - so_far.event, 0) :]]
         self._next_event = so_far.event + len(so_far.events)
         side = (len(self._numbers),) * 2
-        self._links = Links(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64))
+        self._links = LinkCounts(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64))
         self._heard: dict[int, int] = {}
         self._rates.clear()
         self._log.clear()
         self._logged = 0
         self._paths.clear()
-        self._followers.begin_anew()
+        self._trackers.restart()
 
-    def _take(self, batch: Batch) -> None:
-        if batch.first > self._number and not self._ask_anew():
+    def _read(self, batch: Batch) -> None:
+        if batch.first > self._number and not self._request_again():
             return
         for number, packed in enumerate(batch.records, start=batch.first):
             if number == self._number:
@@ -238,15 +248,15 @@ class LiveSource:
             if (batch.running, batch.pace) != (self._running, self._pace):
                 self._rates.clear()
             self._running, self._pace = batch.running, batch.pace
-        self._news_at = self._now()
+        self._received_at = self._now()
 
-    def _ask_anew(self) -> bool:
-        """Something was missed: begin anew with the fog so far, unless that was only just asked for."""
-        if self._now() < self._asked_at + AGAIN_S:
+    def _request_again(self) -> bool:
+        """Start again from the fog so far, after a missing batch; False if it was requested only just before."""
+        if self._now() < self._requested_at + AGAIN_S:
             return False
-        self._asked_at = self._now()
+        self._requested_at = self._now()
         with suppress(Garbled):
-            so_far = read_so_far(self._wire.so_far() or b"")
+            so_far = read_so_far(self._client.so_far() or b"")
             if _record(so_far.header) == self._header:
                 self._begin(so_far)
                 return True
@@ -262,7 +272,7 @@ class LiveSource:
                 while self._logged > REMEMBERED:
                     self._logged -= len(self._log.popleft()[1])
             case Event():
-                self._amend(record)
+                self._apply_control(record)
                 self._events.append(_shown(record))
                 self._next_event += 1
             case End():
@@ -282,31 +292,31 @@ class LiveSource:
         self._ticks.append(k)
         self._mfow.append(record.mfow)
         self._mean.append(record.fog_mean)
-        self._count(record)
+        self._count_links(record)
         if not self._rates or self._now() >= self._rates[-1][0] + _SAMPLE_S:
             self._rates.append((self._now(), k))
 
-    def _count(self, record: TickRecord) -> None:
+    def _count_links(self, record: TickRecord) -> None:
         place, links = self._place, self._links
-        tally(record, place, links.sent, links.delivered)
+        count_frames(record, place, links.sent, links.delivered)
         for source, to, _ in record.deliveries:
             if source != FORGED:
                 links.heard[place[source], place[to]] = record.k
                 self._heard[source] = record.k
         here = sum(row.status not in (Status.ABSENT, Status.LEFT) for row in record.robots)
-        if self._direct or here == 1:  # what was sent is all that can be told
+        if self._direct or here == 1:  # only what was sent is known
             self._heard.update({source: record.k for source, _ in record.frames if source != FORGED})
 
-    def _amend(self, event: Event) -> None:
+    def _apply_control(self, event: Event) -> None:
         if event.kind == OPERATOR:
             try:
                 self._scenario, _ = amended(self._scenario, event.k, read_control(json.loads(event.detail)))
             except (BadInput, ValueError):
-                return  # of another version, perhaps; the page then lacks an intruder
+                return  # from another version, perhaps; the page then lacks an intruder
 
     # --- beliefs -----------------------------------------------------------------------------------------------------
 
-    def _follower(self, layer: Layer) -> Follower:
+    def _tracker(self, layer: Layer) -> FogTracker:
         try:
             key = fleet_key(self._scenario)
         except BadInput:
@@ -314,17 +324,17 @@ class LiveSource:
         number = layer if isinstance(layer, int) else None
         area = self._ground.patrolled if number is None else self._ground.areas[self._ground.area_of[number]]
         facts = (self._scenario, self._terrain, self._footprint, area, self._ground.patrolled)
-        return Follower(number, *facts, key, self._log, self._log[0][0] if self._log else self._since)
+        return FogTracker(number, *facts, key, self._log, self._log[0][0] if self._log else self._since)
 
     def _catch_up(self, limit_s: float) -> None:
         until = self._now() + limit_s
-        self._followers.catch_up(lambda: self._now() >= until)
+        self._trackers.catch_up(lambda: self._now() >= until)
 
     # --- showing -----------------------------------------------------------------------------------------------------
 
     @property
     def _k(self) -> int:
-        """The tick that is shown."""
+        """The tick of the state."""
         return 0 if self._last is None else self._last.k
 
     def _state(self) -> State:
@@ -344,7 +354,7 @@ class LiveSource:
             intruders=tuple(one.place for one in self._scenario.intruders if one.is_there(k * self._step)),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
-            gone=self._ended is None and not self._wire.present,
+            gone=self._ended is None and not self._client.present,
         )
 
     def _robot(self, last: TickRecord, place: int) -> RobotState:
@@ -363,7 +373,7 @@ class LiveSource:
         )
 
     def _rate(self) -> float:
-        """Ticks per wall second over the last `_RATE_S`; 0 while there are none."""
+        """Ticks per second of wall time over the last `_RATE_S`; 0 while paused."""
         now = self._now()
         while len(self._rates) > 2 and self._rates[1][0] <= now - _RATE_S:
             self._rates.popleft()
@@ -373,14 +383,14 @@ class LiveSource:
         return (self._last.k - before) / (now - since) if now > since else 0.0
 
     def _note(self) -> str:
-        since = f"watched from {self._since * self._step:g} s on; beliefs and links before that are not known"
+        since = f"connected at {self._since * self._step:g} s; earlier beliefs and link counts are unknown"
         since = since if self._since else ""
         if self._ended is not None:
             return since
-        if not self._wire.present:
-            return "the world is gone"
-        silent_s = self._now() - self._news_at
-        silent = f"nothing heard for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
+        if not self._client.present:
+            return "the world has disconnected"
+        silent_s = self._now() - self._received_at
+        silent = f"no data for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
         return " · ".join(filter(None, (silent, since)))
 
 
@@ -396,5 +406,5 @@ def _events(packed: Sequence[bytes]) -> list[Event]:
 
 
 def _shown(event: Event) -> Event:
-    """An event in words for people."""
+    """An event with its details as text for operators."""
     return replace(event, detail=told(event)) if event.kind == OPERATOR else event

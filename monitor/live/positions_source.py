@@ -1,6 +1,6 @@
-"""A patrol of robots without a world: what follows from the positions they send and from what they say of themselves.
+"""The source for robots without a world: their positions, and what they report about themselves.
 
-Nobody tells the truth here. A tick is a step of wall time since the viewer began; what was before, it does not know.
+The truth is unknown. A tick is a step of wall time since the viewer started; what happened before is unknown, too.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monitor.live.follow import HEARD
-from monitor.observer import NOBODY, Listener
-from monitor.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
+from monitor.live.fog_tracker import HEARD
+from monitor.observation.listener import NO_ROBOT, Listener
+from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from patrol.errors import BadInput
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import Event, Status
@@ -33,16 +33,25 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
 
 MAX_TELEMETRY = 1 << 16
-COME, GONE = "there", "gone"
-"""Kinds of events: a robot's process has shown itself, or is to be seen no more."""
+CONNECTED, DISCONNECTED = "connected", "disconnected"
+"""Kinds of events: a robot's process has connected, or has disconnected."""
 
 
-class EarSource:
-    """A `monitor.source.Source` that only listens. air: where positions are sent. now: wall clock, s."""
+class PositionsSource:
+    """A `monitor.observation.source.Source` that only listens."""
 
     def __init__(
         self, keys: FleetKeys, prepared: Prepared, link: Link, air: Air, now: Callable[[], float] = time.monotonic
     ) -> None:
+        """Start to listen.
+
+        Args:
+            keys: The fleet's keys.
+            prepared: The scenario with its terrain.
+            link: The Zenoh session for telemetry and presence.
+            air: The link on which robots send positions; may be the same.
+            now: Wall clock, s.
+        """
         scenario = self._scenario = prepared.scenario
         self._prepared = prepared
         self._name = keys.fleet
@@ -53,11 +62,11 @@ class EarSource:
         self._names = {spec.name: spec.number for spec in self._roster}
         try:
             key = fleet_key(scenario)
-            self._unknown = ""
+            self._unchecked = ""
         except BadInput:
             key = None
-            self._unknown = "; tags are not checked, for the fleet's key is not here"
-        inbox = inbox_of(scenario, NOBODY, prepared.terrain.bounds, key, knows_ticks=False)
+            self._unchecked = "; the fleet's key is not available, so authentication tags are not checked"
+        inbox = inbox_of(scenario, NO_ROBOT, prepared.terrain.bounds, key, knows_ticks=False)
         footprint = sensor_footprint(scenario, prepared.terrain)
         self._listener = Listener(footprint, prepared.patrolled, inbox, scenario.step)
         positions = {keys.position(name): number for name, number in self._names.items()}
@@ -65,18 +74,18 @@ class EarSource:
         tokens = {keys.alive(name): number for name, number in self._names.items()}
         self._number_of = {**telemetry, **tokens}
         self._frames: Mailbox[bytes] = Mailbox(positions, bytes, MAX_FRAME)
-        self._said: Mailbox[Telemetry | Presence] = Mailbox([*telemetry, *tokens], read_telemetry, MAX_TELEMETRY)
+        self._reports: Mailbox[Telemetry | Presence] = Mailbox([*telemetry, *tokens], read_telemetry, MAX_TELEMETRY)
         self._views: dict[int, Telemetry] = {}
         self._present: set[int] = set()
         self._events: list[Event] = []
         self._ticks, self._mfow, self._mean = array("q"), array("d"), array("d")
         self._k = -1
         air.subscribe(keys.position("*"), self._frames)
-        link.subscribe(keys.telemetry("*"), self._said)
-        link.watch(keys.alive("*"), self._said)
+        link.subscribe(keys.telemetry("*"), self._reports)
+        link.watch(keys.alive("*"), self._reports)
 
     def static(self) -> Static:
-        """What never changes."""
+        """See `Source`."""
         sensor, terrain = self._scenario.sensor, self._prepared.terrain
         return Static(
             name=self._name,
@@ -95,11 +104,11 @@ class EarSource:
             live=True,
             layers=(HEARD,),
             direct=self._scenario.radio.via == "direct",
-            note=f"positions alone: nobody tells the truth here, nor what was before{self._unknown}",
+            note=f"shown are the positions heard since this page was started; the true fog is unknown{self._unchecked}",
         )
 
     def wait(self, timeout_s: float) -> State | None:
-        """The state once another tick of wall time is over, or None after `timeout_s`."""
+        """See `Source`; a state for each tick of wall time."""
         until = self._now() + timeout_s
         while True:
             now = self._now()
@@ -115,25 +124,25 @@ class EarSource:
                 self._listener.hear(max(self._k, 0), [arrived[1]])
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
-        """The tick in which each point was last seen, as heard."""
+        """See `Source`."""
         return self._listener.fog.last_seen if layer == HEARD else None
 
-    def since(self, layer: Layer) -> int:  # noqa: ARG002 - its time begins when it does
+    def since(self, layer: Layer) -> int:  # noqa: ARG002 - its ticks count from its start
         """See `Source`."""
         return 0
 
-    def tick(self, layer: Layer) -> int:  # noqa: ARG002 - there is one fog
+    def tick(self, layer: Layer) -> int:  # noqa: ARG002 - it has one fog
         """See `Source`."""
         return self._k
 
-    def keep(self, layers: Collection[Layer]) -> None:
-        """See `Source`; it is kept up all the time."""
+    def set_shown(self, layers: Collection[Layer]) -> None:
+        """See `Source`; its fog is always up to date."""
 
     def trail(self, first: int, last: int) -> None:
-        """The page remembers."""
+        """See `Source`; the page collects the trail."""
 
     def series(self, after: int) -> Series:
-        """MFoW and mean fog as heard, in ticks after `after`."""
+        """See `Source`."""
         ticks = np.array(self._ticks, dtype=np.int64)
         first = int(np.searchsorted(ticks, after, side="right"))
         step = self._scenario.step
@@ -141,29 +150,29 @@ class EarSource:
         return Series(ticks[first:], mfow, mean)
 
     def events(self, since: int) -> Sequence[Event]:
-        """Who has come and gone."""
+        """See `Source`; robots that have connected and disconnected."""
         return self._events[since:]
 
-    def ask(self, control: Mapping[str, Any]) -> Answer:  # noqa: ARG002 - whatever it is
-        """Nobody is there to ask."""
-        return Answer(False, "robots without a world take no controls")
+    def control(self, control: Mapping[str, Any]) -> Answer:  # noqa: ARG002 - none is accepted
+        """See `Source`; every control is refused."""
+        return Answer(False, "robots without a world accept no controls")
 
     def close(self) -> None:
-        """No more is wanted."""
+        """See `Source`."""
         for link in self._links:
             link.close()
 
     def _close(self, k: int) -> None:
-        """Tick k begins: what has come by then counts for the ticks before it."""
+        """Start tick k; what has arrived so far counts for the ticks before it."""
         while (arrived := self._frames.get()) is not None:
             self._listener.hear(max(k - 1, 0), [arrived[1]])
-        while (said := self._said.get()) is not None:
-            number, message = self._number_of[said[0]], said[1]
+        while (report := self._reports.get()) is not None:
+            number, message = self._number_of[report[0]], report[1]
             if isinstance(message, Telemetry):
                 self._views[number] = message
             elif message.present != (number in self._present):
                 (self._present.add if message.present else self._present.discard)(number)
-                self._events.append(Event(k, COME if message.present else GONE, number))
+                self._events.append(Event(k, CONNECTED if message.present else DISCONNECTED, number))
         self._k = k
         fog = self._listener.fog
         self._ticks.append(k)
@@ -181,7 +190,7 @@ class EarSource:
             robots=tuple(self._robot(spec.number) for spec in self._roster),
             mfow_s=self._mfow[-1] * step,
             fog_mean_s=self._mean[-1] * step,
-            note="" if self._listener.peers else "no position heard yet",
+            note="" if self._listener.peers else "no position received yet",
         )
 
     def _robot(self, number: int) -> RobotState:

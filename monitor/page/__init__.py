@@ -1,1 +1,1 @@
-"""The live page: a small server on this machine, and the files that a browser shows."""
+"""The live page: a small web server, and the static files of the page."""

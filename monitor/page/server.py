@@ -16,22 +16,22 @@ from starlette.responses import FileResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from monitor.page import words
-from monitor.page.gate import Gate
+from monitor.observation.source import Answer
+from monitor.page.authorisation import Authorisation
 from monitor.page.hub import Hub, Viewer
-from monitor.source import Answer
+from monitor.page.messages import answer_message, static_message
 from patrol.errors import BadInput
 
 _EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
-"""Of a style element without content, which the charts' library makes to add rules to."""
+"""Hash of an empty style element, which plotly makes and then adds rules to."""
 _MAP_STYLE = "'sha256-ji27qzEtxXZW+7dun6UwjHXJ18e6WAin1VvNtkzIE/o='"
-"""Of the style that the same library adds for street maps; without it the browser's console has an error."""
+"""Hash of the style that plotly adds for street maps; without it the browser logs an error."""
 
 POLICY = (
     f"default-src 'none'; script-src 'self'; style-src 'self' {_EMPTY_STYLE} {_MAP_STYLE}; "
     "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What the page may load: what this server serves, and nothing else."""
+"""Content security policy: the page may load what this server serves, and nothing else."""
 
 HEADERS = {
     "Content-Security-Policy": POLICY,
@@ -42,21 +42,34 @@ HEADERS = {
     "Cache-Control": "no-cache",
 }
 
-MOST_VIEWERS = 32
-LONGEST = 4096
-"""Letters of the longest thing that a page may say."""
+MAX_VIEWERS = 32
+MAX_MESSAGE = 4096
+"""Characters of the longest message that a page may send."""
 FULL = 4001
-"""The code that a page over `MOST_VIEWERS` is told; main.js knows it."""
+"""Close code for a page beyond `MAX_VIEWERS`; main.js has the same number."""
 
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 
 
 class Server:
-    """The application around a hub."""
+    """The web application around a hub.
 
-    def __init__(self, hub: Hub, gate: Gate) -> None:
+    Attributes:
+        app: The ASGI application.
+    """
+
+    def __init__(self, hub: Hub, authorisation: Authorisation) -> None:
+        """Find the static files.
+
+        Args:
+            hub: The hub; started and closed by the caller.
+            authorisation: Who may view and control.
+
+        Raises:
+            BadInput: plotly is not installed.
+        """
         self._hub = hub
-        self._gate = gate
+        self._authorisation = authorisation
         self._viewers = 0
         folder = Path(str(files("monitor.page").joinpath("static")))
         self._files = {path.name: path for path in sorted(folder.iterdir()) if path.suffix in _TYPES}
@@ -68,81 +81,81 @@ class Server:
         key = request.query_params.get("key")
         if key is None:
             return self._serve(request, "index.html")
-        if not self._gate.knows(key) or not self._gate.host_is_ours(request.headers):
-            return _refused("this is not the key of this page; open the address as it was printed")
+        if not self._authorisation.is_key(key) or not self._authorisation.allows_host(request.headers):
+            return _refused("the key is wrong; open the address exactly as printed")
         response = RedirectResponse("/", status_code=303, headers=HEADERS)
-        response.set_cookie(self._gate.cookie, key, httponly=True, samesite="lax")
+        response.set_cookie(self._authorisation.cookie, key, httponly=True, samesite="lax")
         return response
 
     async def _file(self, request: Request) -> Response:
         return self._serve(request, request.path_params["name"])
 
     def _serve(self, request: Request, name: str) -> Response:
-        if not self._gate.host_is_ours(request.headers):
-            return _refused("this page is served on this machine only, under its own names")
-        if not (self._gate.open or self._gate.knows(request.cookies.get(self._gate.cookie))):
-            return _refused("this page needs its token; open the address as it was printed")
+        if not self._authorisation.allows_host(request.headers):
+            return _refused("this page is served to this machine only; open it at 127.0.0.1 or localhost")
+        rules = self._authorisation
+        if not (rules.view_without_key or rules.is_key(request.cookies.get(rules.cookie))):
+            return _refused("this page needs its token; open the address exactly as printed")
         path = self._files.get(name)
         if path is None:
-            return PlainTextResponse("there is no such file\n", status_code=404, headers=HEADERS)
+            return PlainTextResponse("no such file\n", status_code=404, headers=HEADERS)
         return FileResponse(path, media_type=_TYPES[path.suffix], headers=HEADERS)
 
     async def _live(self, socket: WebSocket) -> None:
-        gate = self._gate
-        may_ask = gate.knows(socket.cookies.get(gate.cookie))
-        ours = gate.host_is_ours(socket.headers) and gate.same_origin(socket.headers)
-        if not ours or not (gate.open or may_ask):
-            await socket.close(1008)  # before accepting: the browser sees a 403
+        authorisation = self._authorisation
+        may_control = authorisation.is_key(socket.cookies.get(authorisation.cookie))
+        ours = authorisation.allows_host(socket.headers) and authorisation.same_origin(socket.headers)
+        if not ours or not (authorisation.view_without_key or may_control):
+            await socket.close(1008)  # before the connection is accepted, so the browser gets a 403
             return
         self._viewers += 1
         try:
             await socket.accept()
-            if self._viewers > MOST_VIEWERS:
+            if self._viewers > MAX_VIEWERS:
                 await socket.close(FULL)
                 return
             viewer = Viewer(asyncio.get_running_loop())
-            await socket.send_text(words.static_words(self._hub.static, may_ask))
+            await socket.send_text(static_message(self._hub.static, may_control))
             await socket.send_bytes(self._hub.terrain)
-            self._hub.enter(viewer)
+            self._hub.add(viewer)
             writer = asyncio.create_task(_write(socket, viewer))
             try:
-                await self._read(socket, viewer, may_ask)
+                await self._read(socket, viewer, may_control)
             finally:
-                self._hub.leave(viewer)
+                self._hub.remove(viewer)
                 writer.cancel()
         except (WebSocketDisconnect, RuntimeError):
-            pass  # it has left
+            pass  # the page was closed
         finally:
             self._viewers -= 1
 
-    async def _read(self, socket: WebSocket, viewer: Viewer, may_ask: bool) -> None:
+    async def _read(self, socket: WebSocket, viewer: Viewer, may_control: bool) -> None:
         while True:
-            message = await socket.receive()
-            if message["type"] == "websocket.disconnect":
+            received = await socket.receive()
+            if received["type"] == "websocket.disconnect":
                 return
-            says = _understood(message.get("text"))
-            match says:
+            match _parsed(received.get("text")):
                 case {"type": "drawn"}:
                     viewer.drawn = True
                     self._hub.wake()
                 case {"type": "show", "layers": list() as numbers}:
-                    self._hub.show(viewer, [number for number in numbers if type(number) is int])
+                    self._hub.select(viewer, [number for number in numbers if type(number) is int])
                     viewer.drawn = True
                     self._hub.wake()
-                case {"type": "ask", "id": int() as number, "control": dict() as control}:
-                    answer = await self._answer(control, may_ask)
-                    await socket.send_text(words.answer_words(number, answer))
+                case {"type": "control", "id": int() as number, "control": dict() as control}:
+                    answer = await self._answer(control, may_control)
+                    await socket.send_text(answer_message(number, answer))
                 case _:
                     await socket.close(1003)
                     return
 
-    async def _answer(self, control: Mapping[str, Any], may_ask: bool) -> Answer:
-        if not may_ask:
-            return Answer(False, "this page may only look; open the address as it was printed to ask for something")
+    async def _answer(self, control: Mapping[str, Any], may_control: bool) -> Answer:
+        if not may_control:
+            return Answer(False, "this page is view-only; to control, open the address exactly as printed")
         if control.get("do") not in self._hub.static.controls:
-            return Answer(False, "this cannot be asked for here")
+            return Answer(False, f"{str(control.get('do'))[:40]}: this control is not available here")
         try:
-            return await run_in_threadpool(self._hub.source.ask, control)
+            return await run_in_threadpool(self._hub.source.control, control)
         except BadInput as bad:
             return Answer(False, str(bad))
 
@@ -158,15 +171,15 @@ async def _write(socket: WebSocket, viewer: Viewer) -> None:
     await socket.close(1001)
 
 
-def _understood(text: str | None) -> object:
-    """What a page says; None for what is no text, and for other nonsense."""
-    if text is None or len(text) > LONGEST:
+def _parsed(text: str | None) -> object:
+    """A message of a page; None for anything but JSON text of a sensible length."""
+    if text is None or len(text) > MAX_MESSAGE:
         return None
     try:
-        says: object = json.loads(text)
+        message: object = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    return says
+    return message
 
 
 def _refused(why: str) -> Response:
@@ -174,7 +187,11 @@ def _refused(why: str) -> Response:
 
 
 def plotly_file() -> Path:
-    """The charts' library, out of its Python package; BadInput where that is missing."""
+    """The path of plotly's script in its Python package.
+
+    Raises:
+        BadInput: plotly is not installed.
+    """
     from importlib.util import find_spec
 
     spec = find_spec("plotly")

@@ -1,14 +1,23 @@
-"""A chart of as many points as eyes can tell apart, however long the run."""
+"""Reduces the chart of a long run to as many points as a screen can show."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from monitor.source import Series
+from monitor.observation.source import Series
 
 
 def thinned(series: Series, most: int) -> Series:
-    """All of a series, or of each stretch its first tick and its stalest, and its last tick: `most` and one at most."""
+    """Reduce a series, keeping its extremes.
+
+    Args:
+        series: The series.
+        most: Number of ticks to keep.
+
+    Returns:
+        The whole series if it has at most `most` ticks. Else of each interval its first tick and the one with the
+        largest MFoW, and the last tick: `most` + 1 ticks or fewer.
+    """
     count = len(series.ticks)
     if count <= most:
         return series

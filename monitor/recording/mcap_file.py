@@ -1,4 +1,4 @@
-"""A recording read again: what is in it, whether it is whole, and a whole copy of what there is."""
+"""Inspects recordings, and repairs those that were cut off."""
 
 from __future__ import annotations
 
@@ -8,22 +8,26 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from monitor.replay.runfiles import JOURNAL
+from monitor.replay.run_files import JOURNAL
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
 METADATA = "fogwatch"
-"""The name of the metadata by which a recording of ours is known."""
+"""Name of the metadata that marks a recording as one of fogwatch."""
 
 
 @dataclass
 class Contents:
-    """What a recording holds.
+    """The contents of a recording.
 
-    facts: its metadata. messages: by topic. begin_s, end_s: of its messages. why_cut: why it ends early, empty for a
-    whole file.
+    Attributes:
+        facts: Its metadata.
+        messages: Number of messages by topic.
+        begin_s: Time of the first message, s.
+        end_s: Time of the last message, s.
+        why_cut: Where and why it ends early; empty for a complete file.
     """
 
     facts: Mapping[str, str] = field(default_factory=dict)
@@ -33,18 +37,25 @@ class Contents:
     why_cut: str = ""
 
 
-def look(path: Path, repaired: Path | None = None) -> Contents:
-    """Read a recording through, testing its checksums.
+def inspect_recording(path: Path, repaired: Path | None = None) -> Contents:
+    """Read a whole recording and check its checksums.
 
-    repaired: where to write a whole copy of what can be read. BadInput for a file that is no MCAP, that somebody else
-    wrote, or that cannot be read or written, and where mcap is missing.
+    Args:
+        path: The recording.
+        repaired: A new file for a complete copy of everything that can be read; None for no copy.
+
+    Returns:
+        What the recording contains.
+
+    Raises:
+        BadInput: It is not a recording of fogwatch, a file cannot be read or written, or mcap is not installed.
     """
     try:
         from mcap.writer import Writer
     except ImportError:
         raise BadInput("recordings need mcap; install it with: pip install 'fogwatch[monitor]'") from None
     if repaired is not None and repaired.exists():
-        raise BadInput(f"{repaired}: is there already; name a new file")
+        raise BadInput(f"{repaired}: exists already; name a new file")
     contents = Contents()
     if repaired is None:
         _read(path, contents, None)
@@ -52,7 +63,7 @@ def look(path: Path, repaired: Path | None = None) -> Contents:
     try:
         with repaired.open("xb") as file:
             copy = _Copy(Writer(file))
-            _read(path, contents, copy.take)
+            _read(path, contents, copy.write)
             copy.finish()
     except OSError as error:
         raise BadInput(f"{repaired}: cannot be written ({error.strerror}); choose another file") from None
@@ -62,7 +73,7 @@ def look(path: Path, repaired: Path | None = None) -> Contents:
     return contents
 
 
-def _read(path: Path, contents: Contents, take: Callable[[Any], None] | None) -> None:
+def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -> None:
     from mcap.records import Channel, Message, Metadata
 
     topics: dict[int, str] = {}
@@ -78,19 +89,19 @@ def _read(path: Path, contents: Contents, take: Callable[[Any], None] | None) ->
                 at = record.log_time / 1e9
                 contents.begin_s, first = (at, False) if first else (contents.begin_s, False)
                 contents.end_s = at
-        if take is not None:
-            take(record)
+        if write is not None:
+            write(record)
     if contents.why_cut and not contents.messages:
         again = f"record again: fogwatch record {path.parent}" if (path.parent / JOURNAL).is_file() else "record again"
-        raise BadInput(f"{path}: is cut off before its first message; there is nothing to save, so {again}")
+        raise BadInput(f"{path}: is cut off before its first message, so nothing can be saved; {again}")
     if not contents.facts:
         raise BadInput(
-            f"{path}: is an MCAP file, but not one of fogwatch: it has no metadata '{METADATA}'; name one that has"
+            f"{path}: is an MCAP file, but not one of fogwatch (it has no metadata '{METADATA}'); name a recording.mcap"
         )
 
 
 def _records(path: Path, contents: Contents) -> Iterator[Any]:
-    """All records up to the first that is cut off or damaged."""
+    """All records up to the first incomplete or damaged one."""
     from mcap.stream_reader import StreamReader
 
     begun = False
@@ -103,24 +114,24 @@ def _records(path: Path, contents: Contents) -> Iterator[Any]:
         raise BadInput(f"{path}: is a folder; name a file, such as {path / 'recording.mcap'}") from None
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror}); name a recording.mcap") from None
-    except Exception as error:  # noqa: BLE001 - what a damaged file makes of the reader is anybody's guess
+    except Exception as error:  # noqa: BLE001 - a damaged file may raise anything in the reader
         if not begun:
             raise BadInput(
-                f"{path}: is no MCAP file, or is cut off before its first record; name a recording.mcap"
+                f"{path}: is not an MCAP file, or is cut off before its first record; name a recording.mcap"
             ) from None
         contents.why_cut = f"after {contents.end_s:g} s ({type(error).__name__})"
 
 
 class _Copy:
-    """Writes what is taken into a new file."""
+    """Writes records into a new file."""
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer
         self._schemas: dict[int, int] = {}
         self._channels: dict[int, int] = {}
 
-    def take(self, record: Any) -> None:
-        """Copy a record; those that only index others are made anew."""
+    def write(self, record: Any) -> None:
+        """Copy a record; index records are created by finish()."""
         from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 
         writer = self._writer
@@ -141,5 +152,5 @@ class _Copy:
                 writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
 
     def finish(self) -> None:
-        """Nothing more comes."""
+        """Write the index."""
         self._writer.finish()  # type: ignore[no-untyped-call]

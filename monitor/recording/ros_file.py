@@ -1,4 +1,4 @@
-"""An MCAP file of ROS 2 messages while it is written: CDR with ros2msg schemas, in chunks with checksums."""
+"""Writes an MCAP file of ROS 2 messages: CDR with ros2msg schemas, in chunks with checksums."""
 
 from __future__ import annotations
 
@@ -15,18 +15,28 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 PROFILE = "ros2"
-_TROUBLE = {"dead": ros.WARN, "fault": ros.WARN, "lost": ros.ERROR}
+_LEVELS = {"dead": ros.WARN, "fault": ros.WARN, "lost": ros.ERROR}
 
 
 class RosFile:
-    """Takes messages by topic; times are ns since the recording's zero.
+    """An open recording. Times are ns since the beginning of the run.
 
-    path: where it is written. called: what errors call it. new: refuse a file that is there. chunk: bytes of a chunk;
-    what is in none yet is lost when the writer is killed. BadInput where mcap or rosbags is missing or the file cannot
-    be written.
+    Attributes:
+        encoder: Encodes messages.
     """
 
-    def __init__(self, path: Path, called: Path, *, new: bool = False, chunk: int | None = None) -> None:
+    def __init__(self, path: Path, name: Path, *, new: bool = False, chunk: int | None = None) -> None:
+        """Create the file.
+
+        Args:
+            path: The file to write.
+            name: The file's name in error messages.
+            new: Whether to refuse an existing file.
+            chunk: Bytes of a chunk; None for mcap's default. A killed writer loses the last, incomplete chunk.
+
+        Raises:
+            BadInput: mcap or rosbags is not installed, or the file cannot be written.
+        """
         self.encoder = ros.Encoder()
         try:
             from mcap.writer import Writer
@@ -35,25 +45,38 @@ class RosFile:
         try:
             self._file = path.open("xb" if new else "wb")
         except FileExistsError:
-            raise BadInput(f"{called}: is there already; name a new file") from None
+            raise BadInput(f"{name}: exists already; name a new file") from None
         except OSError as error:
-            raise BadInput(f"{called}: cannot be written ({error.strerror}); choose another file") from None
+            raise BadInput(f"{name}: cannot be written ({error.strerror}); choose another file") from None
         self._writer: Writer = Writer(self._file) if chunk is None else Writer(self._file, chunk_size=chunk)
         self._writer.start(PROFILE, f"fogwatch {version('fogwatch')}")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._sequence: dict[int, int] = {}
 
-    def facts(self, says: Mapping[str, str]) -> None:
-        """What the recording is of, by which it is known as one of ours."""
-        self._writer.add_metadata(METADATA, dict(says))
+    def facts(self, facts: Mapping[str, str]) -> None:
+        """Write the metadata, which marks the file as a recording of fogwatch."""
+        self._writer.add_metadata(METADATA, dict(facts))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """A file that belongs to the recording."""
+        """Attach a file.
+
+        Args:
+            name: Its name.
+            media_type: Its MIME type.
+            data: Its content.
+        """
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def write(self, topic: str, kind: str, data: bytes, at: int) -> None:
-        """A message of a type in `monitor.recording.ros_messages`."""
+        """Write a message.
+
+        Args:
+            topic: Its topic.
+            kind: Its type, one of `monitor.recording.ros_messages`.
+            data: The encoded message.
+            at: Time, ns.
+        """
         channel = self._channels.get(topic)
         if channel is None:
             if kind not in self._schemas:
@@ -65,26 +88,50 @@ class RosFile:
         self._writer.add_message(channel, at, data, at, sequence)
 
     def number(self, topic: str, value: float, at: int) -> None:
-        """A std_msgs/Float64."""
+        """Write a std_msgs/Float64.
+
+        Args:
+            topic: Its topic.
+            value: The number.
+            at: Time, ns.
+        """
         self.write(topic, ros.NUMBER, self.encoder.number(value), at)
 
-    def say(self, name: str, text: str, at: int, level: int = ros.INFO) -> None:
-        """A line of the log."""
+    def log(self, name: str, text: str, at: int, level: int = ros.INFO) -> None:
+        """Write a line of the log /rosout.
+
+        Args:
+            name: Name of the logger.
+            text: The line.
+            at: Time, ns.
+            level: One of the levels in `monitor.recording.ros_messages`.
+        """
         self.write("/rosout", ros.LOG, self.encoder.log(at, level, name, text), at)
 
     def event(self, kind: str, name: str, detail: str, at: int) -> None:
-        """One of a journal's events as a line of the log. name: of whom it befalls."""
-        self.say(name, f"{kind}: {detail}" if detail else kind, at, _TROUBLE.get(kind, ros.INFO))
+        """Write an event of the journal as a line of the log.
+
+        Args:
+            kind: Kind of the event.
+            name: Which robot it concerns, or "run".
+            detail: Its details.
+            at: Time, ns.
+        """
+        self.log(name, f"{kind}: {detail}" if detail else kind, at, _LEVELS.get(kind, ros.INFO))
 
     def flush(self) -> None:
-        """Hand the whole chunks to the system, which keeps them whatever becomes of this process."""
+        """Pass complete chunks to the operating system, which keeps them even if this process is killed."""
         self._file.flush()
 
     def finish(self) -> None:
-        """Nothing more comes: write the index. OSError where that cannot be."""
+        """Write the index and close the file.
+
+        Raises:
+            OSError: The index cannot be written.
+        """
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 
     def drop(self) -> None:
-        """Close the file as it is."""
+        """Close the file without an index."""
         self._file.close()

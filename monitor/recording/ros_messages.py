@@ -1,4 +1,4 @@
-"""The ROS 2 messages of a recording, as CDR bytes with their definitions; no ROS is needed."""
+"""The ROS 2 messages of a recording, as CDR bytes, and their definitions. ROS is not needed."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ LOG = "rcl_interfaces/msg/Log"
 FRAME = "map"
 
 QOS = "offered_qos_profiles"
-"""The key in a channel's metadata under which rosbag2 keeps what a topic's publishers offered."""
+"""Key in a channel's metadata for the quality of service that a topic's publishers offered, as in rosbag2."""
 
 LATCHED = frozenset({"/map"})
-"""Topics of which whoever comes late gets the last message all the same."""
+"""Topics whose last message late subscribers also receive."""
 
 INFO, WARN, ERROR = 20, 30, 40
 """Levels of a Log."""
@@ -33,14 +33,20 @@ _RELIABLE = 1
 _TRANSIENT_LOCAL, _VOLATILE = 1, 2
 
 UNKNOWN = -1
-"""A grid's points that do not count."""
+"""Value of a grid's points that do not count."""
 
 
 def offered(topic: str) -> str:
-    """The quality of service that rosbag2 shall publish a topic with, as YAML.
+    """The quality of service with which rosbag2 should publish a topic.
 
-    In rmw's numbers, as rosbag2 reads them from a file that does not say of which version it is: keep the last ones,
-    reliable, and transient local where latched, else volatile. A time of 0 is none.
+    The values are rmw's numbers, which rosbag2 expects in files without a version: keep last, reliable, and transient
+    local for latched topics, else volatile. A duration of 0 means none.
+
+    Args:
+        topic: The topic.
+
+    Returns:
+        YAML.
     """
     durability = _TRANSIENT_LOCAL if topic in LATCHED else _VOLATILE
     return (
@@ -52,7 +58,11 @@ def offered(topic: str) -> str:
 
 
 class Encoder:
-    """Messages by type name; times are ns since the run began. BadInput where rosbags is missing."""
+    """Encodes messages. Times are ns since the beginning of the run.
+
+    Raises:
+        BadInput: rosbags is not installed.
+    """
 
     def __init__(self) -> None:
         try:
@@ -63,7 +73,14 @@ class Encoder:
         self._types = self._store.types
 
     def definition(self, kind: str) -> bytes:
-        """The message definition of a type and of all types in it, as a ros2msg schema holds it."""
+        """The definition of a message type and of all types in it.
+
+        Args:
+            kind: Name of the type.
+
+        Returns:
+            A ros2msg schema.
+        """
         text, _ = self._store.generate_msgdef(kind, ros_version=2)
         return text.encode()
 
@@ -72,17 +89,36 @@ class Encoder:
         return self._bytes(NUMBER, data=float(value))
 
     def log(self, at: int, level: int, name: str, text: str) -> bytes:
-        """An rcl_interfaces/Log."""
+        """An rcl_interfaces/Log.
+
+        Args:
+            at: Time, ns.
+            level: `INFO`, `WARN` or `ERROR`.
+            name: Name of the logger.
+            text: The message.
+        """
         said: dict[str, Any] = {"level": level, "name": name, "msg": text, "file": "", "function": "", "line": 0}
         return self._bytes(LOG, stamp=self._time(at), **said)
 
     def pose(self, at: int, x: float, y: float, heading: float) -> bytes:
-        """A geometry_msgs/PoseStamped in the map's frame."""
+        """A geometry_msgs/PoseStamped in the map's frame.
+
+        Args:
+            at: Time, ns.
+            x: Position, m.
+            y: Position, m.
+            heading: Heading, rad.
+        """
         pose = self._make("geometry_msgs/msg/Pose", position=self._point(x, y), orientation=self._turn(heading))
         return self._bytes(POSE, header=self._header(at), pose=pose)
 
     def transforms(self, at: int, bodies: Sequence[tuple[str, float, float, float]]) -> bytes:
-        """A tf2_msgs/TFMessage: (frame, x, y, heading) of each body, in the map's frame."""
+        """A tf2_msgs/TFMessage.
+
+        Args:
+            at: Time, ns.
+            bodies: (frame, x in m, y in m, heading in rad) of each body, in the map's frame.
+        """
         header = self._header(at)
         kind, vector = "geometry_msgs/msg/TransformStamped", "geometry_msgs/msg/Vector3"
         stamped = []
@@ -93,7 +129,14 @@ class Encoder:
         return self._bytes(TRANSFORMS, transforms=stamped)
 
     def grid(self, at: int, point: float, origin: tuple[float, float], values: NDArray[np.int8]) -> bytes:
-        """A nav_msgs/OccupancyGrid of int8 (h, w), row 0 lowest: 0 to 100, or UNKNOWN."""
+        """A nav_msgs/OccupancyGrid.
+
+        Args:
+            at: Time, ns.
+            point: Side of a point, m.
+            origin: Lower left corner, m.
+            values: int8 (h, w), row 0 lowest: 0 to 100, or `UNKNOWN`.
+        """
         height, width = values.shape
         corner = self._make("geometry_msgs/msg/Pose", position=self._point(*origin), orientation=self._turn(0.0))
         info = self._make(

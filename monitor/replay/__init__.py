@@ -1,1 +1,1 @@
-"""A run that is over, played again from its folder."""
+"""Replays a run from its folder."""

@@ -1,4 +1,4 @@
-"""A run's folder as a source for the page: the state at any tick, at any speed, forwards and backwards."""
+"""The source for a finished run: plays it at any speed, forwards and backwards."""
 
 from __future__ import annotations
 
@@ -12,48 +12,54 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.linklog import LinkLog
-from monitor.replay.past_beliefs import Hindsight
+from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
+from monitor.replay.link_log import LinkLog
+from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.replay import Replay
 from monitor.replay.run import Run
-from monitor.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from patrol.errors import BadInput
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
 from patrol.radio.fleet_key import fleet_key
 
 SHOW_S = 1.0 / 30.0
-"""Wall time between two states."""
+"""Least wall time between two states, s."""
 
 FASTEST = 1000.0
-"""Of the factors of real time."""
+"""Largest pace, as a factor of real time."""
 
 _RATE_S = 2.0
 _NO_BODY = (Status.ABSENT, Status.LEFT)
 
 
 class Player:
-    """Plays a run. Wall time is looked at only to know which tick is due."""
+    """A `monitor.observation.source.Source` that plays a run. The wall clock only decides which tick is due."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
+        """Start paused at tick 0.
+
+        Args:
+            run: The run.
+            now: Wall clock, s.
+        """
         self._run = run
         self._now = now
         self._replay = Replay(run)
         self._links = LinkLog(run)
-        self._hindsight = Hindsight(run, _key_of(run))
-        # With a direct radio nobody knows who heard what.
+        self._past_beliefs = PastBeliefs(run, _key_of(run))
+        # With a direct radio it is unknown which frames each robot heard.
         self._direct = run.prepared.scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", *(() if self._direct else run.numbers))
         self._changed = threading.Condition()
         self._k = 0
         self._place = 0.0
-        """Where the play is, in ticks, between two of them."""
+        """Position in ticks, with fractions."""
         self._asked_at = now()
         self._running = False
         self._pace = 1.0
-        self._told: tuple[int, bool, float] | None = None
+        self._returned: tuple[int, bool, float] | None = None
         self._lacks_links = False
-        """The last state had no links, as the journal was not read that far."""
+        """Whether the last state had no links because the journal was not read that far."""
         self._at = 0
         self._shown: deque[tuple[float, int]] = deque()
 
@@ -80,12 +86,12 @@ class Player:
             live=False,
             layers=self._layers,
             controls=("pause", "go", "step", "pace", "seek"),
-            note="" if run.ended is not None else "this run was cut off, or goes on; what there is of it is shown",
+            note="" if run.ended is not None else "the journal has no end: the run was cut off or is still running",
             direct=self._direct,
         )
 
     def wait(self, timeout_s: float) -> State | None:
-        """See `Source`; a state at most each `SHOW_S`, and once more where its links took a while to read."""
+        """See `Source`; one state per `SHOW_S` at most, and another one when its links took longer to read."""
         until, rate = self._now() + timeout_s, 0.0
         while True:
             found = self._lacks_links and self._links.reach(self._at)
@@ -93,10 +99,10 @@ class Player:
                 self._advance()
                 now = self._now()
                 new = (self._k, self._running, self._pace)
-                news = found or new != self._told
+                news = found or new != self._returned
                 due = (self._shown[-1][0] + SHOW_S if self._shown else now) - now
                 if news and due <= 0.0:
-                    self._told = new
+                    self._returned = new
                     self._at = self._k
                     rate = self._rate(now)
                     break
@@ -108,24 +114,24 @@ class Player:
         return self._state(*new, rate)
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
-        """See `Source`; what a robot believed takes a while to find out."""
+        """See `Source`; a robot's belief takes a while to compute."""
         if layer not in self._layers:
             return None
         if isinstance(layer, int):
-            return self._hindsight.last_seen(layer, self._at)
+            return self._past_beliefs.last_seen(layer, self._at)
         return self._replay.fog(self._at).last_seen
 
-    def since(self, layer: Layer) -> int:  # noqa: ARG002 - a run is known from its beginning
+    def since(self, layer: Layer) -> int:  # noqa: ARG002 - a run is known from its start
         """See `Source`."""
         return 0
 
-    def tick(self, layer: Layer) -> int:  # noqa: ARG002 - a replay shows no fog of another moment
+    def tick(self, layer: Layer) -> int:  # noqa: ARG002 - every fog is of the same tick
         """See `Source`."""
         return self._at
 
-    def keep(self, layers: Collection[Layer]) -> None:
+    def set_shown(self, layers: Collection[Layer]) -> None:
         """See `Source`."""
-        self._hindsight.keep([layer for layer in layers if isinstance(layer, int)])
+        self._past_beliefs.set_shown([layer for layer in layers if isinstance(layer, int)])
 
     def trail(self, first: int, last: int) -> NDArray[np.float64]:
         """See `Source`."""
@@ -141,10 +147,10 @@ class Player:
         return Series(ticks, mfow_s, run.fog_mean[first:] * run.step)
 
     def events(self, since: int) -> Sequence[Event]:
-        """See `Source`; those of the whole run, also those to come."""
+        """See `Source`; the events of the whole run, including those after the current tick."""
         return self._run.events[since:]
 
-    def ask(self, control: Mapping[str, Any]) -> Answer:
+    def control(self, control: Mapping[str, Any]) -> Answer:
         """See `Source`."""
         with self._changed:
             self._advance()
@@ -171,9 +177,9 @@ class Player:
             case {"do": "seek", "k": int() as k} if not isinstance(k, bool):
                 self._go_to(k)
             case {"do": str() as what}:
-                return Answer(False, f"{what[:40]}: a replay pauses, goes on, steps, seeks and changes its pace")
+                return Answer(False, f"{what[:40]}: a replay accepts pause, go, step, pace and seek")
             case _:
-                return Answer(False, "a control says what to do")
+                return Answer(False, 'a control needs the key "do"')
         return Answer(True)
 
     def _go_to(self, k: int) -> None:
@@ -181,7 +187,7 @@ class Player:
         self._place = float(self._k)
 
     def _advance(self) -> None:
-        """Move on by the wall time that has gone by."""
+        """Advance by the wall time that has passed."""
         now = self._now()
         gone, self._asked_at = now - self._asked_at, now
         if not self._running:
@@ -194,7 +200,7 @@ class Player:
         self._k = int(self._place)
 
     def _rate(self, now: float) -> float:
-        """Ticks per wall second, lately."""
+        """Ticks per second of wall time, over the last `_RATE_S`."""
         while self._shown and self._shown[0][0] < now - _RATE_S:
             self._shown.popleft()
         since, before = self._shown[0] if self._shown else (now, self._k)
@@ -238,7 +244,17 @@ class Player:
 
 
 def open_player(folder: Path) -> Player:
-    """A player of the run in a folder; BadInput where there is none."""
+    """Open a run for playing.
+
+    Args:
+        folder: The run's folder.
+
+    Returns:
+        The player, paused at tick 0.
+
+    Raises:
+        BadInput: It is not the folder of a run.
+    """
     from monitor.replay.run import open_run
 
     return Player(open_run(folder))
@@ -249,7 +265,7 @@ def _since(tick: int, k: int, step: float) -> float | None:
 
 
 def _key_of(run: Run) -> bytes | None:
-    """The fleet's key, where it can still be read; without it frames are believed untested."""
+    """The fleet's key; None if it cannot be read."""
     try:
         return fleet_key(run.prepared.scenario)
     except BadInput:

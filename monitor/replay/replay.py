@@ -1,7 +1,7 @@
-"""A run played again from its journal: the state at any tick, forwards and backwards.
+"""Reconstructs a run from its journal. The true fog follows from the poses alone.
 
-The true fog follows from the poses alone. `play` goes through a run once, for whoever wants to watch all of it;
-`Replay` jumps to any tick. Pure: nothing here knows how fast somebody looks.
+`play` replays a run once from start to end for any number of watchers; `Replay` gives the state at any tick. Neither
+uses a clock.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observer import as_sent
+from monitor.observation.listener import as_sent
 from monitor.replay.run import Run
 from monitor.replay.snapshot import Snapshot
 from patrol.errors import BadInput
@@ -22,28 +22,48 @@ from patrol.ground.footprint import Footprint, View, sensor_footprint
 from patrol.journal.records import Event, Status
 
 MEMORY = 256 << 20
-"""Bytes that a replay's snapshots may take if no two points beside each other were seen at the same time."""
+"""Bytes for a replay's snapshots in the worst case, in which no two neighbouring points were seen in the same tick."""
 
 _MOST_SNAPSHOTS = 400
 _LEAST_APART = 8
 _NEAR = 8
-"""Snapshots kept of the stretch that is being played backwards."""
+"""Snapshots of the interval that is being played backwards."""
 
 
 class Watcher(Protocol):
-    """Somebody who goes along with `play`."""
+    """Receives each tick that `play` replays."""
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Tick k's footprints are about to be taken in."""
+        """Called before the observations of a tick.
+
+        Args:
+            k: The tick.
+            fog: The true fog before them.
+            views: The footprint of each robot that takes part.
+        """
         ...
 
     def after(self, k: int, fog: Fog) -> None:
-        """They have been."""
+        """Called after the observations of a tick.
+
+        Args:
+            k: The tick.
+            fog: The true fog after them.
+        """
         ...
 
 
 def play(run: Run, watchers: Sequence[Watcher], footprint: Footprint | None = None) -> int | None:
-    """Go through all ticks; returns the first whose fog is not as the journal measured it, which must not be."""
+    """Replay all ticks of a run.
+
+    Args:
+        run: The run.
+        watchers: Who receives each tick.
+        footprint: The sensor's footprint on the terrain; None to compute it.
+
+    Returns:
+        The first tick whose fog differs from the measures in the journal; None if all agree, as they must.
+    """
     footprint = footprint or sensor_footprint(run.prepared.scenario, run.prepared.terrain)
     fog = Fog(run.prepared.patrolled)
     wrong = None
@@ -66,13 +86,34 @@ def _as_measured(run: Run, k: int, fog: Fog) -> bool:
 
 
 def views_at(run: Run, k: int, footprint: Footprint) -> list[View]:
-    """What each robot that takes part in tick k truly sees, in roster order."""
+    """The true footprints in a tick.
+
+    Args:
+        run: The run.
+        k: The tick.
+        footprint: The sensor's footprint on the terrain.
+
+    Returns:
+        A footprint for each robot that takes part in the tick, in roster order.
+    """
     return [footprint.visible(as_sent(number, pose)) for number, pose in run.alive(k)]
 
 
 @dataclass(frozen=True, slots=True)
 class RobotMoment:
-    """One robot at one tick: where it truly is (m, rad), its standing, what its mind says it does, its goal (m)."""
+    """One robot at one tick.
+
+    Attributes:
+        number: Its number.
+        name: Its name.
+        status: Its status.
+        state: What its mind reports to be doing.
+        x: True position, m.
+        y: True position, m.
+        heading: True heading, rad.
+        bumped: Whether its move was cancelled by a collision.
+        goal: Its goal, m; None without one.
+    """
 
     number: int
     name: str
@@ -89,8 +130,14 @@ class RobotMoment:
 class Moment:
     """A run at tick k, after its observations.
 
-    last_seen: int32 (h, w), a copy; mfow and fog_mean in ticks, as the journal has them. events: those before tick k or
-    at it, all since the run began.
+    Attributes:
+        k: The tick.
+        time_s: Simulated time, s.
+        last_seen: int32 (h, w), a copy.
+        mfow: MFoW, ticks, from the journal.
+        fog_mean: Mean fog, ticks, from the journal.
+        robots: In roster order.
+        events: All events up to tick k.
     """
 
     k: int
@@ -102,20 +149,28 @@ class Moment:
     events: tuple[Event, ...]
 
     def ages(self) -> NDArray[np.int32]:
-        """int32 (h, w): ticks since each point was last seen; outside the patrolled area as if never seen."""
+        """int32 (h, w), ticks since each point was last seen; points outside the patrolled area as if never seen."""
         return np.int32(self.k) - np.maximum(self.last_seen, np.int32(0))
 
 
 class Replay:
-    """A run at any tick.
+    """Gives the state of a run at any tick.
 
-    Snapshots of the fog are kept as they are passed, some evenly over the run and some within the stretch that is
-    played backwards. Where a look makes a point fresh, the fog at tick k also follows from the last MFoW ticks alone,
-    so that a jump never needs the whole run once every point has been seen.
+    It keeps snapshots of the fog on the way, evenly over the run and within the interval that is played backwards. With
+    sensors of quality 1 the fog at tick k also follows from the last MFoW ticks alone, so once every point has been
+    seen a jump never replays the whole run.
+
+    Attributes:
+        run: The run.
     """
 
     def __init__(self, run: Run, memory: int = MEMORY) -> None:
-        """memory: bytes for snapshots."""
+        """Start before the first tick.
+
+        Args:
+            run: The run.
+            memory: Most bytes for snapshots.
+        """
         self.run = run
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
         self._whole_looks = run.prepared.scenario.sensor.quality == 1.0
@@ -129,11 +184,21 @@ class Replay:
 
     @property
     def ticks(self) -> int:
-        """How many there are."""
+        """Number of ticks."""
         return self.run.ticks
 
     def fog(self, k: int) -> Fog:
-        """The true fog after tick k's observations; it is the replay's own, so copy what is to last."""
+        """The true fog after the observations of a tick.
+
+        Args:
+            k: The tick.
+
+        Returns:
+            The fog; valid until the next call.
+
+        Raises:
+            BadInput: The run has no such tick.
+        """
         if not 0 <= k < self.run.ticks:
             raise BadInput(f"tick {k}: the run has ticks 0 to {self.run.ticks - 1}")
         if k != self._k:
@@ -141,7 +206,14 @@ class Replay:
         return self._fog
 
     def at(self, k: int) -> Moment:
-        """The run at tick k."""
+        """The whole state after the observations of a tick.
+
+        Args:
+            k: The tick.
+
+        Raises:
+            BadInput: The run has no such tick.
+        """
         run, fog = self.run, self.fog(k)
         robots = []
         for place, facts in enumerate(run.robots):
@@ -175,7 +247,7 @@ class Replay:
         base = max((tick for kept in (self._far, self._near) for tick in kept if tick <= k), default=-1)
         from_here = base <= self._k <= k
         base = self._k if from_here else base
-        # A step back begins a stretch earlier, for more are likely to follow.
+        # A step back starts an interval earlier, because more steps back are likely.
         goal = max(k - self._apart, 0) if backwards else k
         if not (goal > base and self._look_back(goal, base)) and not from_here:
             self._restore(base)
@@ -184,7 +256,7 @@ class Replay:
         self._walk(k, max(1, (k - self._k) // _NEAR) if backwards else 0)
 
     def _look_back(self, k: int, base: int) -> bool:
-        """Rebuild tick k's fog from the last ticks alone, if that is less work than to go on from `base`."""
+        """Rebuild the fog of tick k from the last ticks alone, if that is less work than to advance from `base`."""
         enough = k - int(self.run.mfow[k])
         if not self._whole_looks or enough <= base + 1:
             return False
@@ -205,7 +277,7 @@ class Replay:
         self._k = base
 
     def _walk(self, last: int, near: int) -> None:
-        """Go on to tick `last`; near: ticks between two of the snapshots kept on the way, 0 for none."""
+        """Advance to tick `last`. near: ticks between two snapshots on the way, 0 for none."""
         first = self._k + 1
         for k in range(first, last + 1):
             for view in views_at(self.run, k, self._footprint):

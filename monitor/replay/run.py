@@ -1,7 +1,7 @@
-"""A run as its folder tells it: the journal's ticks as arrays, next to the scenario, its terrain and the summary.
+"""A run, read from its folder: the journal's ticks as arrays, the scenario, its terrain and the summary.
 
-Everything is in roster order, without the spare robots that never came. A journal that was cut off, or one that is
-still being written, gives what is in it.
+Robots are in roster order, without the spare ones that never joined. A journal that was cut off, or is still being
+written, gives the ticks that it has.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.runfiles import SCENARIO, SUMMARY, journal_in
-from monitor.tally import tally
+from monitor.observation.frames import count_frames
+from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from patrol.errors import BadInput
 from patrol.journal import Journal
 from patrol.journal.records import DEAD_END, FORGED, Event, RobotFacts, Status, TickRecord, sent_at, standing_after
@@ -27,18 +27,25 @@ from patrol.scenario import load_scenario
 from patrol.scenario.controls import prepared_as_operated
 
 CAME = ("alive", "lost")
-"""Events by which a robot that was not there is."""
+"""Events by which a robot joins."""
 SILENT = ""
-"""The state of a robot that did not report one."""
+"""The state of a robot that reported none."""
 
 
 @dataclass(frozen=True, eq=False)
-class Links:
-    """What became of frames, by directed link: index 0 is who forges, then the roster; see `monitor.tally`.
+class LinkTotals:
+    """Frames by directed link, over the whole run; see `monitor.observation.frames`.
 
-    sent, delivered: int64 (n + 1, n + 1), source by destination. dropped: the same by cause. late: the most ticks that
-    a frame took. delivered_in, dropped_in: int64 (ticks,), over all links between robots. Of a direct radio sent is
-    what the world overheard, and all else is nothing.
+    Rows are senders and columns receivers: first the forger, then the roster. With a direct radio `sent` is what the
+    world overheard, and all other counts are 0.
+
+    Attributes:
+        sent: int64 (n + 1, n + 1).
+        delivered: int64 (n + 1, n + 1).
+        dropped: int64 (n + 1, n + 1) by cause.
+        late: Largest delay of a frame, ticks.
+        delivered_in: int64 (ticks,), frames delivered in each tick between robots.
+        dropped_in: int64 (ticks,), frames dropped in each tick between robots.
     """
 
     sent: NDArray[np.int64]
@@ -50,11 +57,11 @@ class Links:
 
     @property
     def lost(self) -> NDArray[np.int64]:
-        """int64 (n + 1, n + 1): dropped for any cause."""
+        """int64 (n + 1, n + 1), frames dropped for any cause."""
         return sum(self.dropped.values(), np.zeros_like(self.delivered))
 
     def share(self) -> NDArray[np.float64]:
-        """float64 (n, n): the delivered share of what each robot sent each other one; NaN where nothing was sent."""
+        """float64 (n, n), the delivered share of frames from each robot to each other; NaN where none settled."""
         delivered, lost = self.delivered[1:, 1:], self.lost[1:, 1:]
         sent = delivered + lost
         return np.where(sent > 0, delivered / np.maximum(sent, 1), np.nan).astype(np.float64)
@@ -62,15 +69,32 @@ class Links:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run.
+    """One run of `n` robots.
 
-    poses: float64 (ticks, n, 3), true ones at the beginning of each tick. status: uint8 (ticks, n). bumped: bool
-    (ticks, n). states: int16 (ticks, n), indices of `labels`. goals: float64 (ticks, n, 2), m, NaN without one.
-    decision_ms: float64 (ticks, n), NaN without one. driven: float64 (n,), m, along the commands obeyed. mfow: int64
-    (ticks,); fog_mean: float64 (ticks,); both in ticks. seen: int64 (ticks,), points seen so far. positions: frames
-    that carry the sender's own position, over all ticks. rejected: frames that robots say they refused. standing: uint8
-    (n,), how each robot was left, after what happened past the last tick. summary: of summary.json, None where there is
-    none.
+    Attributes:
+        folder: The run's folder.
+        journal: Its journal.
+        prepared: Its scenario with the terrain.
+        poses: float64 (ticks, n, 3), true x (m), y (m) and heading (rad) at the beginning of each tick.
+        status: uint8 (ticks, n), `patrol.journal.records.Status`.
+        bumped: bool (ticks, n), whether a move was cancelled by a collision.
+        states: int16 (ticks, n), indices of `labels`.
+        labels: The states that minds reported.
+        goals: float64 (ticks, n, 2), m; NaN without a goal.
+        decision_ms: float64 (ticks, n), ms of wall time; NaN without a decision.
+        driven: float64 (n,), m, along the commands that were carried out.
+        mfow: int64 (ticks,), ticks.
+        fog_mean: float64 (ticks,), ticks.
+        seen: int64 (ticks,), points seen so far.
+        links: Frames by directed link.
+        positions: Number of frames with the sender's own position, over all ticks.
+        rejected: Number of frames that robots report as rejected.
+        final_status: uint8 (n,), status at the end, including events after the last tick.
+        events: All events.
+        ended: How the run ended; None for a journal without an end.
+        truncated: Whether the journal ends within a record.
+        summary: The content of summary.json; None without one.
+        index: Place of each robot in the arrays, by its number.
     """
 
     folder: Path
@@ -87,25 +111,24 @@ class Run:
     mfow: NDArray[np.int64]
     fog_mean: NDArray[np.float64]
     seen: NDArray[np.int64]
-    links: Links
+    links: LinkTotals
     positions: int
     rejected: int
-    standing: NDArray[np.uint8]
+    final_status: NDArray[np.uint8]
     events: tuple[Event, ...]
     ended: str | None
     truncated: bool
     summary: Mapping[str, Any] | None
     index: Mapping[int, int] = field(default_factory=dict)
-    """A robot's place among those of the run, by its number: all of the roster but spare ones that never came."""
 
     @property
     def ticks(self) -> int:
-        """How many there are."""
+        """Number of ticks."""
         return len(self.mfow)
 
     @property
     def step(self) -> float:
-        """Seconds of a tick."""
+        """Duration of a tick, s."""
         return self.prepared.scenario.step
 
     @cached_property
@@ -130,12 +153,12 @@ class Run:
 
     @property
     def direct(self) -> bool:
-        """Whether robots heard each other directly, so that the journal does not have the fate of their frames."""
+        """Whether robots heard each other directly, so that the journal does not have deliveries."""
         return self.prepared.scenario.radio.via == "direct"
 
     @property
     def dead_end_share(self) -> NDArray[np.float64]:
-        """float64 (n,): the share of its decisions in which each robot was getting out of a dead end; 0 without any."""
+        """float64 (n,), the share of each robot's decisions in which it was leaving a dead end; 0 without any."""
         decided = ~np.isnan(self.decision_ms)
         stuck = np.array([label == DEAD_END for label in self.labels])[self.states] & decided
         share: NDArray[np.float64] = stuck.sum(axis=0) / np.maximum(decided.sum(axis=0), 1)
@@ -153,22 +176,47 @@ class Run:
 
 
 def open_run(folder: Path) -> Run:
-    """Read a run folder; BadInput where that is not possible, or where no tick is done yet."""
+    """Read a run.
+
+    Args:
+        folder: The run's folder.
+
+    Returns:
+        The run.
+
+    Raises:
+        BadInput: It is not the folder of a run, its files do not belong together, or it has no complete tick yet.
+    """
     journal = journal_in(folder)
     prepared = prepared_as_operated(prepare(load_scenario(folder / SCENARIO)), journal.events)
     facts, terrain = journal.header.terrain, prepared.terrain
     if (facts.width, facts.height) != (terrain.width, terrain.height):
         raise BadInput(
             f"{folder}: the journal's terrain has {facts.width} x {facts.height} points and that of {SCENARIO} "
-            f"{terrain.width} x {terrain.height}; they are not of one run"
+            f"{terrain.width} x {terrain.height}; they belong to different runs: restore the run's own {SCENARIO}"
         )
     if [robot.number for robot in journal.header.robots] != [spec.number for spec in prepared.scenario.roster]:
-        raise BadInput(f"{folder}: the journal has other robots than {SCENARIO}; they are not of one run")
+        raise BadInput(
+            f"{folder}: the journal has other robots than {SCENARIO}; they belong to different runs: restore its own"
+        )
     return read_run(folder, journal, prepared, _summary(folder / SUMMARY))
 
 
 def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mapping[str, Any] | None = None) -> Run:
-    """A journal's ticks as arrays; BadInput when it holds none."""
+    """Read a journal's ticks into arrays.
+
+    Args:
+        folder: The run's folder.
+        journal: Its journal.
+        prepared: Its scenario with the terrain.
+        summary: The content of summary.json; None without one.
+
+    Returns:
+        The run.
+
+    Raises:
+        BadInput: The journal has no complete tick.
+    """
     came = {event.robot for event in journal.events if event.kind in CAME}
     robots = [one for one in journal.header.robots if one.number not in prepared.scenario.spares or one.number in came]
     index = {robot.number: place for place, robot in enumerate(robots)}
@@ -177,7 +225,7 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
     for record in journal.ticks:
         rows.take(record)
     if not rows.mfow:
-        raise BadInput(f"{journal.path}: holds no whole tick, so nothing can be shown; wait for one, or run it again")
+        raise BadInput(f"{journal.path}: holds no complete tick; wait until the run has one, or run it again")
     return Run(
         folder=folder,
         journal=journal,
@@ -196,7 +244,7 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
         links=rows.links(),
         positions=rows.positions,
         rejected=rows.rejected,
-        standing=_standing(rows.status, index, journal.events),
+        final_status=_final_status(rows.status, index, journal.events),
         events=journal.events,
         ended=None if journal.end is None else journal.end.reason,
         truncated=journal.truncated,
@@ -206,7 +254,7 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
 
 
 class _Rows:
-    """What is collected from tick records, one by one."""
+    """Collects the values of tick records."""
 
     def __init__(self, index: Mapping[int, int], models: Mapping[int, str], step: float) -> None:
         self._index = index
@@ -249,7 +297,7 @@ class _Rows:
                 self.driven[robot.number] += speed * self._step
         for robot in robots:
             if robot.rejected is not None:
-                # A mind that is started anew counts from 0 again.
+                # A restarted mind counts from 0 again.
                 new = robot.rejected - self._counted.get(robot.number, 0)
                 self.rejected += new if new >= 0 else robot.rejected
                 self._counted[robot.number] = robot.rejected
@@ -259,7 +307,7 @@ class _Rows:
         self.positions += len({source for source, _ in record.frames if source in self._index})
         self._delivered_in.append(sum(source in self._index for source, _, _ in record.deliveries))
         self._dropped_in.append(sum(source in self._index for source, _, _, _ in record.dropped))
-        tally(record, self._place, self._sent, self._delivered)
+        count_frames(record, self._place, self._sent, self._delivered)
         if record.deliveries:
             earliest = min(sent_at(sequence) for _, _, sequence in record.deliveries)
             self._late = max(self._late, record.k - earliest)
@@ -268,25 +316,27 @@ class _Rows:
                 self._dropped[cause] = np.zeros_like(self._delivered)
             self._dropped[cause][self._place[source], self._place[destination]] += 1
 
-    def links(self) -> Links:
+    def links(self) -> LinkTotals:
         delivered_in = np.array(self._delivered_in, dtype=np.int64)
         dropped_in = np.array(self._dropped_in, dtype=np.int64)
         dropped = dict(sorted(self._dropped.items()))
-        return Links(self._sent, self._delivered, dropped, self._late, delivered_in, dropped_in)
+        return LinkTotals(self._sent, self._delivered, dropped, self._late, delivered_in, dropped_in)
 
 
-def _standing(status: Sequence[Sequence[int]], index: Mapping[int, int], events: Sequence[Event]) -> NDArray[np.uint8]:
-    """Each robot's standing at the end, with what befell it after the last tick, as the summary has it."""
-    standing = np.array(status[-1], dtype=np.uint8)
+def _final_status(
+    status: Sequence[Sequence[int]], index: Mapping[int, int], events: Sequence[Event]
+) -> NDArray[np.uint8]:
+    """Each robot's status at the end, including events after the last tick, as in the summary."""
+    final_status = np.array(status[-1], dtype=np.uint8)
     for event in events:
         place, left = index.get(event.robot or 0), standing_after(event.kind)
         if event.k >= len(status) and place is not None and left is not None:
-            standing[place] = left
-    return standing
+            final_status[place] = left
+    return final_status
 
 
 def _summary(path: Path) -> Mapping[str, Any] | None:
-    """summary.json, if it is there and whole; a run that was killed has none."""
+    """The content of summary.json, if it exists and is complete; a run that was killed has none."""
     try:
         says = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

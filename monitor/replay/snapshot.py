@@ -1,4 +1,4 @@
-"""A map of last-seen ticks, kept for later in a small part of its bytes."""
+"""A compressed map of last-seen ticks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A map as runs of equal values: where another value begins, row by row, and which; both int32 (n,)."""
+    """A map as runs of equal values, row by row.
+
+    Attributes:
+        shape: Shape of the map.
+        begins: int32 (n,), index of each run's first point.
+        values: int32 (n,), value of each run.
+    """
 
     shape: tuple[int, ...]
     begins: NDArray[np.int32]
@@ -18,17 +24,21 @@ class Snapshot:
 
     @classmethod
     def of(cls, seen: NDArray[np.int32]) -> Snapshot:
-        """seen: int32 (h, w), of at least one point."""
+        """Compress a map.
+
+        Args:
+            seen: int32 (h, w), at least one point.
+        """
         flat = seen.ravel()
         begins = np.concatenate(([0], np.flatnonzero(flat[1:] != flat[:-1]) + 1)).astype(np.int32)
         return cls(seen.shape, begins, flat[begins])
 
     @property
     def nbytes(self) -> int:
-        """What it takes."""
+        """Its size in bytes."""
         return self.begins.nbytes + self.values.nbytes
 
     def map(self) -> NDArray[np.int32]:
-        """int32 (h, w), a new one."""
+        """The map as a new int32 (h, w) array."""
         points = int(np.prod(self.shape))
         return np.repeat(self.values, np.diff(self.begins, append=points)).reshape(self.shape)

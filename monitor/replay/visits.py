@@ -1,4 +1,4 @@
-"""How the fog went over a whole run, point by point: mean, worst, and the times between two visits."""
+"""Statistics of the fog over a run, point by point: mean age, largest age, and times between visits."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ from patrol.ground.footprint import View
 
 @dataclass(frozen=True, eq=False)
 class Visits:
-    """What a run came to at each point, in ticks.
+    """The statistics of a run, in ticks.
 
-    mean: float64 (h, w), the age over all ticks; worst: int32 (h, w), the largest. Both 0 where nothing counts.
-    gaps: int64 (n,), points by ticks between the end of a visit and the next look; a first visit ends no gap.
-    never: bool (h, w), patrolled points that nobody ever saw.
+    Attributes:
+        mean: float64 (h, w), mean age over all ticks; 0 outside the patrolled area.
+        worst: int32 (h, w), largest age; 0 outside the patrolled area.
+        gaps: int64 (n,), number of times that n ticks passed between the end of a visit to a point and the next visit,
+            over all points. The first visit to a point ends no gap.
+        never: bool (h, w), patrolled points that no robot ever saw.
     """
 
     mean: NDArray[np.float64]
@@ -29,9 +32,15 @@ class Visits:
 
 
 class VisitCounter:
-    """Goes along with `monitor.replay.replay.play` over `ticks` ticks and adds up."""
+    """Computes the statistics while `monitor.replay.replay.play` replays the run."""
 
     def __init__(self, patrolled: NDArray[np.bool_], ticks: int) -> None:
+        """Start with empty sums.
+
+        Args:
+            patrolled: bool (h, w), the patrolled points.
+            ticks: Number of ticks of the run.
+        """
         self._tracked = np.ascontiguousarray(patrolled).view(np.uint8)
         self._upto = np.full(patrolled.shape, -1, dtype=np.int32)
         self._sums = np.zeros(patrolled.shape, dtype=np.int64)
@@ -42,18 +51,18 @@ class VisitCounter:
         self._last_seen = np.full(patrolled.shape, -1, dtype=np.int32)
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Account for what the fog is about to forget."""
+        """See `Watcher`: adds the ages that the observations will reset."""
         totals = (self._tracked, self._upto, self._sums, self._worst, self._looked, self._gaps)
         for view in views:
             visit(fog.last_seen, *totals, view.mask, view.row0, view.col0, k)
 
     def after(self, k: int, fog: Fog) -> None:
-        """Remember how far it got."""
+        """See `Watcher`."""
         self._ticks = k + 1
         self._last_seen = fog.last_seen
 
     def result(self) -> Visits:
-        """The sums up to the last tick."""
+        """The statistics up to the last tick."""
         settle(self._last_seen, self._tracked, self._upto, self._sums, self._worst, self._ticks - 1)
         never = self._tracked.view(np.bool_) & (self._looked < 0)
         return Visits(self._sums / max(self._ticks, 1), self._worst, self._gaps, never)

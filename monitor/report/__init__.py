@@ -1,1 +1,1 @@
-"""The report of a run, and several runs side by side."""
+"""The report of a run, and the comparison of several runs."""

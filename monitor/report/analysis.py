@@ -1,4 +1,4 @@
-"""Everything that a report tells of a run, found in one pass over it."""
+"""Computes everything that a report shows about a run, in one replay."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from monitor.replay.beliefs import BeliefErrors, BeliefWatcher, exact_by_construction
+from monitor.observation.fault_bands import Band, bands_of
+from monitor.replay.belief_errors import BeliefErrors, BeliefWatcher, exact_by_construction
 from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.visits import VisitCounter, Visits
-from monitor.report.faultbands import Band, bands_of
 from patrol.errors import BadInput
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import Status
@@ -21,11 +21,16 @@ from patrol.radio.fleet_key import fleet_key
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A run and what came out of it.
+    """A run with everything that its report shows.
 
-    beliefs: None where they are exact by construction, and where nobody knows what reached whom. untested: the fleet's
-    key cannot be read, so beliefs take frames without a test of their tags. wrong_from: the first tick whose replayed
-    fog is not as measured, which means that the scenario, its map or the journal is not what the run had.
+    Attributes:
+        run: The run.
+        bands: Its faults over time.
+        visits: Statistics of the fog, point by point.
+        beliefs: Believed fog compared with the true one. None if they must be equal, and if deliveries are unknown.
+        untested: Whether beliefs accept frames without checking their tags, because the fleet's key cannot be read.
+        wrong_from: The first tick whose replayed fog differs from the one measured; None if all agree. A difference
+            means that the scenario, its map or the journal was changed after the run.
     """
 
     run: Run
@@ -37,7 +42,15 @@ class Analysis:
 
 
 def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
-    """Play the run once; watchers: who else goes along."""
+    """Replay a run and compute its analysis.
+
+    Args:
+        run: The run.
+        watchers: More watchers for the same replay.
+
+    Returns:
+        The analysis.
+    """
     footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
     visits = VisitCounter(run.prepared.patrolled, run.ticks)
     beliefs, untested = None, False
@@ -55,7 +68,14 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One number of a run for people. value: None where it is not known."""
+    """One measured value of a run.
+
+    Attributes:
+        name: Its name.
+        value: The value; None when unknown.
+        unit: Its unit; empty for none.
+        note: A remark.
+    """
 
     name: str
     value: float | None
@@ -64,7 +84,7 @@ class Measure:
 
     @property
     def text(self) -> str:
-        """The number with its unit."""
+        """The value with its unit, as text."""
         if self.value is None:
             return "-"
         if abs(self.value) >= 1000.0:
@@ -75,7 +95,11 @@ class Measure:
 
 
 def measures(run: Run) -> list[Measure]:
-    """What a run came to, from its journal alone, so that a run that was cut off has it too."""
+    """The measured values of a run, from its journal alone, so that a run without a summary has them too.
+
+    Args:
+        run: The run.
+    """
     step, header = run.step, run.journal.header
     mean, bound = float(run.mfow.mean()) * step, header.bound_s
     area = float(np.count_nonzero(run.prepared.patrolled))
@@ -84,25 +108,27 @@ def measures(run: Run) -> list[Measure]:
     return [
         Measure("mean MFoW", mean, "s", f"lower bound {bound:.1f} s" if bound else ""),
         Measure("largest MFoW", float(run.mfow.max()) * step, "s"),
-        Measure("mean MFoW / bound", mean / bound if settled else None, "", "" if settled else "not settled"),
+        Measure("mean MFoW / bound", mean / bound if settled else None, "", "" if settled else "run too short"),
         Measure("mean fog", float(run.fog_mean.mean()) * step, "s"),
         Measure("seen", 100.0 * float(run.seen[-1]) / area, "%", f"of {header.patrolled_area_m2:.0f} m²"),
-        Measure("delivered", _delivered(run), "%", "by what robots say" if run.direct else "of the robots' frames"),
+        Measure("delivered", _delivered(run), "%", "as robots report" if run.direct else "of the robots' frames"),
         Measure("collisions", float(run.bumped.sum()), "", "moves cancelled"),
         Measure("driven", float(run.driven.sum()), "m", "all robots"),
-        Measure("decision, median", float(np.median(decisions)) if len(decisions) else None, "ms"),
-        Measure("robots at the end", float(np.count_nonzero(run.standing == Status.ALIVE)), "", f"of {len(run.names)}"),
+        Measure("median decision time", float(np.median(decisions)) if len(decisions) else None, "ms"),
+        Measure(
+            "robots at the end", float(np.count_nonzero(run.final_status == Status.ALIVE)), "", f"of {len(run.names)}"
+        ),
     ]
 
 
 def direct_of(run: Run) -> Mapping[str, Any]:
-    """What the summary of a run with direct radio says of it (`worldsim.radio.overheard`); empty without one."""
+    """The part of the summary about direct radio (`worldsim.radio.overheard`); empty without one."""
     said = (run.summary or {}).get("direct")
     return said if isinstance(said, dict) else {}
 
 
 def _delivered(run: Run) -> float | None:
-    """The delivered share of the robots' frames whose fate is known, in percent."""
+    """The delivered share of the robots' frames that were delivered or dropped, in percent."""
     if run.direct:
         share = direct_of(run).get("heard_share")
         return None if share is None else 100.0 * float(share)
@@ -111,19 +137,30 @@ def _delivered(run: Run) -> float | None:
 
 
 def state_of(run: Run, going: bool = False) -> tuple[str, str]:
-    """How a run ended: a word, and a sentence for one that is not whole (else empty). going: it may not be over."""
-    until = f"what there is reaches to {run.ticks * run.step:g} s of {run.prepared.scenario.duration:g} s"
+    """How a run ended.
+
+    Args:
+        run: The run.
+        going: Whether it may still be running.
+
+    Returns:
+        A word, and a sentence if the run is incomplete (else empty).
+    """
+    time = f"{run.ticks * run.step:g} s of {run.prepared.scenario.duration:g} s"
     if run.ended == "completed":
         return "completed", ""
     if run.ended is not None:
-        return run.ended, f"The run ended early ({run.ended}); {until}."
+        return run.ended, f"The run ended early ({run.ended}), after {time}."
     if going:
-        return "still going", f"The run is still going; {until}. Ask again later for the rest and for the verdict."
+        return (
+            "still going",
+            f"The run is still going: {time} so far. Repeat this at its end for the rest and the verdict.",
+        )
     torn = " in the middle of a record" if run.truncated else ""
-    return "cut off", f"The run was cut off: its journal stops{torn} without an end; {until}, and nobody judged it."
+    return "cut off", f"The run was cut off: its journal stops{torn} after {time}. It has no verdict."
 
 
 def verdict_of(run: Run) -> Mapping[str, Any] | None:
-    """The verdict in summary.json, None without one."""
+    """The verdict in summary.json; None without one."""
     verdict = (run.summary or {}).get("verdict")
     return verdict if isinstance(verdict, dict) and isinstance(verdict.get("checks"), list) else None

@@ -1,4 +1,4 @@
-"""The charts of a report: what happened over time, robot by robot, and link by link."""
+"""The charts of a report: over time, by robot, and by link."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.beliefs import BeliefErrors
+from monitor.observation.fault_bands import Band, lanes
+from monitor.replay.belief_errors import BeliefErrors
 from monitor.replay.run import Run
-from monitor.report.faultbands import Band, lanes
 from monitor.report.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, plain
 from patrol.journal.records import DEAD_END, Status
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH = 9.4
-"""Inches of a chart across the page."""
+"""Width of a chart across the page, inches."""
 
 MOST_LANES = 8
-"""Faults with a row each; more share a row by kind."""
+"""Most faults with one row each; more faults share a row by kind."""
 
 MOST_POINTS = 3000
-"""Points of a line; longer ones keep the largest of each stretch."""
+"""Most points of a line; longer lines keep the largest value of each interval."""
 
 MOST_CELLS = 14
-"""Robots up to which a link's share is written into its square."""
+"""Most robots for which the shares are written into the matrix of links."""
 
 MOST_BINS = 60
-"""Bars of a histogram."""
+"""Most bars of a histogram."""
 
 STATES: tuple[tuple[str, str], ...] = (
     ("patrolling", "#8fbcd9"),
@@ -39,37 +39,48 @@ STATES: tuple[tuple[str, str], ...] = (
     ("surrounding", "#009e73"),
     ("holding", "#f0e442"),
     ("other", "#0072b2"),
-    ("no answer", "#b9a3c9"),
+    ("no decision", "#b9a3c9"),
     ("paused", "#9aa3ad"),
     ("dead or lost", "#c4161c"),
-    ("not there", "#00000000"),
+    ("absent", "#00000000"),
 )
-"""What a robot can be shown to do, and the colour of it."""
+"""The states of a robot in the chart, with their colours."""
 
 STATUS_WORDS = {int(status): status.name.lower() for status in Status}
-"""A robot's standing in words."""
+"""Names of a robot's status."""
 
 _PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(len(STATES))
 
 
 def mfow_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """MFoW and mean fog over time, under the faults."""
+    """MFoW and mean fog over time, below the faults.
+
+    Args:
+        run: The run.
+        bands: Its faults.
+    """
     made, axes, rows = _with_lanes(run, bands, 3.4)
-    times, mfow = stretched(run.times, run.mfow.astype(np.float64) * run.step)
-    axes.plot(times, mfow, color=ACCENT, label="MFoW (the stalest point)")
-    times, mean = stretched(run.times, run.fog_mean * run.step)
+    times, mfow = thinned(run.times, run.mfow.astype(np.float64) * run.step)
+    axes.plot(times, mfow, color=ACCENT, label="MFoW (age of the stalest point)")
+    times, mean = thinned(run.times, run.fog_mean * run.step)
     axes.plot(times, mean, color=INK, linewidth=1.0, label="mean fog")
     bound = run.journal.header.bound_s
     if bound > 0.0:
         axes.axhline(bound, color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)), label="lower bound of MFoW")
     axes.set_ylabel("fog (s)")
     axes.set_ylim(bottom=0.0)
-    _key(axes, rows)
+    _legend(axes, rows)
     return made
 
 
 def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figure:
-    """Mean difference between each robot's believed fog and the true one, under the faults."""
+    """Mean difference between each robot's believed fog and the true one over time, below the faults.
+
+    Args:
+        run: The run.
+        errors: The differences.
+        bands: Its faults.
+    """
     made, axes, rows = _with_lanes(run, bands, 2.7)
     times = errors.ticks * run.step
     for column, place in enumerate(errors.robots):
@@ -77,12 +88,17 @@ def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figur
         axes.plot(times, errors.mean[:, column] * run.step, color=colour(place), linewidth=1.2, label=name)
     axes.set_ylabel("|believed - true| (s)")
     axes.set_ylim(bottom=0.0)
-    _key(axes, rows)
+    _legend(axes, rows)
     return made
 
 
 def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """The delivered share of the robots' frames over time."""
+    """The delivered share of the robots' frames over time, below the faults.
+
+    Args:
+        run: The run.
+        bands: Its faults.
+    """
     made, axes, _ = _with_lanes(run, bands, 2.2)
     width = max(1, run.ticks // 240)
     delivered, dropped = (_summed(counts, width) for counts in (run.links.delivered_in, run.links.dropped_in))
@@ -95,7 +111,12 @@ def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
 
 
 def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """What each robot was doing, tick by tick, and where it bumped into somebody."""
+    """The state of each robot in each tick, and its cancelled moves.
+
+    Args:
+        run: The run.
+        bands: Its faults.
+    """
     from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -124,13 +145,13 @@ def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
     plain(axes, grid="none")
     used = np.unique(doing)
     keys = [Patch(facecolor=tone, label=name) for code, (name, tone) in enumerate(STATES[:-1]) if code in used]
-    keys.append(Line2D([], [], linestyle="none", marker="|", color=INK, markersize=8, label="bump"))  # type: ignore[arg-type]
+    keys.append(Line2D([], [], linestyle="none", marker="|", color=INK, markersize=8, label="cancelled move"))  # type: ignore[arg-type]
     made.legend(handles=keys, loc="outside lower left", ncols=7)
     return made
 
 
 def state_codes(run: Run) -> NDArray[np.uint8]:
-    """uint8 (ticks, n): an index of `STATES` for each robot and tick."""
+    """uint8 (ticks, n), index in `STATES` of each robot's state."""
     status, labels = run.status, run.labels
     kinds = {"": _SILENT, DEAD_END: _DEAD_END}
     kinds |= {"patrolling": _PATROLLING, "surrounding": _SURROUNDING, "holding": _HOLDING}
@@ -142,12 +163,17 @@ def state_codes(run: Run) -> NDArray[np.uint8]:
 
 
 def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
-    """How long points waited between two visits: the share of all waits, in bins. gaps: of `monitor.replay.visits`."""
+    """Histogram of the times between two visits to a point.
+
+    Args:
+        gaps: int64 (n,), number of gaps by length in ticks, from `monitor.replay.visits`.
+        step: Duration of a tick, s.
+    """
     made = figure(WIDTH, 2.9)
     axes = made.add_subplot()
     waits, weights = np.flatnonzero(gaps) * step, gaps[np.flatnonzero(gaps)].astype(np.float64)
     if len(waits):
-        # All bins are of so many whole ticks, or even waits would look like a comb.
+        # All bins span the same number of ticks, or evenly distributed gaps would look uneven.
         ends = int(np.flatnonzero(gaps)[-1]) + 1
         width = -(-ends // MOST_BINS)
         begins = np.arange(0, ends, width)
@@ -161,8 +187,8 @@ def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
             above = axes.get_xaxis_transform()
             axes.annotate(f"{name} {wait:g} s", (wait, 1.0), (4, -9), xycoords=above, textcoords="offset points")
     axes.set_xlim(left=0.0)
-    axes.set_xlabel("time between two visits of a point (s)")
-    axes.set_ylabel("share of waits (%)")
+    axes.set_xlabel("time between two visits to a point (s)")
+    axes.set_ylabel("share of gaps (%)")
     plain(axes)
     return made
 
@@ -183,7 +209,7 @@ def links_chart(run: Run) -> Figure:
     if count <= MOST_CELLS:
         for (row, column), value in np.ndenumerate(share):
             if not np.isnan(value):
-                # Written on the colour itself, so it is the same on any page.
+                # It stands on the colour itself, so it does not depend on the theme.
                 tone = "#ffffff" if value < 55.0 else "#000000"
                 axes.text(column, row, _percent(value), ha="center", va="center", fontsize=8, color=tone)
     plain(axes, grid="none")
@@ -192,7 +218,7 @@ def links_chart(run: Run) -> Figure:
 
 
 def decisions_chart(run: Run) -> Figure:
-    """Decision times of each robot: the middle half, 1 to 99 %, median and longest."""
+    """Decision times of each robot: 25th to 75th and 1st to 99th percentile, median and maximum."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     count = len(run.names)
@@ -222,14 +248,14 @@ def decisions_chart(run: Run) -> Figure:
 
 
 def troubles_chart(run: Run) -> Figure:
-    """The share of each robot's decisions in dead ends, and how often it bumped."""
+    """The share of each robot's decisions in dead ends, and the number of its cancelled moves."""
     count = len(run.names)
     made = figure(WIDTH, min(1.0 + 0.26 * count, 8.0))
     left, right = made.subplots(1, 2, sharey=True)
     left.barh(range(count), 100.0 * run.dead_end_share, height=0.62, color=STATES[_DEAD_END][1])
     left.set_xlabel("decisions in dead ends (%)")
     right.barh(range(count), run.bumped.sum(axis=0), height=0.62, color=ACCENT)
-    right.set_xlabel("moves cancelled by a collision")
+    right.set_xlabel("moves cancelled because of a collision")
     few = count <= 40
     left.set_yticks(range(count) if few else range(0, count, 10))
     left.set_yticklabels([run.names[place] for place in (range(count) if few else range(0, count, 10))])
@@ -241,10 +267,16 @@ def troubles_chart(run: Run) -> Figure:
     return made
 
 
-def stretched(
-    times: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A line with at most `MOST_POINTS`: the largest value of each stretch, where it was."""
+def thinned(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Reduce a line to at most `MOST_POINTS` points: the largest value of each interval.
+
+    Args:
+        times: float64 (m,).
+        values: float64 (m,).
+
+    Returns:
+        Times and values of the points kept.
+    """
     width = -(-len(values) // MOST_POINTS)
     if width <= 1:
         return times, values
@@ -254,7 +286,7 @@ def stretched(
 
 
 def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = True) -> tuple[Figure, Axes, int]:
-    """A chart over the run's time with the faults in a strip above it by name, and shaded in it."""
+    """A chart over the run's time, with the faults in rows above it and shaded in it; and the number of rows."""
     end = run.ticks * run.step
     rows = lanes(bands, MOST_LANES)
     if not rows:
@@ -284,15 +316,15 @@ def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = Tr
 
 
 def _mark(axes: Axes, band: Band, row: int, end: float) -> None:
-    """A fault in its row: a bar, or a tick for a moment."""
+    """Draw a fault in its row: a bar, or a mark for one without duration."""
     if band.lasts:
         axes.barh(row, max(band.end - band.begin, 0.003 * end), left=band.begin, height=0.62, color=ALERT, alpha=0.75)
     else:
         axes.plot(band.begin, row, marker="v", markersize=5, color=ALERT, clip_on=False)
 
 
-def _key(axes: Axes, rows: int) -> None:
-    """The legend above the drawing, out of the lines' way; below the faults' strip it goes into the corner."""
+def _legend(axes: Axes, rows: int) -> None:
+    """Draw the legend above the chart or, below rows of faults, into its corner."""
     if not axes.get_legend_handles_labels()[0]:
         return
     if rows:
@@ -308,5 +340,5 @@ def _summed(counts: NDArray[np.int64], width: int) -> NDArray[np.int64]:
 
 
 def _percent(value: float) -> str:
-    """A share that is not quite everything never reads as 100."""
+    """A share in percent; one below 100 never reads as 100."""
     return f"{min(value, 99.9):.1f}" if 99.0 < value < 100.0 else f"{value:.0f}"

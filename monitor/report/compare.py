@@ -1,4 +1,4 @@
-"""Several runs side by side: their measures in one table, their fogs in one chart, their maps on one scale."""
+"""The comparison of several runs: their measures in one table, their fog in one chart, their maps on a common scale."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from monitor.replay.run import Run
 from monitor.report import html
 from monitor.report.analysis import Analysis, measures, state_of, verdict_of
-from monitor.report.charts import WIDTH, stretched
-from monitor.report.mapcharts import fog_chart
+from monitor.report.charts import WIDTH, thinned
+from monitor.report.map_charts import fog_chart
 from monitor.report.style import Drawing, colour, draw, figure, plain
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def names_of(runs: Sequence[Run]) -> list[str]:
-    """What to call each run: its folder's name, with a number where two are called alike."""
+    """A unique name for each run: its folder's name, with a number if needed."""
     names: list[str] = []
     for run in runs:
         plain_name = run.folder.resolve().name
@@ -32,7 +32,7 @@ def names_of(runs: Sequence[Run]) -> list[str]:
 
 
 def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """A row for each measure: its name, and its value in each run."""
+    """The rows of the table of measures: the measure's name, and its value in each run."""
     outcomes = [str((verdict_of(run) or {}).get("outcome", "not judged")) for run in runs]
     ended = [state_of(run)[0] for run in runs]
     lengths = [f"{run.ticks * run.step:g} s" for run in runs]
@@ -49,7 +49,7 @@ def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
 
 
 def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """Scenario fields in which the runs differ, dotted, and each run's value; names and comments apart."""
+    """The fields in which the scenarios differ, except the name: the dotted field, and its value in each run."""
     flat = [dict(_leaves(run.journal.header.scenario)) for run in runs]
     fields = sorted({field for leaves in flat for field in leaves} - {"name"})
     rows = []
@@ -61,15 +61,22 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
 
 
 def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
-    """The figures of a comparison; BadInput where matplotlib is missing."""
+    """Draw the figures of a comparison.
+
+    Args:
+        analyses: The analysed runs.
+
+    Raises:
+        BadInput: matplotlib is not installed.
+    """
     names = names_of([analysis.run for analysis in analyses])
     made = [
-        draw("mfow", "MFoW over time", "The stalest point's fog in each run.", lambda: _mfow(analyses, names)),
-        draw("fog", "Mean fog over time", "The mean over all points in each run.", lambda: _fog(analyses, names)),
+        draw("mfow", "MFoW over time", "Age of the stalest point in each run.", lambda: _mfow(analyses, names)),
+        draw("fog", "Mean fog over time", "Mean age over all points in each run.", lambda: _fog(analyses, names)),
         draw(
             "gaps",
             "Time between visits",
-            "The share of waits between two visits that last at least so long.",
+            "Share of the gaps between two visits to a point that are at least as long as the time on the axis.",
             lambda: _gaps(analyses, names),
         ),
     ]
@@ -81,24 +88,29 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
             fog, never = analysis.visits.mean * run.step, analysis.visits.never
             return fog_chart(run.prepared.terrain, fog, run.prepared.patrolled, never, "mean fog (s)", most)
 
-        made.append(draw(f"fog-mean-{number}", name, "Each point's mean fog.", mean))
+        made.append(draw(f"fog-mean-{number}", name, "Mean age of each point.", mean))
     return made
 
 
 def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> str:
-    """The comparison as a document."""
+    """The comparison as an HTML document.
+
+    Args:
+        analyses: The analysed runs.
+        figures: Their figures, from `drawings`.
+    """
     runs = [analysis.run for analysis in analyses]
     names = names_of(runs)
     of = {figure.name: figure for figure in figures}
-    maps = [html.shown(figure, heading=True) for figure in figures if figure.name.startswith("fog-mean-")]
+    maps = [html.figure(figure, heading=True) for figure in figures if figure.name.startswith("fog-mean-")]
     columns = range(1, len(runs) + 1)
     differ = differences(runs)
-    apart = [
-        f"{name}: the fog replayed from the journal is not the one that the run measured; its maps may be wrong."
+    mismatches = [
+        f"{name}: the fog replayed from the journal differs from the one measured during the run; maps may be wrong."
         for name, analysis in zip(names, analyses, strict=True)
         if analysis.wrong_from is not None
     ]
-    heads = ("run", "fault", "from s", "to s", "")
+    heads = ("run", "fault", "from (s)", "to (s)", "details")
     faulty = [(name, analysis.bands) for name, analysis in zip(names, analyses, strict=True) if analysis.bands]
     faults = [
         (name, f"{band.id} {band.kind}".strip(), f"{band.begin:g}", f"{band.end:g}" if band.lasts else "", band.text)
@@ -106,25 +118,25 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
         for band in bands
     ]
     body = [
-        html.headline(f"{len(runs)} runs side by side"),
+        html.main_heading(f"Comparison of {len(runs)} runs"),
         html.text(" · ".join(names), "sub"),
-        *(html.banner(line, bad=True) for line in apart),
+        *(html.banner(line, bad=True) for line in mismatches),
         html.section("measures", "Measures", html.table(("", *names), rows_of(runs), numbers=columns)),
         html.section(
             "scenario",
-            "Where the scenarios differ",
-            html.table(("field", *names), differ) if differ else html.text("Nowhere: they are runs of one scenario."),
+            "Differences between the scenarios",
+            html.table(("field", *names), differ) if differ else html.text("None: all runs have the same scenario."),
         ),
-        html.section("fog", "Fog", html.shown(of["mfow"]), html.shown(of["fog"])),
-        html.section("visits", "Time between visits", html.shown(of["gaps"])),
-        html.section("maps", "Mean fog, on one scale", html.side_by_side(*maps)),
+        html.section("fog", "Fog", html.figure(of["mfow"]), html.figure(of["fog"])),
+        html.section("visits", "Time between visits", html.figure(of["gaps"])),
+        html.section("maps", "Mean fog, on a common scale", html.side_by_side(*maps)),
         html.section("faults", "Faults", html.table(heads, faults, (2, 3)) if faults else ""),
     ]
-    return html.page("fogwatch: runs side by side", (part for part in body if part))
+    return html.page("fogwatch: comparison of runs", (part for part in body if part))
 
 
 def _leaves(node: object, above: str = "") -> list[tuple[str, object]]:
-    """Dotted names and values; a list is one value, for entries of two lists rarely mean the same."""
+    """Dotted names and values. A list is one value, because entries of two lists rarely correspond."""
     if isinstance(node, dict):
         return [leaf for key, value in node.items() for leaf in _leaves(value, f"{above}.{key}" if above else str(key))]
     return [(above, node)]
@@ -135,7 +147,7 @@ def _mfow(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
     axes = made.add_subplot()
     for place, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
         run = analysis.run
-        times, values = stretched(run.times, run.mfow.astype(np.float64) * run.step)
+        times, values = thinned(run.times, run.mfow.astype(np.float64) * run.step)
         axes.plot(times, values, color=colour(place), label=name)
     axes.set_ylabel("MFoW (s)")
     return _over_time(made)
@@ -146,7 +158,7 @@ def _fog(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
     axes = made.add_subplot()
     for place, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
         run = analysis.run
-        axes.plot(*stretched(run.times, run.fog_mean * run.step), color=colour(place), label=name)
+        axes.plot(*thinned(run.times, run.fog_mean * run.step), color=colour(place), label=name)
     axes.set_ylabel("mean fog (s)")
     return _over_time(made)
 
@@ -174,8 +186,8 @@ def _gaps(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
         axes.plot(waits[shown], left[shown], color=colour(place), label=name, drawstyle="steps-post")
     axes.set_xlim(left=0.0)
     axes.set_ylim(0.0, 101.0)
-    axes.set_xlabel("time between two visits of a point (s)")
-    axes.set_ylabel("waits at least so long (%)")
+    axes.set_xlabel("time between two visits to a point (s)")
+    axes.set_ylabel("gaps at least as long (%)")
     plain(axes)
     made.legend(loc="outside upper left", ncols=4)
     return made

@@ -1,4 +1,4 @@
-"""The few pieces of HTML that a report is made of. Everything that is text is escaped here and nowhere else."""
+"""The HTML elements of a report. All text is escaped here, and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,17 +10,22 @@ from monitor.report.style import Drawing
 
 
 class Markup(str):
-    """Text that is HTML already and is not escaped again; only this module makes any."""
+    """HTML, which is not escaped again; created only in this module."""
 
     __slots__ = ()
 
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""What a page may load: nothing that is not in it."""
+"""Content security policy: a report loads nothing."""
 
 
 def page(title: str, body: Iterable[str]) -> str:
-    """A whole document, style included."""
+    """A complete document with its style.
+
+    Args:
+        title: Title of the document.
+        body: HTML elements.
+    """
     style = files("monitor.report").joinpath("report.css").read_text(encoding="utf-8")
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -33,42 +38,74 @@ def page(title: str, body: Iterable[str]) -> str:
 
 
 def section(name: str, heading: str, *content: str) -> str:
-    """A part of the page that a link can lead to; nothing when it would be empty."""
+    """A section; empty without content.
+
+    Args:
+        name: Its id, the target of links.
+        heading: Its heading.
+        content: HTML elements; empty ones are skipped.
+    """
     inside = "\n".join(part for part in content if part)
     return f'<section id="{escape(name)}">\n<h2>{escape(heading)}</h2>\n{inside}\n</section>' if inside else ""
 
 
-def headline(title: str, mark: Markup | None = None) -> str:
-    """The page's title, after a badge if there is one."""
+def main_heading(title: str, mark: Markup | None = None) -> str:
+    """The heading of the document.
+
+    Args:
+        title: Its text.
+        mark: A badge before it; None for none.
+    """
     return f"<h1>{f'{mark} ' if mark else ''}{escape(title)}</h1>"
 
 
 def text(says: str, kind: str = "") -> str:
-    """A paragraph, or nothing."""
+    """A paragraph; nothing without text.
+
+    Args:
+        says: The text.
+        kind: Its CSS class.
+    """
     return f"<p{_class(kind)}>{escape(says)}</p>" if says else ""
 
 
 def banner(says: str, bad: bool = False) -> str:
-    """Something to know before anything else, or nothing."""
+    """A highlighted message; nothing without text.
+
+    Args:
+        says: The text.
+        bad: Whether it reports a problem.
+    """
     return f'<div class="banner{" bad" if bad else ""}">{escape(says)}</div>' if says else ""
 
 
 def badge(word: str, kind: str) -> Markup:
-    """A word in a frame."""
+    """A word in a frame.
+
+    Args:
+        word: The word.
+        kind: Its CSS class.
+    """
     return Markup(f'<span class="badge {escape(kind)}">{escape(word)}</span>')
 
 
-def tiles(items: Iterable[tuple[str, str, str]]) -> str:
-    """(value, name, note) each in a box."""
-    boxes = "".join(
+def boxes(items: Iterable[tuple[str, str, str]]) -> str:
+    """Boxes with (value, name, note) each."""
+    inside = "".join(
         f'<div class="tile"><b>{escape(value)}</b>{escape(name)}<span>{escape(note)}</span></div>'
         for value, name, note in items
     )
-    return f'<div class="tiles">{boxes}</div>'
+    return f'<div class="tiles">{inside}</div>'
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """A table of text; numbers: the columns set to the right. A cell that `badge` made stays as it is."""
+    """A table.
+
+    Args:
+        heads: Column headings.
+        rows: Text of the cells; `Markup` is not escaped.
+        numbers: Columns to align to the right.
+    """
 
     def cell(tag: str, column: int, says: str) -> str:
         inside = says if isinstance(says, Markup) else escape(says)
@@ -82,19 +119,24 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence
     return f'<div class="scroll"><table>\n<thead>{head}</thead>\n<tbody>\n{body}\n</tbody>\n</table></div>'
 
 
-def folded(summary: str, *content: str) -> str:
-    """What is shown when asked for."""
+def details(summary: str, *content: str) -> str:
+    """Content that is hidden until the summary is clicked."""
     inside = "\n".join(content)
     return f"<details><summary>{escape(summary)}</summary>\n{inside}\n</details>"
 
 
-def listing(says: str) -> str:
-    """Text as it is."""
+def preformatted(says: str) -> str:
+    """Preformatted text."""
     return f"<pre>{escape(says)}</pre>"
 
 
-def shown(drawing: Drawing | None, heading: bool = False) -> str:
-    """A figure with its caption."""
+def figure(drawing: Drawing | None, heading: bool = False) -> str:
+    """A figure with its caption; nothing without a drawing.
+
+    Args:
+        drawing: The figure.
+        heading: Whether to add its heading.
+    """
     if drawing is None:
         return ""
     above = f"<b>{escape(drawing.heading)}.</b> " if heading else ""
@@ -102,13 +144,13 @@ def shown(drawing: Drawing | None, heading: bool = False) -> str:
 
 
 def side_by_side(*content: str) -> str:
-    """Next to each other where there is room."""
+    """Elements next to each other if there is enough room."""
     inside = "".join(content)
     return f'<div class="pair">{inside}</div>' if inside else ""
 
 
-def links(items: Iterable[tuple[str, str]]) -> str:
-    """(target, text): places on the page, or files beside it."""
+def navigation(items: Iterable[tuple[str, str]]) -> str:
+    """Links: (target, text), with places on the page or files as targets."""
     return f"<nav>{' '.join(f'<a href={chr(34)}{escape(to)}{chr(34)}>{escape(says)}</a>' for to, says in items)}</nav>"
 
 

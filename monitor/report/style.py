@@ -1,7 +1,7 @@
-"""How figures look: one palette, one way to make a figure, and one to write it as PNG, SVG or for a page.
+"""The style of figures: the palette, and functions that draw a figure and write it as PNG, SVG or for a page.
 
-Colours of text and lines are written as they are into pictures, and as CSS variables into a page, so that one
-drawing serves light and dark. matplotlib is an extra, so it is imported only when something is drawn.
+Colours of text and lines become CSS variables in a page, so that one drawing suits light and dark themes. matplotlib is
+an optional dependency, so it is imported only for drawing.
 """
 
 from __future__ import annotations
@@ -26,30 +26,37 @@ MUTED = "#5b6571"
 GRID = "#dde2e7"
 ALERT = "#c1121f"
 ACCENT = "#1f6fb2"
-"""Told apart from the series' colours by their exact values: a page puts variables in their place."""
+"""Colours that a page replaces by variables. They must differ from the colours of `SERIES`."""
 
 _VARIABLES = {INK: "--ink", MUTED: "--muted", GRID: "--grid", ALERT: "--alert", ACCENT: "--accent"}
 
 SERIES = ("#0077bb", "#e69f00", "#009e73", "#d55e00", "#b25f97", "#3aa5dd", "#8a6d3b", "#7f7f7f")
-"""Okabe and Ito's colours, those too faint on white or black made a little stronger; more than eight share them."""
+"""Colours of robots and runs, after Okabe and Ito, with more contrast on white and black; they repeat after eight."""
 
 WALL = (0.45, 0.48, 0.52, 1.0)
 UNCOUNTED = (0.5, 0.5, 0.5, 0.22)
 NEVER = (0.69, 0.19, 0.42, 1.0)
-"""Colours of maps, as red, green, blue and opacity; they read on light and dark alike."""
+"""Colours of maps, as red, green, blue and opacity, for light and dark themes."""
 
 DPI = 200
-"""Of PNG files."""
+"""Resolution of PNG files."""
 
 PAGE_DPI = 110
-"""Of the pictures within SVG."""
+"""Resolution of images within SVG."""
 
 _HASH_SALT = "fogwatch"
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A figure with its file's name (without ending), heading and what there is to say about it."""
+    """A figure with its texts.
+
+    Attributes:
+        name: File name without extension.
+        heading: Heading.
+        caption: Caption.
+        figure: The matplotlib figure.
+    """
 
     name: str
     heading: str
@@ -57,12 +64,12 @@ class Drawing:
     figure: Figure
 
     def page_svg(self) -> str:
-        """An <svg> element for a page, without size, whose colours follow the page's theme."""
+        """The figure as an <svg> element without a fixed size, whose colours follow the page's theme."""
         text = _svg(self.figure, transparent=True)
         text = text[text.index("<svg") :]
         for colour, variable in _VARIABLES.items():
             text = text.replace(colour, f"var({variable})")
-        # What several figures of one page call alike is told apart.
+        # The ids of several figures on one page must differ.
         text = re.sub(r'\bid="([^"]+)"', rf'id="{self.name}-\1"', text)
         text = re.sub(r"url\(#([^)]+)\)", rf"url(#{self.name}-\1)", text)
         text = re.sub(r'href="#([^"]+)"', rf'href="#{self.name}-\1"', text)
@@ -74,7 +81,17 @@ class Drawing:
         return text.replace("<svg", label, 1).strip()
 
     def save(self, folder: Path) -> list[Path]:
-        """Write it as PNG and as SVG into a folder, which is made when missing; BadInput where that fails."""
+        """Write the figure as PNG and as SVG.
+
+        Args:
+            folder: The folder; created when missing.
+
+        Returns:
+            The two files.
+
+        Raises:
+            BadInput: A file cannot be written.
+        """
         png, svg = folder / f"{self.name}.png", folder / f"{self.name}.svg"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -88,7 +105,11 @@ class Drawing:
 
 @contextmanager
 def drawn() -> Iterator[None]:
-    """Make and write figures in our style; BadInput where matplotlib is missing."""
+    """A context in which figures are drawn in this style.
+
+    Raises:
+        BadInput: matplotlib is not installed.
+    """
     try:
         import matplotlib as mpl
     except ImportError:
@@ -127,32 +148,50 @@ def drawn() -> Iterator[None]:
 
 
 def figure(width: float, height: float) -> Figure:
-    """An empty figure; inches."""
+    """An empty figure; width and height in inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def colour(place: int) -> str:
-    """The colour of a robot, or of a run, by its place."""
+    """The colour of a robot or a run, by its place."""
     return SERIES[place % len(SERIES)]
 
 
 def plain(axes: Axes, *, grid: str = "y") -> None:
-    """Grid lines across one axis only (x, y or none)."""
+    """Show grid lines of one axis only.
+
+    Args:
+        axes: The axes.
+        grid: "x", "y" or "none".
+    """
     axes.grid(visible=False)
     if grid in ("x", "y"):
         axes.grid(visible=True, axis=grid)  # type: ignore[arg-type]
 
 
 def draw(name: str, heading: str, caption: str, make: Callable[[], Figure]) -> Drawing:
-    """Make a drawing in our style."""
+    """Draw a figure in this style.
+
+    Args:
+        name: File name without extension.
+        heading: Heading.
+        caption: Caption.
+        make: Makes the figure.
+
+    Returns:
+        The drawing.
+
+    Raises:
+        BadInput: matplotlib is not installed.
+    """
     with drawn():
         return Drawing(name, heading, caption, make())
 
 
 def _size(points: float) -> str:
-    """How wide a figure of so many points may become on a page; on a phone it is scrolled rather than unreadable."""
+    """CSS limits for the width of a figure, given in points; on a phone it scrolls instead of becoming unreadable."""
     return f"min-width:{min(600.0, points):.0f}px;max-width:{points * 1.45:.0f}px"
 
 

@@ -50,7 +50,7 @@ def test_fifty_robots_are_shown_smoothly_and_in_little_memory(
             look.page.select_option("#pace", "20")
             frames, since, end = 0, 0.0, time.monotonic() + WATCHED_S
             while (now := time.monotonic()) < end:
-                if look.evaluate("document.getElementById('play').textContent") == "go":
+                if look.evaluate("document.getElementById('play').textContent") == "play":
                     look.page.click("#play")
                 if not since and now > end - LAST_S:
                     frames, since = int(look.evaluate("document.body.dataset.frames")), now

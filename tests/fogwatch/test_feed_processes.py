@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from monitor.live.attach import open_fleet
-from monitor.live.positions_source import EarSource
+from monitor.live.positions_source import PositionsSource
+from monitor.observation.source import Source, State
 from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
-from monitor.source import Source, State
 from patrol.errors import BadInput
 from patrol.journal.records import Status
 from patrol.net.keys import fleet_keys
@@ -60,12 +60,12 @@ def test_a_run_is_watched_controlled_and_watched_by_another_who_comes_late(start
     scenario = {**COARSE, "duration": 100_000, "robots": 3 * [{}], "faults": [{"kind": "loss", "rate": 0.3}]}
     run = start(scenario, "--no-recording", "--no-report")
     first = attached(run)
-    assert first.ask({"do": "pause"}).done
+    assert first.control({"do": "pause"}).done
     until(first, lambda state: not state.running)
-    assert first.ask({"do": "fault", "fault": {"kind": "kill", "who": "r2"}}).done
-    assert first.ask({"do": "step", "ticks": 30}).done
+    assert first.control({"do": "fault", "fault": {"kind": "kill", "who": "r2"}}).done
+    assert first.control({"do": "step", "ticks": 30}).done
     seen = until(first, lambda state: not state.running and state.robots[1:2] != () and _dead(state, 1))
-    held = first.ask({"do": "step", "ticks": 10})
+    held = first.control({"do": "step", "ticks": 10})
     last = int(held.text.rpartition(" ")[2]) - 1
     seen = until(first, lambda state: state.k == last)
     late = attached(run)
@@ -94,7 +94,7 @@ def _dead(state: State, place: int) -> bool:
 def until_gone(source: Source) -> bool:
     """A source whose fleet is gone goes on answering."""
     source.wait(0.0)
-    return not source.ask({"do": "pause"}).done
+    return not source.control({"do": "pause"}).done
 
 
 @pytest.mark.processes
@@ -144,7 +144,7 @@ def test_robots_without_a_world_are_heard(router: str) -> None:
     keys = fleet_keys("real-1")
     scenario = load_scenario({**COARSE, "robots": [{"name": "anna"}, {"name": "bert"}], "step": 0.1})
     later = [0.0]
-    source = EarSource(
+    source = PositionsSource(
         keys, prepare(scenario), open_link(router, 20.0), open_link(router, 20.0), lambda: time.monotonic() + later[0]
     )
     robot: Link = open_link(router, 20.0)
@@ -164,9 +164,9 @@ def test_robots_without_a_world_are_heard(router: str) -> None:
     assert anna.pose is not None
     assert (anna.pose.x, anna.pose.y) == (50.0, 50.0)
     assert (bert.status, bert.pose) == (Status.ABSENT, None)
-    assert [(event.kind, event.robot) for event in source.events(0)] == [("there", 1)]
+    assert [(event.kind, event.robot) for event in source.events(0)] == [("connected", 1)]
     assert source.static().layers == ("heard",)
-    assert not source.ask({"do": "pause"}).done
+    assert not source.control({"do": "pause"}).done
     seen = source.last_seen("heard")
     assert seen is not None
     assert (seen >= 0).sum() > 100
@@ -181,5 +181,5 @@ def test_robots_without_a_world_are_heard(router: str) -> None:
 def test_a_fleet_that_is_not_there_is_said_so(router: str) -> None:
     with pytest.raises(BadInput, match="no world of this fleet"):
         open_fleet(Ending(), router=router, fleet="nobody-1", wait_s=0.3)
-    with pytest.raises(BadInput, match="which fleet"):
+    with pytest.raises(BadInput, match="no fleet named"):
         open_fleet(Ending())

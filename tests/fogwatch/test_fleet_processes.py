@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
-from monitor.recording.mcap_file import look
+from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.player import Player
 from monitor.replay.replay import play
 from monitor.replay.run import open_run
@@ -218,11 +218,11 @@ def test_a_dead_world_ends_the_run_unjudged(start: Callable[..., Run]) -> None:
     assert play(killed, []) is None, "its fog is the one that was measured, tick by tick"
     player = Player(killed)
     for k in (killed.ticks - 1, 3, killed.ticks // 2):
-        assert player.ask({"do": "seek", "k": k}).done
+        assert player.control({"do": "seek", "k": k}).done
         state = player.wait(60.0)
         assert state is not None
         assert (state.k, state.mfow_s) == (k, killed.mfow[k] * killed.step)
-    recorded = look(run.folder / "recording.mcap")
+    recorded = inspect_recording(run.folder / "recording.mcap")
     assert not recorded.why_cut
     assert recorded.facts["ended"] == "cut off"
     assert recorded.messages["/mfow"] == recorded.messages["/r1/pose"] == killed.ticks

@@ -6,8 +6,8 @@ import queue
 import threading
 from urllib.parse import urlsplit
 
-from monitor.process import show
-from monitor.source import Source
+from monitor.observation.source import Source
+from monitor.process import serve
 from patrol.process.lifeline import Ending
 
 PATIENCE_S = 60.0
@@ -20,7 +20,7 @@ class ServedPage:
         self._ending = Ending()
         self._addresses: queue.Queue[str] = queue.Queue()
         self._thread = threading.Thread(
-            target=lambda: show(lambda: source, host, 0, key, self._ending, opened=self._addresses.put)
+            target=lambda: serve(lambda: source, host, 0, key, self._ending, opened=self._addresses.put)
         )
         self._thread.start()
         self.address = self._addresses.get(timeout=PATIENCE_S)

@@ -10,22 +10,32 @@ VALUES = types.Array(types.int32, 1, "C")
 LENGTHS = types.Array(types.uint16, 1, "C")
 
 KEEP = -(2**31)
-"""The value of a run of points that stay as they are."""
+"""The value of a run of points that do not change."""
 
 
 @njit(
-    # As text, for a type of two results has no typed constructor; the first array is read alone.
+    # As text, because a type with two results has no typed constructor. The first array is read-only.
     "UniTuple(i8, 2)(Array(i4, 2, 'C', True, aligned=True), i4[:,::1], i4[::1], i8, i8,"
     "i4[::1], i4[::1], i4[::1], u2[::1])",
     cache=True,
     nogil=True,
 )
 def take_over(now, shown, versions, side, version, tiles, counts, values, lengths):
-    """Bring ``shown`` to ``now`` and write the difference, in tiles of side x side points; how many tiles, and runs.
+    """Update ``shown`` to ``now`` and write the difference as runs of equal values, in square tiles.
 
-    now, shown: int32 (h, w). versions: int32 (tiles,), row by row; a tile that changes gets ``version``. tiles, counts:
-    out, room for each tile: those that changed, and the runs of each. values, lengths: out, room for a run of each
-    point: runs of equal values, row by row within each tile, `KEEP` where nothing changed.
+    Args:
+        now: int32 (h, w), the new map.
+        shown: int32 (h, w), the old map; changed in place.
+        versions: int32 (tiles,), row by row; changed in place, a tile that changes gets ``version``.
+        side: Points along a tile's side.
+        version: Number of the new version.
+        tiles: int32 (tiles,), out: numbers of the tiles that changed.
+        counts: int32 (tiles,), out: runs of each of them.
+        values: int32 (h * w,), out: value of each run, row by row within each tile; `KEEP` where nothing changed.
+        lengths: uint16 (h * w,), out: points of each run.
+
+    Returns:
+        The number of tiles that changed, and the number of runs.
     """
     height, width = now.shape
     across = (width + side - 1) // side
@@ -70,10 +80,18 @@ def take_over(now, shown, versions, side, version, tiles, counts, values, length
 
 @njit(types.int64(TICKS_IN, TILES_IN, types.int64, VALUES, VALUES, LENGTHS), cache=True, nogil=True)
 def pack(shown, tiles, side, counts, values, lengths):
-    """Write the tiles as runs of equal values, row by row within each tile; the number of all runs.
+    """Write tiles as runs of equal values, row by row within each tile.
 
-    shown: int32 (h, w). tiles: int32 (m,). counts: int32 (m,), out: the runs of each. values, lengths: out, room for a
-    run of each point.
+    Args:
+        shown: int32 (h, w), the map.
+        tiles: int32 (m,), numbers of the tiles to write.
+        side: Points along a tile's side.
+        counts: int32 (m,), out: runs of each tile.
+        values: int32 (m * side * side,), out: value of each run.
+        lengths: uint16 (m * side * side,), out: points of each run.
+
+    Returns:
+        The number of runs.
     """
     height, width = shown.shape
     across = (width + side - 1) // side

@@ -6,7 +6,7 @@ const MOST = 1200;
 const EVERY_MS = 500;
 
 export class Chart {
-  /** seek(k): told of clicks. */
+  /** seek(k): called when the chart is clicked. */
   constructor(box, store, seek) {
     this.box = box;
     this.store = store;
@@ -17,7 +17,7 @@ export class Chart {
     this.loading = null;
   }
 
-  /** Draw soon, but not often. */
+  /** Draw soon, at most every EVERY_MS. */
   renew() {
     if (this.timer) return;
     this.timer = setTimeout(() => {
@@ -54,7 +54,7 @@ export class Chart {
       hoverlabel: { bgcolor: colours.card, bordercolor: colours.grid, font: { color: colours.ink } },
       legend: { orientation: "h", x: 0, y: 1.16, font: { size: 11.5 } },
       xaxis: { ...axis, title: { ...axis.title, text: "time (s)" }, range: [0, Math.max(end, 10)] },
-      yaxis: { ...axis, title: { ...axis.title, text: "age (s)" }, rangemode: "tozero" },
+      yaxis: { ...axis, title: { ...axis.title, text: "fog (s)" }, rangemode: "tozero" },
       shapes: this.#shapes(colours), uirevision: "same",
     };
     const config = { displayModeBar: false, responsive: true };
@@ -80,7 +80,7 @@ export class Chart {
   }
 }
 
-/** Indices of the rows to draw: all, or of each stretch its first and its stalest. */
+/** Indices of the rows to draw: all or, of each interval, the first one and the one with the largest MFoW. */
 function thinned({ k, mfow }) {
   if (k.length <= MOST) return k.map((_, i) => i);
   const rows = [], size = (2 * k.length) / MOST;

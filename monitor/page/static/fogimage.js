@@ -1,16 +1,16 @@
 // The fog as an image, row 0 at the bottom. Ages come from last-seen ticks, so the page ages the map itself.
 
 import { AGES, DIFFERENCES, STEPS, themed } from "./colours.js";
-import { OUTSIDE, surely } from "./store.js";
+import { OUTSIDE, certainSince } from "./store.js";
 
 const PASSABLE = 1, COUNTED = 2;
-/** Points from one stripe to the next where nothing is known. */
+/** Points from one stripe to the next where the age is unknown. */
 const STRIPE = 4;
-/** The share of the scale up to which two ages look alike. */
+/** The share of the scale within which two ages look alike. */
 const ALIKE = 0.05;
 
 export class FogImage {
-  /** A pixel stands for stride x stride points and has the colour of the middle one, or is a wall if one of them is. */
+  /** A pixel covers stride x stride points: it has the colour of the middle one, or is a wall if any of them is. */
   constructor(width, height, stride = 1) {
     this.width = width;
     this.height = height;
@@ -26,13 +26,13 @@ export class FogImage {
     this.rampFor = "";
   }
 
-  /** What does not change: walls, and what no robot can see. from, to: of points that count their indices and pixels. */
+  /** Draw what is constant: walls and points that are not patrolled; note index and pixel of the others. */
   base(terrain) {
     const colours = themed();
     const { width, height, stride } = this;
     const { width: wide, height: high } = this.canvas;
     const from = [], to = [], unknown = [], middle = stride >> 1;
-    // A thin wall must not fall between the points that are looked at.
+    // A thin wall must not disappear between the points sampled.
     const isWalled = (top, left) => {
       for (let r = top; r < Math.min(top + stride, height); r++) {
         for (let c = left; c < Math.min(left + stride, width); c++) if (!(terrain[r * width + c] & PASSABLE)) return true;
@@ -58,7 +58,7 @@ export class FogImage {
     this.unknown = Uint32Array.from(unknown);
   }
 
-  /** Nothing is known of any point. */
+  /** Draw all points as unknown. */
   blank() {
     const { to, pixels, unknown } = this;
     for (let i = 0; i < to.length; i++) pixels[to[i]] = unknown[i];
@@ -66,13 +66,13 @@ export class FogImage {
   }
 
   /**
-   * Ages in ticks of a fog of the store, at its tick; `oldest` ticks and more are the darkest. What was last seen before
-   * the fog was followed has a colour where the youngest and the oldest that it can be look alike.
+   * Draw the ages of a fog of the store at its tick; `oldest` ticks and more are darkest. Points last seen before the fog
+   * was known are drawn in a colour if all their possible ages look alike, else as unknown.
    */
   ages(fog, oldest) {
     const ramp = this.#ramp(AGES, oldest, "ages");
     const { from, to, pixels, unknown } = this;
-    const { seen, tick: k } = fog, least = surely(fog), last = ramp.length - 1;
+    const { seen, tick: k } = fog, least = certainSince(fog), last = ramp.length - 1;
     const earlier = isVague(k - fog.since + 1, k, oldest) ? null : ramp[Math.min(k, last)];
     for (let i = 0; i < from.length; i++) {
       const since = seen[from[i]], age = k - (since > 0 ? since : 0);
@@ -83,12 +83,12 @@ export class FogImage {
   }
 
   /**
-   * How much older (orange) or younger (blue) than the truth somebody takes each point to be, at the belief's tick. What
-   * has truly been seen since then is not known: the truth has nothing of when it was seen before.
+   * Draw believed minus true age at the belief's tick: older is orange, younger is blue. Points truly seen after that tick
+   * are unknown, because the truth does not keep when they were seen before.
    */
   difference(believed, truth, most) {
     const { from, to, pixels, unknown } = this;
-    const least = surely(believed);
+    const least = certainSince(believed);
     const middle = (STEPS - 1) / 2, share = middle / most;
     for (let i = 0; i < from.length; i++) {
       const at = from[i];
@@ -112,7 +112,7 @@ export class FogImage {
   }
 }
 
-/** Whether ticks from `low` to `high` do not look alike on a scale that ends at `most`, on both sides of 0. */
+/** Whether values from `low` to `high` look different on a scale from -most to most. */
 export function isVague(low, high, most) {
   const within = (value) => Math.min(Math.max(value, -most), most);
   return within(high) - within(low) > ALIKE * most;

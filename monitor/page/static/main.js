@@ -1,40 +1,34 @@
-// The page: one WebSocket in, one frame drawn for each that came, controls out.
+// The page: receives messages over a WebSocket, draws a frame for each state, and sends controls.
 
 import { AGES, DIFFERENCES, STEPS } from "./colours.js";
 import { Chart } from "./chart.js";
-import { Controls } from "./controls.js";
+import { $, write } from "./dom.js";
 import { isVague, roundUp } from "./fogimage.js";
 import { MapView } from "./map.js";
-import { $, Events, Links, Robots, tabs, write } from "./panes.js";
+import { Panels } from "./panels.js";
 import { Store, clock, seconds } from "./store.js";
+import { Transport } from "./transport.js";
 
 const DIFFERENCE = "d";
-/** The code with which a server closes that has no room for another viewer. */
+/** Close code of a server that has reached its limit of viewers; server.py has the same number. */
 const FULL = 4001;
-const AGAIN_MS = [500, 1000, 2000, 4000];
-const READ_MS = 250;
+const RECONNECT_MS = [500, 1000, 2000, 4000];
+/** Least time between two updates of the panels by frames. */
+const PANELS_MS = 250;
 
 const store = new Store(changed);
-const map = new MapView($("canvas"), store, {
-  hover, redraw, pick, click: (x, y) => controls.place(x, y),
-});
-const robots = new Robots(store, pick);
-const links = new Links(store);
-const events = new Events(store);
-const controls = new Controls(store, ask, map);
-const chart = new Chart($("chart"), store, (k) => controls.seek(k));
-tabs(() => {
-  links.renew();
-  events.renew();
-});
+const map = new MapView($("canvas"), store, { hover, redraw, select });
+const transport = new Transport(store, operate);
+const chart = new Chart($("chart"), store, (k) => transport.seek(k));
+const panels = new Panels({ store, map, select, operate });
 
 let socket = null;
 let failures = 0;
 let waiting = new Map();
-let asked = 0;
+let requests = 0;
 let drawing = false;
-let owed = false;
-let besideTimer = 0, besideDue = 0;
+let unreported = false;
+let panelsTimer = 0, panelsDue = 0;
 let drawn = 0;
 
 connect();
@@ -44,73 +38,74 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   map.restyle();
   legend(true);
   chart.renew();
-  links.renew();
+  panels.update("theme");
   redraw();
 });
 $("layer").addEventListener("change", choose);
-$("closer").addEventListener("click", () => map.zoomAt(1.4));
-$("farther").addEventListener("click", () => map.zoomAt(1 / 1.4));
+$("zoomin").addEventListener("click", () => map.zoomAt(1.4));
+$("zoomout").addEventListener("click", () => map.zoomAt(1 / 1.4));
 $("fit").addEventListener("click", fit);
 $("help").addEventListener("click", () => $("keys").showModal());
-addEventListener("keydown", key);
+addEventListener("keydown", onKey);
 
 function connect() {
   socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
   socket.binaryType = "arraybuffer";
   socket.onmessage = ({ data }) => {
     failures = 0;
-    if (typeof data === "string") store.take(JSON.parse(data));
+    if (typeof data === "string") store.receive(JSON.parse(data));
     else store.unpack(data);
   };
   socket.onclose = ({ code }) => {
     lost(code);
     for (const [, done] of waiting) done({ done: false, text: "no connection" });
     waiting = new Map();
-    if (!over()) setTimeout(connect, AGAIN_MS[Math.min(failures++, AGAIN_MS.length - 1)]);
+    if (!over()) setTimeout(connect, RECONNECT_MS[Math.min(failures++, RECONNECT_MS.length - 1)]);
   };
 }
 
-/** Whether a run that went on here has ended, after which there is nothing to connect to again. */
+/** Whether the run of a live page has ended; then there is no reason to connect again. */
 function over() {
   return Boolean(store.facts?.live && store.state?.ended);
 }
 
-/** The connection has gone: say why. */
+/** The connection was lost: show why. */
 function lost(code) {
   if (code === FULL) {
     badge("full", "bad");
-    say("This page has as many viewers as it takes; close one, and this one opens by itself.");
+    note("The limit of viewers is reached. Close another viewer; this page then connects by itself.");
   } else if (over()) {
-    say("The run is over, and so is its page. To see it again: fogwatch replay, and the run's folder.");
+    note("The run is over and its page has closed. To view it again: fogwatch replay, with the run's folder.");
   } else {
     badge("no connection", "bad");
-    say(store.facts?.live ? "The page is not told any more: the run may be over." : "The page's server is gone.");
+    note(store.facts?.live ? "No connection to the page's server; the run may be over." : "No connection to the page's server.");
   }
 }
 
-function send(says) {
-  if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(says));
+function send(message) {
+  if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
 }
 
-/** Ask for something; what became of it. */
-function ask(control) {
-  return new Promise((done) => {
+/** Send a control and show the answer. text: shown if it is accepted without one. Returns whether it is accepted. */
+async function operate(control, text = "") {
+  const answer = await new Promise((done) => {
     if (socket.readyState !== WebSocket.OPEN) return done({ done: false, text: "no connection" });
-    waiting.set(++asked, done);
-    send({ type: "ask", id: asked, control });
+    waiting.set(++requests, done);
+    send({ type: "control", id: requests, control });
   });
+  write($("answer"), answer.text || (answer.done ? text : "refused"));
+  return answer.done;
 }
 
-function changed(what, says) {
-  switch (what) {
+function changed(topic, message) {
+  switch (topic) {
     case "static":
       begin();
       break;
     case "state":
-      owed = true;
-      controls.renew();
+      unreported = true;
+      transport.update();
       header();
-      if (!store.links) links.renew();
       legend();
       map.dirtyFog = true;
       redraw();
@@ -125,17 +120,12 @@ function changed(what, says) {
     case "bands":
       chart.renew();
       break;
-    case "links":
-      links.renew();
-      break;
-    case "events":
-      events.renew();
-      break;
     case "answer":
-      waiting.get(says.id)?.(says);
-      waiting.delete(says.id);
+      waiting.get(message.id)?.(message);
+      waiting.delete(message.id);
       break;
   }
+  panels.update(topic);
 }
 
 function begin() {
@@ -143,35 +133,34 @@ function begin() {
   document.title = `${facts.name} · fogwatch`;
   $("name").textContent = facts.name;
   $("name").title = facts.name;
-  say(facts.note);
+  note(facts.note);
   map.reset();
-  robots.reset();
-  events.reset();
-  controls.reset();
+  transport.reset();
+  panels.reset();
   layers();
   legend(true);
 }
 
-/** The choice of fogs: whose, and how it differs from the truth. */
+/** The choice of fogs, and of their errors. */
 function layers() {
   const { facts } = store;
-  const select = $("layer"), before = select.value;
+  const menu = $("layer"), before = menu.value;
   const named = (number) => facts.robots.find((robot) => robot.number === number)?.name;
   const options = facts.layers.map(([number, name]) => {
-    const text = { truth: "truth", heard: "as heard" }[name] ?? `as ${named(number)} believes`;
+    const text = { truth: "true fog", heard: "from heard positions" }[name] ?? `belief of ${named(number)}`;
     return new Option(text, String(number));
   });
   const others = facts.truth ? facts.layers.filter(([, name]) => name !== "truth") : [];
   for (const [number, name] of others) {
-    options.push(new Option(`${name === "heard" ? "as heard" : named(number)} against the truth`, `${DIFFERENCE}${number}`));
+    options.push(new Option(name === "heard" ? "error from heard positions" : `belief error of ${named(number)}`, `${DIFFERENCE}${number}`));
   }
   if (facts.direct && facts.truth) {
-    options.push(new Option("beliefs: not known (direct radio)", ""));
+    options.push(new Option("beliefs: unknown (direct radio)", ""));
     options.at(-1).disabled = true;
   }
-  select.replaceChildren(...options);
-  if (before && [...select.options].some((option) => option.value === before)) select.value = before;
-  if (select.value) choose();
+  menu.replaceChildren(...options);
+  if (before && [...menu.options].some((option) => option.value === before)) menu.value = before;
+  if (menu.value) choose();
 }
 
 function choose() {
@@ -195,7 +184,7 @@ function header() {
   if (state.ended) badge(`over: ${state.ended}`);
   else if (facts.live) badge(state.running ? "live" : "paused", state.running ? "live" : "");
   else badge("replay", "");
-  say([facts.note, state.note].filter(Boolean).join(" · "));
+  note([facts.note, state.note].filter(Boolean).join(" · "));
 }
 
 function badge(text, kind = "") {
@@ -203,13 +192,13 @@ function badge(text, kind = "") {
   $("mode").className = `badge ${kind}`;
 }
 
-function say(text) {
+function note(text) {
   write($("note"), text);
   $("note").hidden = !text;
 }
 
 let shownScale = "";
-/** The scale ends, in round steps, at the run's largest MFoW; while it goes on, at the largest so far. */
+/** The scale ends at the largest MFoW of the run, or of the run so far, rounded up. */
 function legend(force = false) {
   const { facts, state } = store;
   if (!facts) return;
@@ -235,23 +224,23 @@ function legend(force = false) {
   map.dirtyFog = true;
 }
 
-/** What the colours stand for, or that the fog is still worked out. */
+/** What the colours mean, or that the fog is being computed. */
 function caption() {
   const fogs = map.fogs, { kind, oldest } = map.shown, { lag } = map;
   const striped = fogs.some((fog) => {
     const k = kind === "ages" ? fog?.tick : 0;
     return fog?.since > 0 && isVague(k - fog.since + 1, k, oldest);
   });
-  const what = kind === "difference" ? "s believed younger or older" : "seconds since last seen";
+  const what = kind === "difference" ? "believed minus true age (s)" : "seconds since last seen";
   const when = lag > 0 ? `, as of ${seconds(lag * store.facts.step)} ago` : "";
-  const known = striped || (lag > 0 && kind === "difference") ? "; striped: not known" : "";
-  write($("legendtext"), store.state && fogs.includes(null) ? "working it out" : `${what}${when}${known}`);
+  const known = striped || (lag > 0 && kind === "difference") ? "; striped: unknown" : "";
+  write($("legendtext"), store.state && fogs.includes(null) ? "computing …" : `${what}${when}${known}`);
 }
 
-function pick(place) {
+/** Select a robot by its place, or deselect it if it is selected. */
+function select(place) {
   map.selected = place === map.selected ? -1 : place;
-  controls.picked(map.selected);
-  robots.renew(map.selected);
+  panels.update("select");
   redraw();
 }
 
@@ -265,33 +254,30 @@ function hover(text, x, y) {
   tip.style.top = `${Math.max(Math.min(y + 14, box.clientHeight - tip.offsetHeight - 6), 4)}px`;
 }
 
-/** Draw with the screen's next frame, and tell the server that there may be another. */
+/** Draw with the screen's next frame, then report the state as drawn, so that the server sends the next one. */
 function redraw() {
   if (drawing) return;
   drawing = true;
   requestAnimationFrame(() => {
     drawing = false;
     map.draw();
-    if (!owed) return;
-    owed = false;
-    beside();
+    if (!unreported) return;
+    unreported = false;
+    updatePanels();
     document.body.dataset.frames = ++drawn;
     send({ type: "drawn" });
   });
 }
 
-/** What stands beside the map is renewed as often as it can be read: a table of many robots costs more than the map. */
-function beside() {
-  if (besideTimer) return;
-  besideTimer = setTimeout(() => {
-    besideTimer = 0;
-    besideDue = performance.now() + READ_MS;
-    robots.renew(map.selected);
-    if (!store.facts?.live) {
-      events.renew();
-      chart.renew();
-    }
-  }, Math.max(besideDue - performance.now(), 0));
+/** Update the panels, and the chart of a replay, at a rate at which they can be read: they cost more than the map. */
+function updatePanels() {
+  if (panelsTimer) return;
+  panelsTimer = setTimeout(() => {
+    panelsTimer = 0;
+    panelsDue = performance.now() + PANELS_MS;
+    panels.update("frame");
+    if (!store.facts?.live) chart.renew();
+  }, Math.max(panelsDue - performance.now(), 0));
 }
 
 function fit() {
@@ -300,7 +286,7 @@ function fit() {
   redraw();
 }
 
-function key(event) {
+function onKey(event) {
   const { target } = event;
   if (event.ctrlKey || event.altKey || event.metaKey || $("keys").open) return;
   if (target.matches?.("select, input, textarea") && !(event.key === "Escape")) return;
@@ -315,28 +301,28 @@ function key(event) {
   else if (event.key === "0") fit();
   else if (event.key === "?") $("keys").showModal();
   else if (event.key === "l") next($("layer"));
-  else if (event.key === "c") look();
+  else if (event.key === "c") inspect();
   else if (event.key === "n") cycle(1);
   else if (event.key === "p") cycle(-1);
   else if (event.key === "Escape") {
-    controls.aim(false);
-    map.look(false);
-    if (map.selected >= 0) pick(map.selected);
+    panels.key(event.key);
+    map.inspect(false);
+    if (map.selected >= 0) select(map.selected);
   } else if (event.key === " " && onButton) return;
-  else if (!controls.key(event.key)) return;
+  else if (!transport.key(event.key) && !panels.key(event.key)) return;
   event.preventDefault();
 }
 
-/** A cross that arrows move tells what it stands on. */
-function look() {
+/** Show or hide the cross that shows the age of a point; arrow keys move it. */
+function inspect() {
   $("canvas").focus();
-  map.look(!map.looking);
+  map.inspect(!map.inspecting);
 }
 
-function next(select) {
-  const open = [...select.options].filter((option) => !option.disabled);
-  open[(open.indexOf(select.selectedOptions[0]) + 1) % open.length].selected = true;
-  select.dispatchEvent(new Event("change"));
+function next(menu) {
+  const open = [...menu.options].filter((option) => !option.disabled);
+  open[(open.indexOf(menu.selectedOptions[0]) + 1) % open.length].selected = true;
+  menu.dispatchEvent(new Event("change"));
 }
 
 function cycle(by) {
@@ -344,5 +330,5 @@ function cycle(by) {
   if (!count) return;
   const from = map.selected < 0 ? (by > 0 ? -1 : 0) : map.selected;
   map.selected = -1;
-  pick((from + by + count) % count);
+  select((from + by + count) % count);
 }

@@ -3,23 +3,24 @@
 import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
 import { drawCross, drawRobots, drawScaleBar, PASSABLE } from "./marks.js";
-import { NEVER, OUTSIDE, seconds, surely } from "./store.js";
+import { NEVER, OUTSIDE, seconds, certainSince } from "./store.js";
 
-/** Points along a pixel of the fog's image at most. */
+/** Most points along a side of a pixel of the fog's image. */
 const COARSEST = 8;
 
 export class MapView {
-  /** told: {hover(text, x, y), click(x, y), pick(place)} */
-  constructor(canvas, store, told) {
+  /** callbacks: {hover(text, x, y), redraw(), select(place)} */
+  constructor(canvas, store, callbacks) {
     this.canvas = canvas;
     this.store = store;
-    this.told = told;
+    this.callbacks = callbacks;
     this.context = canvas.getContext("2d", { alpha: false });
     this.zoom = 1;
     this.centre = null;
     this.shown = { kind: "ages", layers: [0], oldest: 100 };
     this.selected = -1;
-    this.aiming = this.looking = this.steered = false;
+    this.placed = null;
+    this.inspecting = this.steered = false;
     this.dirtyFog = true;
     this.pointers = new Map();
     this.hovered = null;
@@ -94,12 +95,12 @@ export class MapView {
     this.#hover();
   }
 
-  /** The fogs that are shown, null for one that is worked out. */
+  /** The fogs shown; null for one that is being computed. */
   get fogs() {
     return this.shown.layers.map((number) => this.store.fog(number));
   }
 
-  /** By how many ticks what is shown is older than the state. */
+  /** How many ticks the fogs shown lag behind the state. */
   get lag() {
     return Math.max(0, ...this.fogs.map((fog) => (fog ? this.store.state.k - fog.tick : 0)));
   }
@@ -126,41 +127,41 @@ export class MapView {
   }
 
   #hover() {
-    if (!this.hovered || !this.store.state) return this.told.hover(null);
+    if (!this.hovered || !this.store.state) return this.callbacks.hover(null);
     const [px, py] = this.hovered;
     const [x, y] = this.toWorld(px * this.ratio, py * this.ratio);
     const at = this.pointAt(x, y);
-    if (at < 0) return this.told.hover(null);
-    this.told.hover(`${x.toFixed(1)}, ${y.toFixed(1)} m\n${this.#says(at)}`, px, py);
+    if (at < 0) return this.callbacks.hover(null);
+    this.callbacks.hover(`${x.toFixed(1)}, ${y.toFixed(1)} m\n${this.#describe(at)}`, px, py);
   }
 
-  #says(at) {
+  #describe(at) {
     const { store, shown } = this;
     const what = store.terrain[at];
     if (!(what & PASSABLE)) return "obstacle";
-    if (!(what & 2)) return "does not count: no robot can see it";
-    const told = this.fogs.map((fog) => {
-      if (!fog) return "working it out";
+    if (!(what & 2)) return "not patrolled: no robot can see this point";
+    const ages = this.fogs.map((fog) => {
+      if (!fog) return "computing …";
       const lag = store.state.k - fog.tick;
-      return this.#tells(fog, at) + (lag > 0 ? ` (as of ${seconds(lag * store.facts.step)} ago)` : "");
+      return this.#age(fog, at) + (lag > 0 ? ` (as of ${seconds(lag * store.facts.step)} ago)` : "");
     });
-    return shown.kind === "difference" ? `believed: ${told[0]}\ntruly: ${told[1]}` : told[0];
+    return shown.kind === "difference" ? `believed: ${ages[0]}\ntrue: ${ages[1]}` : ages[0];
   }
 
-  /** What a fog tells of a point, as of the fog's tick. */
-  #tells(fog, at) {
+  /** The age of a point in a fog, at the fog's tick, as text. */
+  #age(fog, at) {
     const { step, truth } = this.store.facts;
     const last = fog.seen[at], age = seconds((fog.tick - Math.max(last, 0)) * step);
-    if (last === OUTSIDE) return "does not count for this robot";
-    if (last < surely(fog)) {
+    if (last === OUTSIDE) return "not patrolled by this robot";
+    if (last < certainSince(fog)) {
       const least = seconds((fog.tick - fog.since + 1) * step);
-      return `not seen for ${least} at least; known from ${seconds(fog.since * step)} on`;
+      return `not seen for at least ${least} (known since ${seconds(fog.since * step)})`;
     }
-    if (last === NEVER) return truth ? `never seen, for ${age}` : `not seen in the ${age} that were listened to`;
+    if (last === NEVER) return truth ? `never seen (${age})` : `not seen in the ${age} since listening began`;
     return `seen ${age} ago`;
   }
 
-  /** The robot at a place of the screen, or -1. */
+  /** The place of the robot at a point of the screen, or -1. */
   #robotAt(px, py) {
     let best = -1, least = 16 * this.ratio;
     (this.store.state?.robots ?? []).forEach(([, , pose], place) => {
@@ -175,43 +176,48 @@ export class MapView {
     return best;
   }
 
-  /** Aim at a place for a click, from the middle on unless a pointer is there; or do so no more. */
-  aim(on) {
-    this.#point(on, this.looking);
+  /** Show a cross to choose a place, at the pointer or in the middle. placed(x, y): called with it; null: stop. */
+  aim(placed) {
+    this.#point(placed, this.inspecting);
   }
 
-  /** Look at a place in the same way, without a click; or do so no more. */
-  look(on) {
-    this.#point(this.aiming, on);
+  /** Show or hide a cross that shows the age of a point. */
+  inspect(on) {
+    this.#point(this.placed, on);
   }
 
-  /** Whether a cross is there to be moved. */
+  /** Whether a place is being chosen. */
+  get aiming() {
+    return this.placed !== null;
+  }
+
+  /** Whether there is a cross. */
   get pointing() {
-    return this.aiming || this.looking;
+    return this.aiming || this.inspecting;
   }
 
-  #point(aiming, looking) {
-    if (aiming || looking) this.hovered ??= [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2];
+  #point(placed, inspecting) {
+    if (placed || inspecting) this.hovered ??= [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2];
     else if (this.pointing && this.steered) this.hovered = null;
-    this.aiming = aiming;
-    this.looking = looking;
+    this.placed = placed;
+    this.inspecting = inspecting;
     this.steered &&= this.pointing;
-    this.told.redraw();
+    this.callbacks.redraw();
   }
 
-  /** Move the aim by pixels of the page. */
+  /** Move the cross by pixels of the page. */
   steer(dx, dy) {
     const [x, y] = this.hovered;
     const within = (value, most) => Math.min(Math.max(value, 0), most - 1);
     this.hovered = [within(x + dx, this.canvas.clientWidth), within(y + dy, this.canvas.clientHeight)];
     this.steered = true;
-    this.told.redraw();
+    this.callbacks.redraw();
   }
 
-  /** A click at the place that is aimed at. */
+  /** Choose the place under the cross. */
   clickHere() {
     this.steered = true;
-    this.told.click(...this.toWorld(...this.hovered.map((value) => value * this.ratio)));
+    this.placed(...this.toWorld(...this.hovered.map((value) => value * this.ratio)));
   }
 
   zoomAt(factor, px = this.canvas.width / 2, py = this.canvas.height / 2) {
@@ -220,13 +226,13 @@ export class MapView {
     this.zoom = Math.min(Math.max(this.zoom * factor, 0.5), 60);
     const after = this.toWorld(px, py);
     this.centre = [this.centre[0] + before[0] - after[0], this.centre[1] + before[1] - after[1]];
-    this.told.redraw();
+    this.callbacks.redraw();
   }
 
   pan(dx, dy) {
     if (!this.store.facts) return;
     this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
-    this.told.redraw();
+    this.callbacks.redraw();
   }
 
   #listen() {
@@ -262,7 +268,7 @@ export class MapView {
         moved += Math.hypot(here[0] - before[0], here[1] - before[1]);
         this.pointers.set(event.pointerId, here);
       }
-      this.told.redraw();
+      this.callbacks.redraw();
     });
     const up = (event) => {
       if (!this.pointers.delete(event.pointerId)) return;
@@ -273,15 +279,15 @@ export class MapView {
     canvas.addEventListener("pointercancel", up);
     canvas.addEventListener("pointerleave", () => {
       if (!this.pointing) this.hovered = null;
-      this.told.redraw();
+      this.callbacks.redraw();
     });
   }
 
   #click(px, py, kind) {
     const x = px * this.ratio, y = py * this.ratio;
-    if (this.aiming) return this.told.click(...this.toWorld(x, y));
-    this.told.pick(this.#robotAt(x, y));
+    if (this.aiming) return this.placed(...this.toWorld(x, y));
+    this.callbacks.select(this.#robotAt(x, y));
     if (kind === "touch") this.hovered = [px, py];
-    this.told.redraw();
+    this.callbacks.redraw();
   }
 }

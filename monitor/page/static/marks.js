@@ -1,15 +1,15 @@
-// What stands on the map: robots with footprint, trail and goal, intruders, the aim's cross, the scale bar.
+// What is drawn on the map: robots with footprint, trail and goal, intruders, the cross, the scale bar.
 
 import { SERIES } from "./colours.js";
-import { standing } from "./store.js";
+import { robotStatus } from "./store.js";
 
 const LEAST = 5;
 const RAYS = 120;
-/** Robots beyond which all but the chosen one have no footprint, no goal and a short and plain trail, of so many ticks. */
+/** In fleets of more than MANY robots only the selected one has a footprint, a goal and a full trail; others: SHORT ticks. */
 const MANY = 24, SHORT = 60;
 export const PASSABLE = 1;
 
-/** All robots of a map view's store, one kind of mark after the other, and the intruders. */
+/** Draw all robots, one kind of mark after the other, and the intruders. */
 export function drawRobots(map) {
   const { context: c, store } = map;
   const robots = store.state.robots, facts = store.facts.robots;
@@ -108,7 +108,7 @@ function body(map, robot, facts, place) {
   const [x, y] = map.toScreen(pose[0], pose[1]);
   const size = Math.max(facts.radius * map.scale, LEAST * r);
   const gone = status === 3 || status === 4;
-  const how = standing(robot);
+  const shown = robotStatus(robot);
   if (place === map.selected) ring(c, x, y, size + 5 * r, map.colours.accent, 3 * r);
   c.beginPath();
   c.arc(x, y, size, 0, 2 * Math.PI);
@@ -136,13 +136,13 @@ function body(map, robot, facts, place) {
     c.lineWidth -= 2 * r;
     line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
   }
-  if (how.kind === "warn" && status === 1) {
+  if (shown.kind === "warn" && status === 1) {
     c.setLineDash([3 * r, 3 * r]);
     ring(c, x, y, size + 4 * r, "#ffffff", 2 * r);
     c.setLineDash([]);
   }
   if (map.store.facts.robots.length <= 24 || place === map.selected) {
-    words(c, facts.name, x, y - size - 5 * r, "center", r);
+    label(c, facts.name, x, y - size - 5 * r, "center", r);
   }
 }
 
@@ -183,10 +183,10 @@ export function drawScaleBar(map) {
     c.lineWidth = wide * r;
     line(c, left, y, right, y);
   }
-  words(c, `${length} m`, right, y - 4 * r, "right", r);
+  label(c, `${length} m`, right, y - 4 * r, "right", r);
 }
 
-function words(c, text, x, y, align, r) {
+function label(c, text, x, y, align, r) {
   c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
   c.textAlign = align;
   c.textBaseline = "bottom";

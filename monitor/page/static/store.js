@@ -1,15 +1,16 @@
-// What the server has told: the map's layers as last-seen ticks, the newest state, chart, events and links.
+// What the server has sent: the map's layers as last-seen ticks, the newest state, chart, events and links.
 
 const KEEP = -2147483648;
 const TERRAIN = -2;
-/** In place of a last-seen tick: not seen yet; or does not count for the one whose fog it is. */
+/** Replace a last-seen tick: not seen yet; not patrolled by the robot whose fog it is. */
 export const NEVER = -1, OUTSIDE = -2;
-/** Ticks of the chart that are kept; beyond, every other one goes. */
+/** Most ticks of the chart; beyond them every other one is dropped. */
 const MOST_TICKS = 10000;
+/** Ticks of a trail; hub.py has the same number. */
 const TRAIL = 240;
 
 export class Store {
-  /** changed(what): told of each message that was taken in. */
+  /** changed(topic, message): called after each message. */
   constructor(changed) {
     this.changed = changed;
     this.reset();
@@ -29,47 +30,47 @@ export class Store {
   }
 
   /** One JSON message. */
-  take(says) {
-    switch (says.type) {
+  receive(message) {
+    switch (message.type) {
       case "static":
         this.reset();
-        this.facts = says;
+        this.facts = message;
         break;
       case "state":
-        if (this.facts.live) this.#remember(says);
-        this.#shorten(says.k);
-        this.state = says;
+        if (this.facts.live) this.#remember(message);
+        this.#shorten(message.k);
+        this.state = message;
         for (const packet of this.held.splice(0)) this.#fill(packet);
-        if (!says.linked) this.links = null;
-        this.stalest = Math.max(this.stalest, says.mfow ?? 0);
+        if (!message.linked) this.links = null;
+        this.stalest = Math.max(this.stalest, message.mfow ?? 0);
         break;
       case "trail":
-        this.#join(says);
+        this.#join(message);
         break;
       case "series":
-        this.#lengthen(says);
+        this.#lengthen(message);
         break;
       case "events":
-        this.events.push(...says.events);
+        this.events.push(...message.events);
         break;
       case "bands":
-        this.bands = says.bands;
+        this.bands = message.bands;
         break;
       case "links":
-        this.links = says;
+        this.links = message;
         break;
     }
-    this.changed(says.type, says);
+    this.changed(message.type, message);
   }
 
-  /** One packet of tiles; see monitor/page/tiles.py. A fog's belongs to the state that comes behind it. */
+  /** One packet of tiles; see monitor/page/tiles.py. The packet of a fog belongs to the state that follows it. */
   unpack(buffer) {
     if (new Int32Array(buffer, 0, 1)[0] !== TERRAIN) return this.held.push(buffer);
     this.#fill(buffer);
     this.changed("terrain");
   }
 
-  /** A fog, {seen, since, tick}, of the newest state or a few ticks before it; null while that is worked out. */
+  /** A fog {seen, since, tick} of the newest state or a few ticks before it; null while it is being computed. */
   fog(number) {
     const layer = this.layers.get(number), lag = this.state?.k - layer?.tick;
     return lag >= 0 && lag <= this.facts.late ? layer : null;
@@ -111,7 +112,7 @@ export class Store {
     return this.layers.get(TERRAIN)?.seen;
   }
 
-  /** More of the chart; of a run that goes on for days, of each two ticks the fresher one is left out, but the newest. */
+  /** Add to the chart. When it grows too long, of each two ticks the one with the smaller MFoW is dropped, not the last. */
   #lengthen({ k, mfow, mean }) {
     const { series } = this;
     for (let i = 0; i < k.length; i++) {
@@ -128,7 +129,7 @@ export class Store {
     for (const name of Object.keys(series)) series[name] = kept.map((i) => series[name][i]);
   }
 
-  /** A state of a run that goes on is the trail's next row; ticks that were skipped repeat the row before them. */
+  /** The state of a live fleet is the trail's next row; skipped ticks repeat the row before. */
   #remember({ k, robots }) {
     const { trail } = this;
     const row = robots.flatMap(({ 2: pose }) => (pose ? [pose[0], pose[1]] : [null, null]));
@@ -140,7 +141,7 @@ export class Store {
     }
   }
 
-  /** Rows of a replay's trail: before those that there are, behind them, or instead of them. */
+  /** Rows of a replay's trail: before the present ones, after them, or instead of them. */
   #join({ first, rows }) {
     const { trail } = this;
     if (first === trail.first + trail.rows.length) trail.rows.push(...rows);
@@ -148,7 +149,7 @@ export class Store {
     else this.trail = { first, rows };
   }
 
-  /** The trail ends with tick k, and has the last so many ticks. */
+  /** Cut the trail to the last ticks up to k. */
   #shorten(k) {
     const { trail } = this;
     const from = Math.max(k - TRAIL, trail.first);
@@ -159,8 +160,8 @@ export class Store {
 const PAUSED = 2;
 const NAMES = ["absent", "alive", "paused", "dead", "lost", "left"];
 
-/** How a robot does: {word, kind}; kind: good, warn, bad or off. */
-export function standing(robot) {
+/** The status of a robot as {word, kind}; kind: good, warn, bad or off. */
+export function robotStatus(robot) {
   const [status, state, , , , heard] = robot;
   if (status === 3 || status === 4) return { word: NAMES[status], kind: "bad" };
   if (status === 0 || status === 5) return { word: NAMES[status], kind: "off" };
@@ -169,12 +170,12 @@ export function standing(robot) {
   return { word: state || "waiting", kind: state === "dead-end" ? "warn" : "good" };
 }
 
-/** The least tick that a fog is sure of: what it takes to be last seen before it was followed may have been seen later. */
-export function surely({ since }) {
+/** The first last-seen tick that is certain; points last seen before the fog was known may have been seen later. */
+export function certainSince({ since }) {
   return since || NEVER;
 }
 
-/** Seconds as people read them. */
+/** Seconds as text. */
 export function seconds(value) {
   if (value === null || value === undefined) return "-";
   return `${value < 10 ? value.toFixed(1) : Math.round(value)} s`;

@@ -1,4 +1,4 @@
-"""Kernels that add up, point by point, how the fog went over time, at the cost of the footprints seen."""
+"""Kernels that add up the fog over time point by point, with work in proportion to the footprints."""
 
 from __future__ import annotations
 
@@ -18,12 +18,22 @@ GAPS = types.Array(types.int64, 1, "C")
     nogil=True,
 )
 def visit(last_seen, tracked, upto, sums, worst, looked, gaps, view, row0, col0, tick):
-    """Account for the tracked points of a footprint before the fog takes it in at ``tick``.
+    """Account for the tracked points of a footprint before the fog observes it at ``tick``.
 
-    last_seen: int32 (h, w), of the fog. tracked: uint8 (h, w). upto: int32 (h, w), the last tick whose age is in
-    ``sums``, int64 (h, w). worst: int32 (h, w), the largest age so far. looked: int32 (h, w), the tick of the last
-    look, -1 before the first. gaps: int64 (ticks + 1,), points by ticks between two visits; looks in consecutive
-    ticks are one visit. view: uint8 (m, m), its element (0, 0) lies over point (row0, col0).
+    Looks in consecutive ticks are one visit.
+
+    Args:
+        last_seen: int32 (h, w), of the fog before the observation.
+        tracked: uint8 (h, w), 1 for points that count.
+        upto: int32 (h, w), the last tick whose age is in ``sums``; changed in place.
+        sums: int64 (h, w), sum of ages; changed in place.
+        worst: int32 (h, w), the largest age so far; changed in place.
+        looked: int32 (h, w), the tick of the last look, -1 before the first; changed in place.
+        gaps: int64 (ticks + 1,), number of gaps between visits by length in ticks; changed in place.
+        view: uint8 (m, m), the footprint; element (0, 0) lies over point (row0, col0).
+        row0: First row of the footprint; may be negative.
+        col0: First column of the footprint; may be negative.
+        tick: The tick of the observation.
     """
     height, width = last_seen.shape
     for i in range(max(0, -row0), min(view.shape[0], height - row0)):
@@ -49,7 +59,16 @@ def visit(last_seen, tracked, upto, sums, worst, looked, gaps, view, row0, col0,
 
 @njit(types.void(SEEN, TRACKED, TICKS, SUMS, TICKS, types.int64), cache=True, nogil=True)
 def settle(last_seen, tracked, upto, sums, worst, tick):
-    """Add the ages of all tracked points up to and with ``tick``; the arrays are those of `visit`."""
+    """Add the ages of all tracked points up to and including ``tick``.
+
+    Args:
+        last_seen: As in `visit`.
+        tracked: As in `visit`.
+        upto: As in `visit`; changed in place.
+        sums: As in `visit`; changed in place.
+        worst: As in `visit`; changed in place.
+        tick: The last tick to add.
+    """
     height, width = last_seen.shape
     for r in range(height):
         for c in range(width):

@@ -122,7 +122,7 @@ def test_report_and_compare(
         (["record", "."], "holds no file journal"),
         (["report", "RUN/recording.mcap"], "fogwatch recording"),
         (["report", "RUN/journal"], "is a file"),
-        (["recording", "RUN/journal"], "is no MCAP file"),
+        (["recording", "RUN/journal"], "is not an MCAP file"),
         (["recording", "RUN"], "is a folder; name a file, such as"),
         (["record"], "name a run's folder, or --router and --fleet"),
         (["record", "RUN", "--fleet", "x", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor.live.attach import goes_on
+from monitor.live.attach import is_running
 from patrol.net.access import FILE, Access, write_access
 from tests.routers import free_endpoint, routed, world_seen
 
@@ -30,21 +30,21 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
 
 def test_a_run_goes_on_while_its_world_is_there(endpoint: str, folder: Callable[[str], Path]) -> None:
     run = folder(endpoint)
-    assert not goes_on(run)
+    assert not is_running(run)
     with world_seen(endpoint, "fleet-1"):
-        assert goes_on(run)
+        assert is_running(run)
 
 
 def test_a_launcher_that_was_killed_leaves_nobody_to_ask(
     folder: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor.live.attach.ANSWER_S", 0.2)
-    assert not goes_on(tmp_path)
+    assert not is_running(tmp_path)
     run = folder(free_endpoint())
-    assert not goes_on(run)
+    assert not is_running(run)
     monkeypatch.setattr("monitor.live.attach.open_link", lambda *_: pytest.fail("asked somebody else's router"))
     (run / FILE).unlink()
     write_access(run / FILE, Access("fleet-1", "tcp/192.0.2.1:7447", "0123456789abcdef"))
-    assert not goes_on(run)
+    assert not is_running(run)
     (run / FILE).write_text("{}", encoding="utf-8")
-    assert not goes_on(run)
+    assert not is_running(run)

@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor.live.feed_source import AGAIN_S, LiveSource
-from monitor.live.follow import HEARD
+from monitor.live.feed_source import AGAIN_S, FeedSource
+from monitor.live.fog_tracker import HEARD
+from monitor.observation.source import Answer, State
 from monitor.replay.player import Player
-from monitor.source import Answer, State
 from patrol.errors import BadInput
 from patrol.ground.fog import NEVER
 from patrol.journal import JournalWriter, pack, unpack
@@ -47,10 +47,10 @@ def records_of(seen: Seen) -> list[bytes]:
     return found
 
 
-class Told:
+class FakeFeed:
     """A wire from a run that is over: what the feed would have sent, batch by batch."""
 
-    may_ask = True
+    may_control = True
     present = True
 
     def __init__(self, seen: Seen) -> None:
@@ -101,20 +101,20 @@ class Told:
             ground=ground_of(prepared),
         )
 
-    def ask(self, control: Mapping[str, Any]) -> Answer:
+    def control(self, control: Mapping[str, Any]) -> Answer:
         self.asked.append(control)
         return Answer(True, "done")
 
     def close(self) -> None:
         pass
 
-    def source(self) -> LiveSource:
+    def source(self) -> FeedSource:
         payload = self.so_far()
         assert payload is not None
-        return LiveSource("fleet-1", self, read_so_far(payload), lambda: self.now)
+        return FeedSource("fleet-1", self, read_so_far(payload), lambda: self.now)
 
 
-def watched(source: LiveSource) -> State:
+def watched(source: FeedSource) -> State:
     """The state once nothing is left to take in."""
     state = None
     while (newer := source.wait(0.01)) is not None:
@@ -124,7 +124,7 @@ def watched(source: LiveSource) -> State:
 
 
 def test_from_the_start_the_fogs_are_those_of_the_world_and_of_its_minds(faulty: Seen) -> None:
-    run, wire = faulty.open(), Told(faulty)
+    run, wire = faulty.open(), FakeFeed(faulty)
     source = wire.source()
     robots = [shape.number for shape in source.static().robots]
     state = watched(source)
@@ -157,7 +157,7 @@ def test_from_the_start_the_fogs_are_those_of_the_world_and_of_its_minds(faulty:
 
 
 def test_who_hears_everything_knows_the_truth_where_nothing_is_forged(quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     source = wire.source()
     assert source.last_seen(HEARD) is not None
     wire.send(10_000)
@@ -169,7 +169,7 @@ def test_who_hears_everything_knows_the_truth_where_nothing_is_forged(quiet: See
 
 
 def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     wire.number = 20
     source = wire.source()
     state = source.wait(0.0)
@@ -177,7 +177,7 @@ def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
     since = state.k
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[since])
     assert len(source.series(-1).ticks) == since + 1
-    assert "not known" in state.note
+    assert "are unknown" in state.note
     wire.send(10_000)
     state = watched(source)
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
@@ -185,7 +185,7 @@ def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
 
 
 def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     source = wire.source()
     wire.send(5)
     watched(source)
@@ -206,7 +206,7 @@ def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -
 
 
 def test_a_gap_doubles_no_event_and_is_told(faulty: Seen) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     wire.most_events = 8
     source = wire.source()
     events = faulty.open().events
@@ -222,7 +222,7 @@ def test_a_gap_doubles_no_event_and_is_told(faulty: Seen) -> None:
 
 
 def test_links_and_beliefs_are_known_from_a_gap_on_and_the_state_says_so(faulty: Seen) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     source = wire.source()
     wire.send(9)
     assert watched(source).note == ""
@@ -230,13 +230,13 @@ def test_links_and_beliefs_are_known_from_a_gap_on_and_the_state_says_so(faulty:
     wire.now += AGAIN_S
     wire.send(2)
     state = watched(source)
-    assert f"watched from {state.time_s + 0.5:g} s on" in state.note
+    assert f"connected at {state.time_s + 0.5:g} s; " in state.note
     assert state.links is not None
     assert state.links.sent.sum() == 0
 
 
 def test_trails_have_every_tick_that_came_however_many_came_at_once(quiet: Seen) -> None:
-    world = Told(quiet)
+    world = FakeFeed(quiet)
     source = world.source()
     for _ in range(3):
         world.send(20)
@@ -254,7 +254,7 @@ def test_trails_have_every_tick_that_came_however_many_came_at_once(quiet: Seen)
 
 
 def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     fault = {"kind": "loss", "id": "f1", "rate": 0.5}
     detail = json.dumps({"do": "fault", "fault": fault})
     wire.asked_for = [Event(0, OPERATOR, None, detail)]
@@ -265,7 +265,7 @@ def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet:
 
 
 def test_a_robot_that_nobody_hears_is_silent_however_much_it_sends(muted: Seen) -> None:
-    run, wire = muted.open(), Told(muted)
+    run, wire = muted.open(), FakeFeed(muted)
     source = wire.source()
     wire.send(10_000)
     state = watched(source)
@@ -274,14 +274,14 @@ def test_a_robot_that_nobody_hears_is_silent_however_much_it_sends(muted: Seen) 
 
 
 def test_the_only_robot_is_heard_of_as_long_as_it_sends(alone: Seen) -> None:
-    wire = Told(alone)
+    wire = FakeFeed(alone)
     source = wire.source()
     wire.send(10_000)
     assert [robot.heard_s for robot in watched(source).robots] == [0.0]
 
 
 def test_of_a_direct_radio_nobody_tells_who_heard_what(direct: Seen) -> None:
-    wire = Told(direct)
+    wire = FakeFeed(direct)
     source = wire.source()
     wire.send(10_000)
     state = watched(source)
@@ -336,7 +336,7 @@ def test_a_world_tells_of_its_latest_events_by_number_and_of_all_that_was_asked_
 
 
 def test_the_rate_is_right_soon_after_a_pause(quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     source = wire.source()
     wire.send(9)
     watched(source)
@@ -355,37 +355,37 @@ def test_the_rate_is_right_soon_after_a_pause(quiet: Seen) -> None:
 
 
 def test_controls_go_to_the_world_unless_they_make_no_sense(quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     source = wire.source()
     assert "fault" in source.static().controls
-    assert source.ask({"do": "pause"}).done
-    assert not source.ask({"do": "explode"}).done
+    assert source.control({"do": "pause"}).done
+    assert not source.control({"do": "explode"}).done
     assert wire.asked == [{"do": "pause"}]
-    wire.may_ask = False
-    assert not source.ask({"do": "pause"}).done
+    wire.may_control = False
+    assert not source.control({"do": "pause"}).done
     assert source.static().controls == ()
 
 
 def test_silence_and_a_world_that_is_gone_are_told(quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     source = wire.source()
     wire.send(5)
     assert watched(source).note == ""
     wire.now += 60.0
     state = source.wait(0.0)
     assert state is not None
-    assert state.note.startswith("nothing heard for")
+    assert state.note.startswith("no data for ")
     wire.present = False
     state = source.wait(0.0)
     assert state is not None
-    assert state.note == "the world is gone"
+    assert state.note == "the world has disconnected"
 
 
 def test_a_world_of_another_version_is_refused(quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     answer = replace(wire.answer(), header=b"\xc0")
-    with pytest.raises(BadInput, match="another language"):
-        LiveSource("fleet-1", wire, read_so_far(so_far_bytes(answer)))
+    with pytest.raises(BadInput, match="another version"):
+        FeedSource("fleet-1", wire, read_so_far(so_far_bytes(answer)))
 
 
 @given(st.binary(max_size=200), st.integers(0, 400), st.integers(0, 255))

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monitor.live.follow import KEPT_S
+from monitor.live.fog_tracker import KEPT_S
+from monitor.observation.source import Series
 from monitor.page.hub import MOST_POINTS, Hub, Viewer
 from monitor.page.thinning import thinned
-from monitor.replay.past_beliefs import Hindsight
+from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
-from monitor.source import Series
-from tests.monitor.live.test_feed_source import Told
+from tests.monitor.live.test_feed_source import FakeFeed
 
 if TYPE_CHECKING:
     import pytest
@@ -30,7 +30,7 @@ class Page:
     def __init__(self, hub: Hub) -> None:
         self.viewer = Viewer(asyncio.new_event_loop())
         self.hub = hub
-        hub.enter(self.viewer)
+        hub.add(self.viewer)
 
     def close(self) -> None:
         self.viewer.loop.close()
@@ -41,7 +41,7 @@ class Page:
 
     def messages(self) -> list[Any]:
         """What it gets now, and has drawn: packets as (layer, tick, since, tiles), and what else there is as it is."""
-        self.hub._turn()
+        self.hub._cycle()
         loop = self.viewer.loop
         loop.call_soon(loop.stop)
         loop.run_forever()
@@ -66,19 +66,19 @@ class Page:
 
 
 def test_a_fog_is_sent_with_its_tick_and_only_once_it_is_known(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
-    known, last_seen = False, Hindsight.last_seen
-    monkeypatch.setattr(Hindsight, "last_seen", lambda one, number, k: last_seen(one, number, k) if known else None)
+    known, last_seen = False, PastBeliefs.last_seen
+    monkeypatch.setattr(PastBeliefs, "last_seen", lambda one, number, k: last_seen(one, number, k) if known else None)
     player = Player(quiet.open())
     hub = Hub(player)
     with closing(Page(hub)) as page:
         assert page.packets() == [(0, 0, 0)]
-        hub.show(page.viewer, [1])
+        hub.select(page.viewer, [1])
         assert page.packets() == []
         known = True
         assert page.packets() == [(1, 0, 0)]
         assert page.packets() == []
         known = False
-        player.ask({"do": "seek", "k": 40})
+        player.control({"do": "seek", "k": 40})
         assert page.messages()[-1]["type"] == "state"
         assert page.packets() == []
         known = True
@@ -90,25 +90,25 @@ def test_a_fog_that_no_page_shows_is_not_kept_and_comes_again_as_a_whole(quiet: 
     with closing(Page(hub)) as page, closing(Page(hub)) as other:
         whole = page.tiles()
         assert other.tiles() == whole
-        hub.show(page.viewer, [-7])
+        hub.select(page.viewer, [-7])
         assert page.tiles() == {}
-        hub.show(page.viewer, [0])
+        hub.select(page.viewer, [0])
         assert page.tiles() == {}  # the other one shows it all the time
         for one in (page, other):
-            hub.show(one.viewer, [-7])
+            hub.select(one.viewer, [-7])
         assert page.tiles() == {}
-        hub.show(page.viewer, [0])
+        hub.select(page.viewer, [0])
         assert page.tiles() == whole
 
 
 def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
     quiet: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     monkeypatch.setattr("monitor.live.feed_source.REMEMBERED", sum(len(record) for record in wire.records[-8:]))
     hub = Hub(wire.source())
     with closing(Page(hub)) as page:
-        hub.show(page.viewer, [3])
+        hub.select(page.viewer, [3])
         wire.send(4)
         for _ in range(2):
             page.messages()
@@ -116,37 +116,37 @@ def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
         for _ in range(10):
             wire.send(5)
             wire.now += KEPT_S / 2
-            hub._turn()
+            hub._cycle()
         page.viewer.drawn = True
         (layer, tick, since) = page.packets()[-1]
         assert (layer, since) == (3, 0)
         assert tick == wire.number - 2  # all but the header
         np.testing.assert_array_equal(hub.source.last_seen(3), quiet.beliefs[tick, 3])
-    hub.leave(page.viewer)
+    hub.remove(page.viewer)
     for _ in range(3):
         wire.send(1)
         wire.now += KEPT_S / 2
-        hub._turn()
+        hub._cycle()
     assert hub.source.last_seen(3) is None  # nobody shows it any more, so it begins anew
 
 
 def test_what_a_page_in_the_background_shows_of_a_replay_is_kept(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     player, now = Player(quiet.open()), 0.0
-    monkeypatch.setattr(player._hindsight, "_now", lambda: now)
+    monkeypatch.setattr(player._past_beliefs, "_now", lambda: now)
     hub = Hub(player)
     with closing(Page(hub)) as page:
-        hub.show(page.viewer, [3])
+        hub.select(page.viewer, [3])
         page.messages()
-        held = player._hindsight.held
+        held = player._past_beliefs.held
         page.hide()
         for _ in range(5):
             now += KEPT_S / 2
-            hub._turn()
-        assert player._hindsight.held == held > 0
-    hub.leave(page.viewer)
+            hub._cycle()
+        assert player._past_beliefs.held == held > 0
+    hub.remove(page.viewer)
     now += KEPT_S + 1.0
-    hub._turn()
-    assert player._hindsight.held == 0
+    hub._cycle()
+    assert player._past_beliefs.held == 0
 
 
 def test_the_next_moment_of_a_replay_is_worked_out_while_a_page_draws(quiet: Seen) -> None:
@@ -156,8 +156,8 @@ def test_the_next_moment_of_a_replay_is_worked_out_while_a_page_draws(quiet: See
         page.messages()
         page.hide()
         for k in (10, 20):  # one moment ahead, no more
-            player.ask({"do": "seek", "k": k})
-            hub._turn()
+            player.control({"do": "seek", "k": k})
+            hub._cycle()
         assert player.tick("truth") == 10
         assert page.viewer.outbox.empty()
         page.viewer.drawn = True
@@ -165,14 +165,14 @@ def test_the_next_moment_of_a_replay_is_worked_out_while_a_page_draws(quiet: See
         assert page.packets() == [(0, 10, 0)]
         assert page.packets() == [(0, 20, 0)]
         page.hide()
-        player.ask({"do": "seek", "k": 30})
-        hub._turn()
-        hub.show(page.viewer, [1])  # another fog of the moment that waits
+        player.control({"do": "seek", "k": 30})
+        hub._cycle()
+        hub.select(page.viewer, [1])  # another fog of the moment that waits
         page.viewer.drawn = True
         assert page.packets() == [(1, 30, 0)]
-    hub.leave(page.viewer)
-    player.ask({"do": "seek", "k": 40})
-    hub._turn()
+    hub.remove(page.viewer)
+    player.control({"do": "seek", "k": 40})
+    hub._cycle()
     assert player.tick("truth") == 40
 
 
@@ -181,9 +181,9 @@ def test_of_a_fog_that_stays_the_tick_is_sent(faulty: Seen) -> None:
     hub = Hub(player)
     told = []
     with closing(Page(hub)) as page:
-        hub.show(page.viewer, [1])
+        hub.select(page.viewer, [1])
         for k in (48, 52):  # the robot is dead
-            player.ask({"do": "seek", "k": k})
+            player.control({"do": "seek", "k": k})
             while (1, k, 0) not in (packets := page.packets()):
                 pass
             told += packets

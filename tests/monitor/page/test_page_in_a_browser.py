@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from monitor.replay.linklog import LinkLog
-from monitor.replay.past_beliefs import Hindsight
+from monitor.replay.link_log import LinkLog
+from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
 from tests.browser import Look, browser_or_skip, looking
-from tests.monitor.live.test_feed_source import Told
+from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def test_the_map_paints_and_the_robots_move(chromium: Any, page: ServedPage) -> 
         look.press(" ")
         look.until("Number(document.getElementById('seek').value) > 30")
         look.press(" ")
-        look.until("document.getElementById('play').textContent === 'go'")
+        look.until("document.getElementById('play').textContent === 'play'")
         assert colours(look) > 12
         before = look.picture("#canvas")
         look.press(".")
@@ -102,7 +102,7 @@ def test_any_time_any_fog_and_what_a_point_is(chromium: Any, page: ServedPage) -
         assert look.picture("#canvas") != before
         look.press("c")
         look.press("Shift+ArrowLeft")
-        look.until("/seen|obstacle|count/.test(document.getElementById('tip').textContent)")
+        look.until("/seen|obstacle|patrolled/.test(document.getElementById('tip').textContent)")
         for pane in ("links", "events", "robots"):
             look.page.click(f"#tab-{pane}")
             assert look.evaluate(f"!document.getElementById('{pane}').hidden")
@@ -169,19 +169,19 @@ def test_links_that_take_a_while_to_read_come_by_themselves(
         look.until("document.body.dataset.frames > 0")
         look.page.click("#tab-links")
         seek(look, 70)
-        look.until("document.getElementById('linktip').textContent === 'working it out'")
+        look.until("document.getElementById('linktip').textContent === 'computing …'")
         assert look.evaluate("document.getElementById('matrix').hidden")
         read.set()
         look.until("!document.getElementById('matrix').hidden")
-        assert look.evaluate("document.getElementById('linktip').textContent") == "rows send, columns hear"
+        assert look.evaluate("document.getElementById('linktip').textContent") == "rows: senders, columns: receivers"
 
 
 def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
     chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    known, last_seen = threading.Event(), Hindsight.last_seen
+    known, last_seen = threading.Event(), PastBeliefs.last_seen
     monkeypatch.setattr(
-        Hindsight, "last_seen", lambda one, number, k: last_seen(one, number, k) if known.is_set() else None
+        PastBeliefs, "last_seen", lambda one, number, k: last_seen(one, number, k) if known.is_set() else None
     )
     caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
     with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
@@ -192,17 +192,17 @@ def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
             known.clear()
             look.page.select_option("#layer", fog)
             seek(look, 50 if fog == "3" else 20)
-            look.until(f"{caption} === 'working it out' && {tip}.includes('working it out')")
+            look.until(f"{caption} === 'computing …' && {tip}.includes('computing …')")
             assert yellows(look) == 0
             known.set()
-            look.until(f"{caption} !== 'working it out' && !{tip}.includes('working')")
+            look.until(f"{caption} !== 'computing …' && !{tip}.includes('computing')")
             look.until(f"/seen .* ago/.test({tip})")
             assert (yellows(look) > 1000) == (fog == "3")
         assert look.picture("#canvas") != truth
 
 
 def test_a_run_that_is_over_stays_over_when_its_page_ends(chromium: Any, faulty: Seen) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         wire.send(10_000)
         look.until("document.getElementById('mode').textContent === 'over: completed'")

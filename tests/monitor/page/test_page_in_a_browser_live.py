@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from monitor.live.follow import Followers
-from monitor.source import Answer
+from monitor.live.fog_tracker import FogTrackers
+from monitor.observation.source import Answer
 from patrol.net.feed import Batch
 from tests.browser import PATIENCE_S, Look, browser_or_skip, looking
-from tests.monitor.live.test_feed_source import Told
+from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def text_of(look: Look, name: str) -> str:
 
 
 def test_who_comes_late_sees_what_is_not_known_as_that(chromium: Any, quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     wire.number = 61
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
@@ -43,12 +43,12 @@ def test_who_comes_late_sees_what_is_not_known_as_that(chromium: Any, quiet: See
         for fog in ("-1", "2", "d2"):
             look.page.select_option("#layer", fog)
             look.page.hover("#canvas", position=MIDDLE)
-            look.until("document.getElementById('legendtext').textContent.endsWith('striped: not known')")
-            look.until("document.getElementById('tip').textContent.includes('s at least; known from 30 s on')")
+            look.until("document.getElementById('legendtext').textContent.endsWith('striped: unknown')")
+            look.until("document.getElementById('tip').textContent.includes(' s (known since 30 s)')")
 
 
 def test_what_was_before_has_a_colour_where_it_hardly_matters(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         drawn = look.evaluate(
             """async () => {
@@ -70,7 +70,7 @@ def test_what_was_before_has_a_colour_where_it_hardly_matters(chromium: Any, qui
         assert drawn[place] == [vague, True, False]
 
 
-class Slow(Told):
+class Slow(FakeFeed):
     """A wire whose world answers when it is told to."""
 
     def __init__(self, seen: Seen) -> None:
@@ -78,8 +78,8 @@ class Slow(Told):
         self.came = threading.Semaphore(0)
         self.may_answer = threading.Semaphore(0)
 
-    def ask(self, control: Mapping[str, Any]) -> Answer:
-        answer = super().ask(control)
+    def control(self, control: Mapping[str, Any]) -> Answer:
+        answer = super().control(control)
         self.came.release()
         assert self.may_answer.acquire(timeout=PATIENCE_S)
         return answer
@@ -129,20 +129,21 @@ def test_there_is_one_loss_at_a_time_and_no_gap_however_slowly_a_world_answers(c
 
 
 def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.plain) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.plain) as look:
         look.until("document.body.dataset.frames > 0")
         asked = look.evaluate(
             """async () => {
-                const { Controls } = await import('/controls.js');
+                const { FaultsPanel } = await import('/panel_faults.js');
                 const loss = document.getElementById('loss'), asked = [];
                 const facts = { live: true, controls: [], robots: [] };
                 const told = { robots: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
                 let state = null, looks = 0;
                 const store = { facts, get state() { looks++; return state; } };
-                const controls = new Controls(store, (control) => {
+                const operate = (control) => {
                     asked.push([control.fault.rate, control.instead]);
-                    return Promise.resolve({ done: true, text: '' });
-                }, {});
+                    return Promise.resolve(true);
+                };
+                const panel = new FaultsPanel({ store, map: { selected: -1 }, operate });
                 const slide = (share) => { loss.value = share; loss.dispatchEvent(new Event('input')); };
                 const turn = () => new Promise((done) => setTimeout(done, 10));
                 const until = async (met) => { for (let i = 0; i < 1000 && !met(); i++) await turn(); };
@@ -150,7 +151,7 @@ def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromi
                 await until(() => looks > 0);
                 await turn();
                 state = told;
-                controls.renew();
+                panel.update('state');
                 await until(() => asked.length === 1);
                 await turn();
                 slide(40);
@@ -162,7 +163,7 @@ def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromi
 
 
 def test_of_a_direct_radio_the_page_says_what_nobody_knows(chromium: Any, direct: Seen) -> None:
-    wire = Told(direct)
+    wire = FakeFeed(direct)
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         look.page.click("#tab-links")
@@ -178,7 +179,7 @@ def test_of_a_direct_radio_the_page_says_what_nobody_knows(chromium: Any, direct
 
 
 def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         count, newest, stalest, most = look.evaluate(
             """async () => {
@@ -187,7 +188,7 @@ def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) ->
                 const told = (from, to) => {
                     const k = Array.from({ length: to - from }, (_, i) => from + i);
                     const falling = (one) => (one === 1234 ? 99 : 50 - (one % 50));
-                    store.take({ type: 'series', k, mfow: k.map(falling), mean: k });
+                    store.receive({ type: 'series', k, mfow: k.map(falling), mean: k });
                     newest &&= store.series.k.at(-1) === to - 1;
                 };
                 let newest = true;
@@ -203,7 +204,7 @@ def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) ->
 
 
 def test_a_fog_and_its_state_change_together_but_for_a_little_lag(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         strict, lax = look.evaluate(
             """async () => {
@@ -211,11 +212,11 @@ def test_a_fog_and_its_state_change_together_but_for_a_little_lag(chromium: Any,
                 return [0, 2].map((late) => {
                     const store = new Store(() => {}), seen = [];
                     const look = () => seen.push(store.fog(3)?.tick ?? null);
-                    store.take({ type: 'static', width: 4, height: 4, side: 64, live: false, late });
+                    store.receive({ type: 'static', width: 4, height: 4, side: 64, live: false, late });
                     for (const [tick, k] of [[4, 4], [5, 5], [5, 7], [5, 8], [9, 9], [9, 2]]) {
                         store.unpack(Int32Array.of(3, tick, 0, 0, 0).buffer);
                         look();
-                        store.take({ type: 'state', k, robots: [] });
+                        store.receive({ type: 'state', k, robots: [] });
                         look();
                     }
                     return seen;
@@ -227,7 +228,7 @@ def test_a_fog_and_its_state_change_together_but_for_a_little_lag(chromium: Any,
 
 
 def test_a_belief_that_lags_is_held_against_the_truth_of_its_own_tick(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         drawn = look.evaluate(
             """async () => {
@@ -244,7 +245,7 @@ def test_a_belief_that_lags_is_held_against_the_truth_of_its_own_tick(chromium: 
 
 
 def test_a_map_with_more_points_than_the_screen_has_pixels_is_drawn_from_some(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Told(quiet).source())) as served, Look(chromium, served.address) as look:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         size, walls, seen = look.evaluate(
             """async () => {
@@ -267,7 +268,7 @@ def test_a_map_with_more_points_than_the_screen_has_pixels_is_drawn_from_some(ch
     assert seen == [False, True, True]
 
 
-class Timed(Told):
+class Timed(FakeFeed):
     """A wire on which time goes by also where nobody waits."""
 
     def batch(self, timeout_s: float) -> Batch | None:
@@ -276,18 +277,18 @@ class Timed(Told):
 
 
 def test_a_belief_that_lags_is_shown_and_says_so(chromium: Any, quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
-    behind, catch_up = threading.Event(), Followers.catch_up
+    behind, catch_up = threading.Event(), FogTrackers.catch_up
 
-    def lagging(followers: Followers, over: Callable[[], bool]) -> None:
+    def lagging(followers: FogTrackers, over: Callable[[], bool]) -> None:
         """Up to four ticks behind, if so."""
 
         def enough() -> bool:
-            return behind.is_set() and any(one.late == 4 for one in followers._all.values())
+            return behind.is_set() and any(one.late == 4 for one in followers._by_layer.values())
 
         if not enough():
             catch_up(followers, lambda: over() or enough())
 
-    monkeypatch.setattr(Followers, "catch_up", lagging)
+    monkeypatch.setattr(FogTrackers, "catch_up", lagging)
     wire = Timed(quiet)
     caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
@@ -300,4 +301,4 @@ def test_a_belief_that_lags_is_shown_and_says_so(chromium: Any, quiet: Seen, mon
         wire.send(60)
         look.until(f"{caption} === 'seconds since last seen, as of 2.0 s ago' && /as of 2.0 s ago.$/.test({tip})")
         look.page.select_option("#layer", "d2")
-        look.until(f"{caption} === 's believed younger or older, as of 2.0 s ago; striped: not known'")
+        look.until(f"{caption} === 'believed minus true age (s), as of 2.0 s ago; striped: unknown'")

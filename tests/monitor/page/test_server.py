@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from tests.monitor.conftest import Seen
 
 TOKEN = "abcdefghij0123456789"
+OPTION = re.compile(r"--[a-z]+(?:-[a-z]+)*")
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +86,7 @@ def test_files_come_with_a_strict_policy_and_nothing_else_comes(open_page: Serve
         assert policy.startswith("default-src 'none'; script-src 'self'; ")
         assert "unsafe" not in policy
         assert "http" not in policy
-    for path in ("/nothing", "/../server.py", "/..%2fserver.py", "/%2e%2e/gate.py", "/static/main.js", "/tiles.py"):
+    for path in ("/nothing", "/../server.py", "/..%2fserver.py", "/%2e%2e/hub.py", "/static/main.js", "/tiles.py"):
         assert get(open_page, path)[0] == 404
 
 
@@ -106,12 +108,12 @@ def test_who_lacks_the_key_looks_but_may_ask_for_nothing(open_page: ServedPage) 
     with look(open_page) as socket:
         facts = said(socket, "static")
         assert facts["controls"] == []
-        assert not facts["mayAsk"]
+        assert not facts["mayControl"]
         assert said(socket, "state")["robots"]
-        socket.send(json.dumps({"type": "ask", "id": 1, "control": {"do": "seek", "k": 5}}))
+        socket.send(json.dumps({"type": "control", "id": 1, "control": {"do": "seek", "k": 5}}))
         answer = said(socket, "answer")
         assert not answer["done"]
-        assert "only look" in answer["text"]
+        assert "view-only" in answer["text"]
 
 
 def test_the_key_is_taken_once_and_kept_where_no_script_reads_it(open_page: ServedPage) -> None:
@@ -122,14 +124,14 @@ def test_the_key_is_taken_once_and_kept_where_no_script_reads_it(open_page: Serv
     assert "httponly" in headers["set-cookie"].lower()
     with look(open_page, key=open_page.key) as socket:
         assert "seek" in said(socket, "static")["controls"]
-        socket.send(json.dumps({"type": "ask", "id": 7, "control": {"do": "seek", "k": 33}}))
+        socket.send(json.dumps({"type": "control", "id": 7, "control": {"do": "seek", "k": 33}}))
         assert said(socket, "answer") == {"type": "answer", "id": 7, "done": True, "text": ""}
-        socket.send(json.dumps({"type": "ask", "id": 8, "control": {"do": "seek", "k": 44}}))
+        socket.send(json.dumps({"type": "control", "id": 8, "control": {"do": "seek", "k": 44}}))
         while said(socket, "state")["k"] != 44:
             pass
         refused: list[dict[str, Any]] = [{"do": "fault", "fault": {"kind": "kill", "who": "r1"}}, {"do": []}, {}]
         for control in refused:
-            socket.send(json.dumps({"type": "ask", "id": 9, "control": control}))
+            socket.send(json.dumps({"type": "control", "id": 9, "control": control}))
             answer = said(socket, "answer")
             while answer["id"] != 9:
                 answer = said(socket, "answer")
@@ -137,7 +139,8 @@ def test_the_key_is_taken_once_and_kept_where_no_script_reads_it(open_page: Serv
 
 
 def test_what_is_no_message_ends_the_connection_and_nothing_else(open_page: ServedPage) -> None:
-    for nonsense in ("", "{", "[1]", '{"type":"ask","id":"x","control":{}}', "[" * 4000, "x" * 5000, '{"type":"show"}'):
+    no_number = '{"type":"control","id":"x","control":{}}'
+    for nonsense in ("", "{", "[1]", no_number, "[" * 4000, "x" * 5000, '{"type":"show"}'):
         with look(open_page) as socket:
             said(socket, "static")
             socket.send(nonsense)
@@ -175,7 +178,7 @@ def test_a_page_that_reads_nothing_gets_no_frame_before_the_last_one_was_taken()
 
 
 def test_who_finds_no_room_is_told_so(open_page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("monitor.page.server.MOST_VIEWERS", 1)
+    monkeypatch.setattr("monitor.page.server.MAX_VIEWERS", 1)
     with look(open_page) as first:
         said(first, "state")
         with look(open_page) as second, pytest.raises(ConnectionClosed) as closed:
@@ -189,7 +192,7 @@ def test_whatever_the_jumps_a_page_has_the_whole_trail(open_page: ServedPage, qu
     with look(open_page, key=open_page.key) as socket:
         has: dict[int, list[float]] = {}
         for k in (50, 53, 20, 70):
-            socket.send(json.dumps({"type": "ask", "id": 1, "control": {"do": "seek", "k": k}}))
+            socket.send(json.dumps({"type": "control", "id": 1, "control": {"do": "seek", "k": k}}))
             shown = -1
             while shown != k:
                 says = json.loads(text) if isinstance(text := socket.recv(timeout=30), str) else {}
@@ -212,7 +215,7 @@ def test_off_loopback_nothing_is_had_without_the_token(closed_page: ServedPage) 
         with pytest.raises(InvalidStatus), look(closed_page, key=key):
             pass
     with look(closed_page, key=TOKEN) as socket:
-        assert said(socket, "static")["mayAsk"]
+        assert said(socket, "static")["mayControl"]
 
 
 @pytest.mark.parametrize(
@@ -223,15 +226,34 @@ def test_what_loopback_is(host: str, alone: bool) -> None:
     assert is_loopback(host) == alone
 
 
-def test_bad_input_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+BAD_INPUT: tuple[tuple[list[str], str, str], ...] = (
+    (["--replay", "RUN", "--host", "0.0.0.0"], "", "--host 0.0.0.0: "),
+    (["--replay", "RUN"], "short", "FOGWATCH_PAGE_KEY: has 5 characters"),
+    (["--replay", "RUN"], "not-letters-and-digits", "FOGWATCH_PAGE_KEY: "),
+    (["--replay", "RUN/nowhere"], "", "no such folder"),
+    (["--router", "tcp/127.0.0.1:1"], "", "--fleet"),
+    (["--router", "tcp/127.0.0.1:1", "--fleet", "x", "--radio", "tcp/127.0.0.1:2"], "", "give their --scenario"),
+    (["--replay", "RUN", "--page-port", "99999"], "", "--page-port 99999: ports go from 1 to 65535"),
+    (["--replay", "RUN", "--page-port", "-1"], "", "--page-port -1: ports go from 1 to 65535"),
+    (["--replay", "RUN", "--host", "no.such.host.invalid"], "", "--host"),
+)
+
+
+@pytest.mark.parametrize(("arguments", "token", "problem"), BAD_INPUT)
+def test_bad_input_is_reported_in_terms_of_the_options_that_there_are(
+    arguments: list[str],
+    token: str,
+    problem: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("monitor.process.heed", lambda _: None)
-    for arguments, problem in (
-        (["--replay", str(tmp_path), "--host", "0.0.0.0"], "--host 0.0.0.0"),
-        (["--replay", str(tmp_path / "nowhere")], "no such folder"),
-        (["--router", "tcp/127.0.0.1:1"], "--fleet"),
-        (["--router", "tcp/127.0.0.1:1", "--fleet", "x", "--radio", "tcp/127.0.0.1:2"], "give their --scenario"),
-        (["--replay", str(tmp_path), "--port", "99999"], "--page-port 99999: ports go from 1 to 65535"),
-        (["--replay", str(tmp_path), "--host", "no.such.host.invalid"], "--host"),
-    ):
-        assert main(arguments) == 2
-        assert problem in capsys.readouterr().err
+    monkeypatch.setenv("FOGWATCH_PAGE_KEY", token)
+    assert main([argument.replace("RUN", str(tmp_path)) for argument in arguments]) == 2
+    (says,) = (line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling"))
+    assert problem in says
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    options = set(OPTION.findall(capsys.readouterr().out))
+    assert set(OPTION.findall(says)) <= options

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from monitor.page.kernels.tiles import KEEP
-from monitor.page.tiles import SIDE, TileBook, terrain_packet
+from monitor.page.tiles import SIDE, TiledMap, terrain_packet
 
 SHAPE = (SIDE + 9, 2 * SIDE + 5)
 
@@ -43,35 +43,35 @@ corner = st.tuples(
 
 @given(turns=st.lists(st.tuples(st.lists(corner, max_size=3), st.booleans()), min_size=1, max_size=8))
 def test_whoever_looks_however_often_sees_the_map(turns: list[tuple[list[Change], bool]]) -> None:
-    book = TileBook(3, SHAPE)
+    tiled = TiledMap(3, SHAPE)
     now: NDArray[np.int32] = np.full(SHAPE, -1, dtype=np.int32)
     keen, lazy = (np.full(SHAPE, -1, dtype=np.int32) for _ in range(2))
     had = {"keen": 0, "lazy": 0}
     for tick, (changes, looks) in enumerate(turns):
         for row, col, high, wide, value in changes:
             now[row : row + high, col : col + wide] = value
-        book.take(now, tick)
+        tiled.update(now, tick)
         for name, shown in (("keen", keen), ("lazy", lazy)):
             if name == "keen" or looks:
-                layer, of, since, tiles = unpack(book.packet(had[name], 7), shown)
+                layer, of, since, tiles = unpack(tiled.packet(had[name], 7), shown)
                 assert (layer, of, since) == (3, tick, 7)
-                assert (tiles == 0) == (had[name] == book.version)
-                had[name] = book.version
+                assert (tiles == 0) == (had[name] == tiled.version)
+                had[name] = tiled.version
                 np.testing.assert_array_equal(shown, now)
 
 
 def test_only_what_changed_is_sent() -> None:
-    book = TileBook(0, SHAPE)
+    tiled = TiledMap(0, SHAPE)
     now: NDArray[np.int32] = np.zeros(SHAPE, dtype=np.int32)
-    book.take(now, 0)
-    before = book.version
+    tiled.update(now, 0)
+    before = tiled.version
     now[3:9, 4:20] = 1
-    book.take(now, 1)
-    packet = book.packet(before)
+    tiled.update(now, 1)
+    packet = tiled.packet(before)
     assert len(packet) < 200
     assert unpack(packet, np.zeros(SHAPE, dtype=np.int32)) == (0, 1, 0, 1)
-    book.take(now, 2)
-    packet = book.packet(book.version)
+    tiled.update(now, 2)
+    packet = tiled.packet(tiled.version)
     assert len(packet) == 20
     assert unpack(packet, now) == (0, 2, 0, 0)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from monitor.replay.past_beliefs import BUDGET_S, KEPT_S, Hindsight
+from monitor.replay.past_beliefs import BUDGET_S, KEPT_S, PastBeliefs
 from monitor.replay.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ class Clock:
         return self.time_s
 
 
-def looked(hindsight: Hindsight, seen: Seen, number: int) -> None:
+def looked(past: PastBeliefs, seen: Seen, number: int) -> None:
     """Look at a robot all over the run, forwards and backwards."""
     for k in COME_AND_GONE:
         if (k, number) in seen.beliefs:
-            np.testing.assert_array_equal(hindsight.last_seen(number, k), seen.beliefs[k, number])
+            np.testing.assert_array_equal(past.last_seen(number, k), seen.beliefs[k, number])
 
 
 @pytest.mark.parametrize("maps", [1, 3, 6, 1000])
@@ -43,11 +43,11 @@ def test_what_it_keeps_stays_within_its_memory_however_many_are_looked_at(
     size = next(iter(faulty.truth.values())).nbytes
     memory = maps * size + 40_000  # what a robot's looks take
     monkeypatch.setattr("monitor.replay.past_beliefs.MEMORY", memory)
-    hindsight = Hindsight(run, None, Clock())
+    past = PastBeliefs(run, None, Clock())
     for _ in range(2):
         for number in run.numbers:
-            looked(hindsight, faulty, number)
-            assert 0 < hindsight.held <= memory
+            looked(past, faulty, number)
+            assert 0 < past.held <= memory
 
 
 def test_robots_that_pages_show_are_found_out_all_of_them_however_little_room_there_is(
@@ -57,52 +57,52 @@ def test_robots_that_pages_show_are_found_out_all_of_them_however_little_room_th
     monkeypatch.setattr("monitor.replay.past_beliefs.MEMORY", 1)
     clock = Clock()
     asked = count()
-    hindsight = Hindsight(faulty.open(), None, lambda: next(asked) * BUDGET_S / 8)  # little is done at once
-    hindsight.keep([1, 2, 3])
+    past = PastBeliefs(faulty.open(), None, lambda: next(asked) * BUDGET_S / 8)  # little is done at once
+    past.set_shown([1, 2, 3])
     found: dict[int, int] = {}
     for turn in range(400):
         for number in (1, 2, 3):
-            if number not in found and hindsight.last_seen(number, 47) is not None:
+            if number not in found and past.last_seen(number, 47) is not None:
                 found[number] = turn
     assert set(found) == {1, 2, 3}
     monkeypatch.setattr("monitor.replay.past_beliefs.MOST", 2)
-    hindsight = Hindsight(faulty.open(), None, clock)
-    hindsight.keep([1, 2, 3])
-    assert [hindsight.last_seen(number, 3) is None for number in (1, 2, 3)] == [False, False, True]
-    hindsight.keep([2, 3])
-    assert hindsight.last_seen(3, 3) is not None
+    past = PastBeliefs(faulty.open(), None, clock)
+    past.set_shown([1, 2, 3])
+    assert [past.last_seen(number, 3) is None for number in (1, 2, 3)] == [False, False, True]
+    past.set_shown([2, 3])
+    assert past.last_seen(3, 3) is not None
 
 
 def test_what_it_says_that_it_keeps_is_what_it_keeps(faulty: Seen) -> None:
     run = faulty.open()
-    looked(Hindsight(run, None, Clock()), faulty, 2)  # whatever is made once
-    hindsight = Hindsight(run, None, Clock())
+    looked(PastBeliefs(run, None, Clock()), faulty, 2)  # whatever is made once
+    past = PastBeliefs(run, None, Clock())
     tracemalloc.start()
     try:
         for number in run.numbers:
-            looked(hindsight, faulty, number)
+            looked(past, faulty, number)
         kept, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert hindsight.held > kept / 3
+    assert past.held > kept / 3
 
 
 def test_a_robot_that_no_page_shows_is_kept_for_a_while_only(quiet: Seen) -> None:
     clock = Clock()
-    hindsight = Hindsight(quiet.open(), None, clock)
+    past = PastBeliefs(quiet.open(), None, clock)
     for number in (1, 2):
-        looked(hindsight, quiet, number)
-    both = hindsight.held
+        looked(past, quiet, number)
+    both = past.held
     clock.time_s += KEPT_S
-    hindsight.keep([2])
-    assert hindsight.held == both
+    past.set_shown([2])
+    assert past.held == both
     clock.time_s += 1.0
-    hindsight.keep([2, 3])
-    assert 0 < hindsight.held < both
+    past.set_shown([2, 3])
+    assert 0 < past.held < both
     clock.time_s += KEPT_S + 1.0
-    hindsight.keep([])
-    assert hindsight.held == 0
-    looked(hindsight, quiet, 1)
+    past.set_shown([])
+    assert past.held == 0
+    looked(past, quiet, 1)
 
 
 def test_a_snapshot_is_the_map_again() -> None:

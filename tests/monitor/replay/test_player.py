@@ -11,7 +11,7 @@ from patrol.journal.records import Status
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from monitor.source import State
+    from monitor.observation.source import State
     from tests.monitor.conftest import Seen
 
 
@@ -27,7 +27,7 @@ class Wall:
 
 
 def at(player: Player, k: int) -> State:
-    assert player.ask({"do": "seek", "k": k}).done
+    assert player.control({"do": "seek", "k": k}).done
     state = player.wait(1.0)
     assert state is not None
     assert state.k == k
@@ -100,7 +100,7 @@ def test_links_add_up_to_those_of_the_whole_run(faulty: Seen) -> None:
 def test_links_come_by_themselves_however_slowly_a_journal_is_read(
     faulty: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("monitor.replay.linklog.BUDGET_S", 0.0)
+    monkeypatch.setattr("monitor.replay.link_log.BUDGET_S", 0.0)
     run = faulty.open()
     player = Player(run, Wall())
     state: State | None = at(player, run.ticks - 1)
@@ -129,8 +129,8 @@ def test_a_player_plays_at_its_pace_and_backwards_and_stops_at_the_ends(quiet: S
     wall = Wall()
     player = Player(quiet.open(), wall)
     at(player, 10)
-    assert player.ask({"do": "pace", "factor": 4.0}).done
-    assert player.ask({"do": "go"}).done
+    assert player.control({"do": "pace", "factor": 4.0}).done
+    assert player.control({"do": "go"}).done
     before = wall.time_s
     wall.time_s += 2.0
     state = player.wait(1.0)
@@ -141,12 +141,12 @@ def test_a_player_plays_at_its_pace_and_backwards_and_stops_at_the_ends(quiet: S
     state = player.wait(1.0)
     assert state is not None
     assert (state.k, state.running) == (79, False)
-    assert player.ask({"do": "pace", "factor": -2}).done
-    assert player.ask({"do": "step"}).done
+    assert player.control({"do": "pace", "factor": -2}).done
+    assert player.control({"do": "step"}).done
     state = player.wait(1.0)
     assert state is not None
     assert state.k == 78
-    assert player.ask({"do": "go"}).done
+    assert player.control({"do": "go"}).done
     wall.time_s += 1000.0
     state = player.wait(1.0)
     assert state is not None
@@ -158,6 +158,6 @@ def test_a_player_plays_at_its_pace_and_backwards_and_stops_at_the_ends(quiet: S
     [{}, {"do": 3}, {"do": "kill"}, {"do": "pace", "factor": 0}, {"do": "pace", "factor": "fast"}, {"do": "seek"}],
 )
 def test_a_player_refuses_what_makes_no_sense(quiet: Seen, control: dict[str, object]) -> None:
-    answer = Player(quiet.open(), Wall()).ask(control)
+    answer = Player(quiet.open(), Wall()).control(control)
     assert not answer.done
     assert answer.text

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor.observer import as_sent
+from monitor.observation.listener import as_sent
 from monitor.replay.replay import play
 from monitor.replay.visits import VisitCounter
 from patrol.ground.footprint import sensor_footprint

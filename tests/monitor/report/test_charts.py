@@ -18,7 +18,7 @@ def test_a_chart_of_states_names_what_robots_did(tmp_path: Path) -> None:
     assert {"patrolling", "surrounding", "dead or lost"} <= shown
     assert "other" not in shown
     keys = {text.get_text() for text in states_chart(run, ()).legends[0].get_texts()}
-    assert keys == shown | {"bump"}
+    assert keys == shown | {"cancelled move"}
 
 
 def test_every_state_of_a_mind_has_a_name_in_the_chart() -> None:

@@ -18,10 +18,8 @@ from monitor.report.charts import troubles_chart
 from monitor.report.compare import compare_html, differences, names_of, rows_of
 from monitor.report.compare import drawings as drawings_of_several
 from monitor.report.document import drawings, report_html, write_page, write_report
-from monitor.report.faultbands import bands_of, lanes
 from monitor.report.style import draw
 from patrol.errors import BadInput
-from patrol.journal.records import Event
 
 SECTIONS = ("verdict", "fog", "visits", "robots", "paths", "links", "belief", "decisions", "scenario", "files")
 
@@ -99,7 +97,7 @@ def test_a_quiet_run_has_no_faults_and_no_error(quiet: Any) -> None:
     analysis = analyse(quiet.open())
     page = report_html(analysis, drawings(analysis))
     assert sections(page) == list(SECTIONS)
-    assert "what each believed was the truth" in page
+    assert "so every belief was exact" in page
     assert ">valid</span>" in page
 
 
@@ -141,15 +139,15 @@ def test_a_changed_scenario_is_told(quiet: Any, copied: Callable[..., Path]) -> 
     (folder / "scenario.yaml").write_text(text.replace("range: 10.0", "range: 9.0"), encoding="utf-8")
     analysis = analyse(open_run(folder))
     assert analysis.wrong_from == 0
-    assert "is not the one that the run measured" in report_html(analysis, ())
+    assert "differs from the one measured during the run" in report_html(analysis, ())
 
 
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
         (shutil.rmtree, "no such folder"),
-        (lambda folder: (folder / "journal").unlink(), "holds no file journal, so"),
-        (lambda folder: (folder / "scenario.yaml").unlink(), "holds no file scenario.yaml, so"),
+        (lambda folder: (folder / "journal").unlink(), "holds no file journal, so it is not"),
+        (lambda folder: (folder / "scenario.yaml").unlink(), "holds no file scenario.yaml, so it is not"),
         (lambda folder: (folder / "journal").write_bytes(b"something else"), "is no fogwatch journal"),
         (lambda folder: (folder / "journal").write_bytes(b"fogwatch journal 1\n"), "no whole header"),
     ],
@@ -190,29 +188,6 @@ def test_runs_side_by_side(quiet: Any, faulty: Any, hazy: Any) -> None:
     assert page.count("<svg") == len(made) == 6
     assert sections(page) == ["measures", "scenario", "fog", "visits", "maps", "faults"]
     assert all(name in page for name in names)
-
-
-def test_bands_last_from_their_beginning_to_their_end() -> None:
-    events = [
-        Event(2, "fault", None, "f1 loss begins: all to all, rate 0.5"),
-        Event(4, "fault", None, "f2 kill happens: r1"),
-        Event(4, "dead", 1, "f2 kill"),
-        Event(6, "fault", None, "f1 loss ends"),
-        Event(8, "fault", None, "f3 delay begins: all to all"),
-        Event(9, "lost", 2, "its process ended"),
-        Event(9, "fault", None, "who knows"),
-    ]
-    bands = bands_of(events, 0.5, 10.0)
-    assert [(band.id, band.kind, band.begin, band.end) for band in bands] == [
-        ("f1", "loss", 1.0, 3.0),
-        ("f2", "kill", 2.0, 2.0),
-        ("f3", "delay", 4.0, 10.0),
-        ("", "lost", 4.5, 4.5),
-    ]
-    assert [band.lasts for band in bands] == [True, False, True, False]
-    assert bands[0].text == "all to all, rate 0.5"
-    assert [name for name, _ in lanes(bands, 8)] == ["f1 loss", "f2 kill", "f3 delay", "lost"]
-    assert [name for name, _ in lanes(bands[:1] * 2 + bands[1:], 3)] == ["loss", "kill", "delay", "lost"]
 
 
 def test_no_collision_is_drawn_as_none_of_one(quiet: Any) -> None:

@@ -15,18 +15,18 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from monitor.recording.writer import Recorder
+from monitor.recording.run_recorder import Recorder
 from monitor.replay.replay import play
 from monitor.replay.run import Run, open_run
 from monitor.report.analysis import analyse, measures
 from monitor.report.charts import gaps_chart, radio_chart, troubles_chart
 from monitor.report.document import report_html
-from monitor.report.mapcharts import paths_chart
+from monitor.report.map_charts import paths_chart
 from patrol.journal.records import TickRecord
 from patrol.scenario.faults.kinds import KINDS
 from tests.monitor.conftest import QUIET, run_of
-from tests.monitor.recording.test_writer import decoded
-from tests.monitor.retold import retold
+from tests.monitor.recording.test_run_recorder import decoded
+from tests.monitor.rewritten import rewritten
 
 ALL_KINDS: list[dict[str, Any]] = [
     {"kind": "loss", "rate": 0.3, "at": 1, "for": 30},
@@ -60,7 +60,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     scenario = {**QUIET, "name": "troubled", "robots": robots, "faults": ALL_KINDS}
     whole = run_of(tmp_path_factory.mktemp("whole"), scenario)
     folder = tmp_path_factory.mktemp("troubled") / "run"
-    return open_run(retold(whole, folder, lambda record: record if record.k < LAST else None))
+    return open_run(rewritten(whole, folder, lambda record: record if record.k < LAST else None))
 
 
 def rows(page: str, section: str, number: int = 0) -> dict[str, list[str]]:
@@ -95,9 +95,9 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
 
     messages = summary["messages"]
     for words in (
-        f"{messages['delivered']} of {messages['sent']} frames arrived",
-        f"{messages['in_flight']} were still on their way at the end",
-        f"Robots refused {messages['rejected']}.",
+        f"{messages['delivered']} of {messages['sent']} frames were delivered",
+        f"{messages['in_flight']} were still in flight at the end",
+        f"Robots rejected {messages['rejected']} frames.",
     ):
         assert words in page
     by_kind: Counter[str] = Counter()
@@ -105,11 +105,7 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
         by_kind[cause.partition(":")[0]] += int(frames)
     assert +by_kind == messages["dropped_by_cause"]
     listed = rows(page, "links", 1)
-    linked = {
-        f"{'a forger' if source == 'forger' else source} to {to}": facts
-        for source, links in summary["links"].items()
-        for to, facts in links.items()
-    }
+    linked = {f"{source} to {to}": facts for source, links in summary["links"].items() for to, facts in links.items()}
     assert set(listed) == set(linked)
     for link, (_, _, sent, delivered, flying, share, _) in listed.items():
         facts = linked[link]
@@ -163,7 +159,7 @@ def test_dead_ends_are_a_share_of_decisions_as_in_the_summary(quiet: Any, tmp_pa
         ]
         return replace(record, robots=tuple(robots))
 
-    run = open_run(retold(quiet, tmp_path / "missed", missed))
+    run = open_run(rewritten(quiet, tmp_path / "missed", missed))
     assert run.summary is not None
     assert [facts["dead_end_share"] for facts in run.summary["robots"].values()] == [0.5, 0.5, 0.5]
     assert [row[3] for row in rows(report_html(analyse(run), ()), "robots").values()] == ["50.0"] * 3
@@ -209,17 +205,17 @@ def test_of_a_direct_radio_a_report_says_what_robots_said_and_nothing_of_beliefs
 
     scenario = {**QUIET, "pace": 1.0, "radio": {"via": "direct"}}
     notes = {"direct": {"said": SAID, "missed": {"r1": 0, "r2": 0, "r3": 0}}}
-    folder = retold(quiet, tmp_path / "direct", direct, scenario, notes)
+    folder = rewritten(quiet, tmp_path / "direct", direct, scenario, notes)
     run = open_run(folder)
     assert run.summary is not None
     analysis = analyse(run)
     assert analysis.beliefs is None
     page = report_html(analysis, ())
-    assert "Nobody sent anything" not in page
-    assert "was the truth" not in page
-    assert "Rebuilt from" not in page
-    assert "Not known: robots heard each other directly" in page
-    assert "by what they say they heard 100 of 160 frames. They refused 0. Counts of r3 are missing" in page
+    assert "No frames were sent" not in page
+    assert "was exact" not in page
+    assert "Reconstructed from" not in page
+    assert "Unknown: robots heard each other directly" in page
+    assert "they heard 100 of 160 frames and rejected 0. The counts of r3 are missing or incomplete." in page
     assert rows(page, "links") == {
         "r2 to r1": ["r2 to r1", "80", "60", "75.00"],
         "r1 to r2": ["r1 to r2", "80", "40", "50.00"],
@@ -229,4 +225,4 @@ def test_of_a_direct_radio_a_report_says_what_robots_said_and_nothing_of_beliefs
 
     (folder / "summary.json").unlink()
     page = report_html(analyse(open_run(folder)), ())
-    assert "no two robots said at the end" in page
+    assert "No two robots reported at the end" in page

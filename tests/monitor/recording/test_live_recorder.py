@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from monitor.recording.live import GONE_S, record_live
-from monitor.recording.mcap_file import look
-from tests.monitor.live.test_feed_source import Told
-from tests.monitor.recording.test_writer import decoded
+from monitor.recording.live_recorder import GONE_S, record_live
+from monitor.recording.mcap_file import inspect_recording
+from tests.monitor.live.test_feed_source import FakeFeed
+from tests.monitor.recording.test_run_recorder import decoded
 
 if TYPE_CHECKING:
-    from monitor.source import State
+    from monitor.observation.source import State
     from patrol.net.feed import Batch
     from tests.monitor.conftest import Seen
 
@@ -23,7 +23,7 @@ ENOUGH_S = 300.0
 """When a recorder that does not end is told to."""
 
 
-class Script(Told):
+class Script(FakeFeed):
     """A wire whose world tells so many records at these times, and is away for a while."""
 
     def __init__(
@@ -40,14 +40,14 @@ class Script(Told):
         return super().batch(timeout_s)
 
 
-Record = Callable[[Told], "tuple[State | None, list[str]]"]
+Record = Callable[[FakeFeed], "tuple[State | None, list[str]]"]
 
 
 @pytest.fixture
 def record(tmp_path: Path) -> Record:
     """Records what a wire tells, by its own clock; the last state, and what was said."""
 
-    def begin(wire: Told) -> tuple[State | None, list[str]]:
+    def begin(wire: FakeFeed) -> tuple[State | None, list[str]]:
         said: list[str] = []
         end = wire.now + ENOUGH_S
         out, started = tmp_path / "out.mcap", "2026-01-02T03:04:05+00:00"
@@ -63,9 +63,9 @@ def test_a_world_that_is_gone_ends_a_recording_which_is_whole(quiet: Seen, recor
     assert last is not None
     assert (last.ended, last.gone) == (None, True)
     assert 102.0 + GONE_S <= wire.now < 104.0 + GONE_S
-    assert said[0] == "the world is gone"
+    assert said[0] == "the world has disconnected"
     assert "the recording ends" in said[1]
-    contents = look(tmp_path / "out.mcap")
+    contents = inspect_recording(tmp_path / "out.mcap")
     assert not contents.why_cut
     assert contents.messages["/mfow"] == 9
 
@@ -76,7 +76,7 @@ def test_a_world_that_comes_back_is_recorded_to_its_end(quiet: Seen, record: Rec
     last, said = record(wire)
     assert last is not None
     assert last.ended == "completed"
-    assert said[0] == "the world is gone"
+    assert said[0] == "the world has disconnected"
     assert not any("the recording ends" in line for line in said)
 
 

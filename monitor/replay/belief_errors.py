@@ -1,44 +1,45 @@
-"""How far each robot's picture of the fog was from the truth, rebuilt from what the radio delivered to it.
+"""The difference between each robot's believed fog and the true one.
 
-Believed is the fog that follows from a robot's own position frames and the frames that reached it, before any
-dilatation. Where every frame arrives in its own tick, and robots know where they are, it is the truth to the point.
+The believed fog follows from the robot's own position frames and the frames that it received, before dilatation. If
+every frame arrives in its own tick and robots know their poses, it equals the true fog exactly.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observer import Listener, as_sent
+from monitor.observation.frames import MIND_ENDS, frames_of, own_pose
+from monitor.observation.listener import Listener
 from monitor.replay.run import Run
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
-from patrol.journal.records import Status, TickRecord, frame_sequence, sent_at
+from patrol.journal.records import Status, TickRecord, sent_at
 from patrol.pose import Pose
 from patrol.radio.inbox import inbox_of
-from patrol.radio.message import Rejected, decode
 
 SAMPLES = 200
-"""Ticks at which beliefs are held against the truth, evenly over the run."""
+"""Ticks at which beliefs are compared with the truth, evenly over the run."""
 
 WORK = 400_000
-"""Footprints taken in for beliefs, at most; a fleet for which that is too few is told by some of its robots."""
-
-GONE = frozenset({"dead", "lost", "left"})
-"""Events at which a robot's mind ends; one that comes back knows nothing."""
+"""Most footprints to compute for beliefs; of a large fleet only some robots are examined."""
 
 
 @dataclass(frozen=True, eq=False)
 class BeliefErrors:
-    """Believed against true fog.
+    """Believed fog compared with the true one.
 
-    ticks: int64 (m,), those looked at. robots: places in the roster. mean: float64 (m, robots), the mean over the
-    robot's patrolled area of |believed - true| age, ticks; NaN where it takes no part. mfow: float64 (m, robots), the
-    believed MFoW, ticks. exact: nothing was lost, late or forged, so nothing had to be rebuilt.
+    Attributes:
+        ticks: int64 (m,), the ticks compared.
+        robots: Places in the roster.
+        mean: float64 (m, robots), ticks: mean over the robot's patrolled area of |believed age - true age|; NaN while
+            it takes no part.
+        mfow: float64 (m, robots), ticks: the believed MFoW.
+        exact: Whether nothing was lost, late or forged, so that there was nothing to compare.
     """
 
     ticks: NDArray[np.int64]
@@ -49,7 +50,7 @@ class BeliefErrors:
 
 
 def exact_by_construction(run: Run) -> bool:
-    """Whether every living robot's position reached every other in its tick, undistorted."""
+    """Whether every living robot's position reached every other robot unchanged in its own tick."""
     return (
         not run.links.dropped
         and run.links.late == 0
@@ -61,7 +62,15 @@ def exact_by_construction(run: Run) -> bool:
 
 
 def chosen_robots(run: Run, work: int = WORK) -> tuple[int, ...]:
-    """The places of the robots to look at: all, or as many as `work` allows of those that missed most."""
+    """Select the robots to examine.
+
+    Args:
+        run: The run.
+        work: Most footprints to compute.
+
+    Returns:
+        Places in the roster: all, or as many as `work` allows, those that missed most frames.
+    """
     count = len(run.numbers)
     most = max(1, work // max(1, run.ticks * count))
     if most >= count:
@@ -71,7 +80,7 @@ def chosen_robots(run: Run, work: int = WORK) -> tuple[int, ...]:
 
 
 class BeliefWatcher:
-    """Goes along with `monitor.replay.replay.play` and rebuilds beliefs from the journal's frames and deliveries."""
+    """Rebuilds beliefs from frames and deliveries while `monitor.replay.replay.play` replays the run."""
 
     def __init__(
         self,
@@ -81,7 +90,15 @@ class BeliefWatcher:
         work: int = WORK,
         robots: Sequence[int] | None = None,
     ) -> None:
-        """key: of the fleet's tags; without it frames are believed untested. robots: whom to look at, by place."""
+        """Start without knowledge.
+
+        Args:
+            run: The run.
+            footprint: The sensor's footprint on its terrain.
+            key: The fleet's key; None to accept frames without checking their tags.
+            work: Most footprints to compute, if `robots` is None.
+            robots: Places of the robots to examine; None to select some.
+        """
         self._run = run
         self._footprint = footprint
         self._key = key
@@ -92,7 +109,7 @@ class BeliefWatcher:
         self._past: deque[dict[tuple[int, int], bytes]] = deque(maxlen=run.links.late + 1)
         self._fresh: dict[int, set[int]] = defaultdict(set)
         for event in run.events:
-            if event.robot is not None and event.kind in GONE:
+            if event.robot is not None and event.kind in MIND_ENDS:
                 self._fresh[event.k].add(event.robot)
         self._sampled = set(np.unique(np.linspace(0, run.ticks - 1, SAMPLES).astype(np.int64)).tolist())
         self._ticks: list[int] = []
@@ -100,22 +117,22 @@ class BeliefWatcher:
         self._mfow: list[list[float]] = []
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Nothing: beliefs follow from frames."""
+        """See `Watcher`; beliefs follow from frames, so there is nothing to do."""
 
     def after(self, k: int, fog: Fog) -> None:
-        """Every chosen robot takes in what it heard in tick k; now and then the fogs are compared."""
+        """See `Watcher`; updates the beliefs and, at some ticks, compares them."""
         if self.hear(k) and k in self._sampled:
             self._compare(k, fog)
 
     def hear(self, k: int) -> bool:
-        """Every chosen robot takes in what it heard in tick k, the next one; False where the journal ends."""
+        """Update the beliefs with what the selected robots heard in the next tick, k; False at the journal's end."""
         record = next(self._records, None)
         if record is None:
             return False
         self._past.append(frames_of(record))
         heard = self._deliveries(record)
         for number in self._wanted:
-            if self._begins_anew(k, number):
+            if self._starts_anew(k, number):
                 self._listeners[number] = self._listener(number)
             if self._alive(k, number):
                 listener = self._listeners[number]
@@ -124,11 +141,11 @@ class BeliefWatcher:
         return True
 
     def believed(self, number: int) -> Fog:
-        """What a chosen robot believes now."""
+        """The fog that a selected robot believes now, by its number."""
         return self._listeners[number].fog
 
     def result(self) -> BeliefErrors:
-        """What was found."""
+        """The comparison so far."""
         shape = (len(self._ticks), len(self._robots))
         ticks = np.array(self._ticks, dtype=np.int64)
         mean, mfow = (np.array(rows, dtype=np.float64).reshape(shape) for rows in (self._mean, self._mfow))
@@ -142,21 +159,15 @@ class BeliefWatcher:
     def _alive(self, k: int, number: int) -> bool:
         return bool(self._run.status[k, self._run.index[number]] == Status.ALIVE)
 
-    def _begins_anew(self, k: int, number: int) -> bool:
+    def _starts_anew(self, k: int, number: int) -> bool:
         if number in self._fresh[k]:
             return True
         before = Status(int(self._run.status[k - 1, self._run.index[number]])) if k else Status.ALIVE
         return self._alive(k, number) and before not in (Status.ALIVE, Status.PAUSED)
 
     def _own(self, k: int, number: int) -> Pose:
-        """Where the robot took itself to be, by the position it sent; its true pose when it sent none."""
-        frame = self._past[-1].get((number, frame_sequence(k, 0)))
-        try:
-            if frame is not None and (position := decode(frame)).robot == number:
-                return position.pose
-        except Rejected:
-            pass
-        return as_sent(number, Pose(*self._run.poses[k, self._run.index[number]].tolist()))
+        true = Pose(*self._run.poses[k, self._run.index[number]].tolist())
+        return own_pose(k, number, self._past[-1], true)
 
     def _deliveries(self, record: TickRecord) -> dict[int, list[bytes]]:
         """By receiver, the frames that reach it in this tick, in the order of arrival."""
@@ -181,22 +192,10 @@ class BeliefWatcher:
                 mfows.append(np.nan)
                 continue
             believed = self._listeners[number].fog
-            # The fleet's area holds the robot's, so the truth is known wherever the robot believes something.
+            # The fleet's area contains the robot's, so the truth is known wherever the robot believes something.
             off = np.abs(believed.age(k) - truth)[believed.patrolled.view(np.bool_)]
             means.append(float(off.mean()))
             mfows.append(float(believed.mfow(k)))
         self._ticks.append(k)
         self._mean.append(means)
         self._mfow.append(mfows)
-
-
-def frames_of(record: TickRecord) -> dict[tuple[int, int], bytes]:
-    """A tick's frames by (source, sequence)."""
-    return dict(_numbered(record.k, record.frames))
-
-
-def _numbered(k: int, frames: Iterable[tuple[int, bytes]]) -> Iterable[tuple[tuple[int, int], bytes]]:
-    places: dict[int, int] = defaultdict(int)
-    for source, frame in frames:
-        yield (source, frame_sequence(k, places[source])), frame
-        places[source] += 1

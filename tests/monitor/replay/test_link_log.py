@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor.replay.linklog import LinkLog
+from monitor.observation.source import LinkCounts
+from monitor.replay.link_log import LinkLog
 from monitor.replay.run import Run, open_run
-from monitor.source import Links
 from patrol.journal.records import TickRecord, frame_sequence
 from tests.monitor.conftest import QUIET, Seen, run_of
-from tests.monitor.live.test_feed_source import Told, watched
-from tests.monitor.retold import retold
+from tests.monitor.live.test_feed_source import FakeFeed, watched
+from tests.monitor.rewritten import rewritten
 
 LATE: dict[str, Any] = {
     **QUIET,
@@ -40,7 +40,7 @@ def late(seen: Seen) -> Run:
     return seen.open()
 
 
-def at(log: LinkLog, k: int) -> Links:
+def at(log: LinkLog, k: int) -> LinkCounts:
     while (links := log.at(k)) is None:
         pass
     return links
@@ -60,7 +60,7 @@ def test_at_the_end_the_counts_are_those_of_the_summary(late: Run) -> None:
 
 
 def test_a_live_page_a_replay_and_a_report_count_alike(seen: Seen, late: Run) -> None:
-    wire = Told(seen)
+    wire = FakeFeed(seen)
     source = wire.source()
     wire.send(10_000)
     live, replayed = watched(source).links, at(LinkLog(late), late.ticks - 1)
@@ -97,7 +97,7 @@ def test_contacts_count_as_in_the_summary(quiet: Any, tmp_path: Path) -> None:
         frames = [pair for source, frame in record.frames for pair in ((source, frame), (source, frame))]
         return replace(record, frames=tuple(frames), deliveries=(*record.deliveries, *also))
 
-    run = open_run(retold(quiet, tmp_path / "contacts", contacts))
+    run = open_run(rewritten(quiet, tmp_path / "contacts", contacts))
     links = at(LinkLog(run), run.ticks - 1)
     assert links.delivered[0, 1] == 2 * run.ticks
     np.testing.assert_array_equal(links.sent, of_summary(run, "sent"))

@@ -1,12 +1,11 @@
-"""A recording of a fleet that is running, from what a page would show of it: topics as in `monitor.recording.writer`.
+"""Records a running fleet from the source of a page, with the topics of `monitor.recording.run_recorder`.
 
-Each state that the source tells is written as it comes. Of robots without a world that is every tick, and what is
-known is where they say that they are. A world's feed tells of about twenty moments a second; MFoW and mean fog are of
-every tick all the same.
+Each state from the source is written when it arrives. Without a world that is every tick, with the poses that the
+robots report. A world's feed gives about twenty states a second, but MFoW and mean fog for every tick.
 
-Nobody knows yet how stale the fog will become, so the scale of /fog grows: /fog_scale, s, comes with each grid. There
-are no /seen_share and /delivered_share. Chunks are small and handed over at once: whoever is killed loses the last few
-seconds.
+The largest age is not known in advance, so the scale of /fog grows: /fog_scale, s, accompanies each grid. The topics
+/seen_share and /delivered_share are missing. Chunks are small and flushed at once: a killed recorder loses only the
+last few seconds.
 """
 
 from __future__ import annotations
@@ -15,43 +14,54 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from monitor.observation.source import Source, State
 from monitor.recording import ros_messages as ros
 from monitor.recording.ros_file import RosFile
-from monitor.recording.writer import KEY_FRAME_S, THERE, grid_values, tokens_of, wall_values
-from monitor.replay.runfiles import SCENARIO
-from monitor.source import Source, State
+from monitor.recording.run_recorder import KEY_FRAME_S, WITH_BODY, grid_values, ros_names, wall_values
+from monitor.replay.run_files import SCENARIO
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.journal.records import Status
 from patrol.scenario import dump_scenario, load_scenario
 
 CHUNK = 4096
-"""Bytes of a chunk, before compression."""
+"""Bytes of a chunk before compression."""
 
 LEAST_SCALE_S = 10.0
 WAIT_S = 0.2
 GONE_S = 10.0
-"""Wall time after which a world that is gone is not waited for; one whose router is started anew is back by then."""
+"""How long to wait for a world that has disconnected, s of wall time; enough for a restart of its router."""
 
 
 class LiveRecorder:
-    """Writes what a source tells; close() makes the file whole.
+    """Writes the states of a source; close() completes the file.
 
-    out: a new file. started: wall time as ISO 8601 text. Raises BadInput as `RosFile` does, and where the disk is full.
+    Attributes:
+        last: The last state written; None before the first.
     """
 
     def __init__(self, source: Source, out: Path, started: str) -> None:
+        """Create the file.
+
+        Args:
+            source: The source.
+            out: A new file.
+            started: Wall time as ISO 8601 text.
+
+        Raises:
+            BadInput: mcap or rosbags is not installed, or the file exists or cannot be written.
+        """
         static = source.static()
         self._source = source
         self._static = static
         self._out = out
-        self._tokens = tokens_of([robot.name for robot in static.robots])
-        self._names = {robot.number: token for robot, token in zip(static.robots, self._tokens, strict=True)}
-        self._bodies = THERE if static.has_truth else (Status.ALIVE,)
+        self._ros_names = ros_names([robot.name for robot in static.robots])
+        self._names = {robot.number: token for robot, token in zip(static.robots, self._ros_names, strict=True)}
+        self._bodies = WITH_BODY if static.has_truth else (Status.ALIVE,)
         self._every = max(1, round(KEY_FRAME_S / static.step))
         self._scale_s = LEAST_SCALE_S
         self._begun = False
-        self._told = self._shown = -1
+        self._series_k = self._robots_k = -1
         self._events = 0
         self._grid_k = -self._every
         self.last: State | None = None
@@ -61,9 +71,9 @@ class LiveRecorder:
                 "scenario": str(static.scenario["name"]),
                 "fleet": static.name,
                 "started": started,
-                "ended": "recorded while it went on",
+                "ended": "recorded while it was running",
                 "told_by": "its world" if static.has_truth else "its robots' positions",
-                "fog_scale_s": "as /fog_scale says",
+                "fog_scale_s": "given by /fog_scale",
                 "step_s": f"{static.step:g}",
                 "robots": " ".join(robot.name for robot in static.robots),
             }
@@ -72,61 +82,76 @@ class LiveRecorder:
         self._file.attach(SCENARIO, "application/yaml", text.encode())
         self._file.flush()
 
-    def take(self, state: State) -> None:
-        """Write a state, which comes after those before."""
+    def write(self, state: State) -> None:
+        """Write a state.
+
+        Args:
+            state: A state later than those before.
+
+        Raises:
+            BadInput: The file cannot be written.
+        """
         try:
-            self._take(state)
+            self._write(state)
             self._file.flush()
         except OSError as error:
-            raise BadInput(f"{self._out}: cannot be written ({error.strerror}); what there is stays") from None
+            raise BadInput(
+                f"{self._out}: cannot be written ({error.strerror}); what is recorded so far remains"
+            ) from None
 
     def close(self) -> None:
-        """Nothing more comes: make the file whole."""
+        """Write the last grid and the index.
+
+        Raises:
+            BadInput: The file cannot be written.
+        """
         try:
             if self.last is not None:
                 self._grid(self.last)
             self._file.finish()
         except OSError as error:
-            raise BadInput(f"{self._out}: cannot be written ({error.strerror}); what there is stays") from None
+            raise BadInput(
+                f"{self._out}: cannot be written ({error.strerror}); what is recorded so far remains"
+            ) from None
 
-    def _take(self, state: State) -> None:
+    def _write(self, state: State) -> None:
         at = self._ns(state.k)
         if not self._begun:
             self._begin(state)
-        series = self._source.series(self._told)
+        series = self._source.series(self._series_k)
         for k, mfow_s, mean_s in zip(series.ticks.tolist(), series.mfow_s, series.fog_mean_s, strict=True):
-            self._told = k
+            self._series_k = k
             while self._scale_s < mfow_s:
                 self._scale_s *= 2.0
             self._file.number("/mfow", mfow_s, self._ns(k))
             self._file.number("/fog_mean", mean_s, self._ns(k))
-        self._happened()
-        if state.robots and state.k > self._shown:
+        self._write_events()
+        if state.robots and state.k > self._robots_k:
             self._robots(state, at)
         if state.k >= self._grid_k + self._every:
             self._grid(state)
         self.last = state
 
     def _begin(self, state: State) -> None:
-        """The first state: what was before it is not told."""
-        self._begun, self._told = True, state.k - 1
+        """Write the constant facts, and skip events before the first state."""
+        self._begun, self._series_k = True, state.k - 1
         self._events = sum(event.k < state.k for event in self._source.events(0))
         at, static = self._ns(state.k), self._static
         walls = self._file.encoder.grid(at, static.point, static.origin, wall_values(static.passable))
         self._file.write("/map", ros.GRID, walls, at)
-        says = "in /fog 0 is just seen, 100 is as long ago as /fog_scale says or longer, and -1 does not count"
-        self._file.say("recording", " · ".join(filter(None, (says, static.note))), at)
+        text = "/fog: 0 means seen now, 100 means seen /fog_scale seconds ago or earlier, -1 means not patrolled"
+        self._file.log("recording", " · ".join(filter(None, (text, static.note))), at)
 
-    def _happened(self) -> None:
+    def _write_events(self) -> None:
         for event in self._source.events(self._events):
             self._events += 1
             name = self._names.get(event.robot or 0, "run")
             self._file.event(event.kind, name, event.detail, self._ns(event.k))
 
     def _robots(self, state: State, at: int) -> None:
-        self._shown = state.k
+        self._robots_k = state.k
         bodies = []
-        for token, robot in zip(self._tokens, state.robots, strict=True):
+        for token, robot in zip(self._ros_names, state.robots, strict=True):
             if robot.decision_ms is not None:
                 self._file.number(f"/{token}/decision_ms", robot.decision_ms, at)
             if robot.pose is not None and robot.status in self._bodies:
@@ -159,9 +184,21 @@ def record_live(
     say: Callable[[str], None],
     now: Callable[[], float] = time.monotonic,
 ) -> State | None:
-    """Record a source until it ends, nobody is there to tell of it any more, or somebody wants it; the last state.
+    """Record a source until its run ends, its world has disconnected, or `stop` says so.
 
-    say: told what goes wrong meanwhile. now: wall clock, s.
+    Args:
+        source: The source.
+        out: A new file.
+        started: Wall time as ISO 8601 text.
+        stop: Whether to stop.
+        say: Called with a line for the operator when the source's note changes.
+        now: Wall clock, s.
+
+    Returns:
+        The last state; None if there was none.
+
+    Raises:
+        BadInput: mcap or rosbags is not installed, or the file exists or cannot be written.
     """
     recorder = LiveRecorder(source, out, started)
     note = ""
@@ -169,15 +206,15 @@ def record_live(
     while not stop():
         state = source.wait(WAIT_S)
         if state is not None:
-            recorder.take(state)
+            recorder.write(state)
             if state.note != note:
                 note = state.note
-                say(note or "heard again")
+                say(note or "receiving data again")
             if state.ended is not None:
                 break
             gone_at = (now() if gone_at is None else gone_at) if state.gone else None
         if gone_at is not None and now() >= gone_at + GONE_S:
-            say(f"nobody was there for {GONE_S:g} s; the recording ends")
+            say(f"the world was disconnected for {GONE_S:g} s; the recording ends")
             break
     recorder.close()
     return recorder.last

@@ -1,4 +1,4 @@
-"""When something was wrong with a run, as its journal's events tell it: faults from their beginning to their end."""
+"""The faults of a run over time, from the events of its journal."""
 
 from __future__ import annotations
 
@@ -9,14 +9,22 @@ from patrol.journal.records import Event
 
 FAULT = "fault"
 LOSSES = ("dead", "lost")
-"""Events by which a robot is gone for good or until it is restarted."""
+"""Events after which a robot is gone, for good or until it is restarted."""
 
 _BEGINS, _HAPPENS, _ENDS = "begins", "happens", "ends"
 
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A fault from `begin` to `end`, s; a moment when both are equal. text: whom it befalls and how."""
+    """A fault and its duration.
+
+    Attributes:
+        id: The fault's id; empty for a robot that was lost without a fault.
+        kind: Kind of the fault.
+        begin: Its beginning, s.
+        end: Its end, s; equal to `begin` for a fault without duration.
+        text: Which robots or links it concerns, and its settings.
+    """
 
     id: str
     kind: str
@@ -26,14 +34,20 @@ class Band:
 
     @property
     def lasts(self) -> bool:
-        """Whether it is more than a moment."""
+        """Whether it has a duration."""
         return self.end > self.begin
 
 
 def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, ...]:
-    """The faults of a run that lasted `end_s`, by their beginnings; one that has not ended lasts to the end.
+    """Collect the faults of a run.
 
-    A robot that was lost without any fault's doing is a moment of its own.
+    Args:
+        events: The events of the run, in order.
+        step: Duration of a tick, s.
+        end_s: End of the run, which is also the end of faults that did not end before, s.
+
+    Returns:
+        The faults, in the order of their beginnings, and robots that were lost without a fault.
     """
     bands: list[Band] = []
     open_bands: dict[str, int] = {}
@@ -59,7 +73,15 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
 
 
 def lanes(bands: Sequence[Band], most: int) -> list[tuple[str, list[Band]]]:
-    """The bands in rows with a name each: a row per fault, or per kind where there are more than `most` faults."""
+    """Arrange faults in rows.
+
+    Args:
+        bands: The faults.
+        most: Most rows with one fault each; with more faults there is a row for each kind.
+
+    Returns:
+        (name, faults) of each row.
+    """
     rows: dict[str, list[Band]] = {}
     by_fault = len({(band.id, band.kind) for band in bands}) <= most
     for band in bands:

@@ -1,4 +1,4 @@
-"""How each link of a run stood at any tick: counts for each link and tick, packed, and sums of them now and then."""
+"""Frame counts of each link at any tick of a run: compressed counts for each tick, and sums at regular intervals."""
 
 from __future__ import annotations
 
@@ -9,26 +9,32 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.observation.frames import count_frames
+from monitor.observation.source import LinkCounts
 from monitor.replay.run import Run
-from monitor.source import Links
-from monitor.tally import tally
 
 BUDGET_S = 0.02
-"""Wall time that is given at once to reading the journal."""
+"""Wall time for reading the journal in one call, s."""
 
 _APART = 64
-"""Ticks of a block, whose counts are packed together and summed up before the next."""
+"""Ticks of a block. Its counts are compressed together, and their sums are stored at its end."""
 
 _FAST = 1
-"""How hard to pack: nearly all ticks of a block are alike, so that little is won by more."""
+"""Compression level. Most ticks of a block are alike, so higher levels gain little."""
 
 _Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 
 class LinkLog:
-    """Links at any tick, counted by `monitor.tally`; forged frames do not count."""
+    """Frame counts at any tick, from `monitor.observation.frames`; forged frames do not count."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
+        """Start with nothing read.
+
+        Args:
+            run: The run.
+            now: Wall clock, s.
+        """
         self._run = run
         self._now = now
         side = len(run.numbers)
@@ -42,12 +48,12 @@ class LinkLog:
         zeros = np.zeros((side, side), dtype=np.int64)
         self._counts: list[_Counts] = [(zeros, zeros, zeros - 1)]
 
-    def at(self, k: int) -> Links | None:
-        """Up to tick k; None as long as the journal is not read that far (`reach`)."""
-        return Links(*self._after(k)) if self.reach(k) else None
+    def at(self, k: int) -> LinkCounts | None:
+        """Counts up to tick k; None while the journal is not read that far (`reach`)."""
+        return LinkCounts(*self._after(k)) if self.reach(k) else None
 
     def reach(self, k: int) -> bool:
-        """Read on for `BUDGET_S` at most; whether the journal is read up to tick k."""
+        """Read on for at most `BUDGET_S`; whether the journal is read up to tick k."""
         until = self._now() + BUDGET_S
         while self._ticks <= k:
             if not self._read() or self._now() > until:
@@ -75,12 +81,12 @@ class LinkLog:
         return self._block
 
     def _read(self) -> bool:
-        """One tick more of the journal; False where it ends."""
+        """Read one more tick; False at the end of the journal."""
         record = next(self._records, None)
         if record is None:
             return False
         counts = np.zeros(self._shape, dtype=np.uint16)
-        tally(record, self._run.index, *counts)
+        count_frames(record, self._run.index, *counts)
         self._open.append(counts)
         self._ticks += 1
         if len(self._open) == _APART:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.replay.beliefs import BeliefWatcher, chosen_robots, exact_by_construction
+from monitor.replay.belief_errors import BeliefWatcher, chosen_robots, exact_by_construction
 from monitor.replay.replay import play
 from monitor.report.analysis import analyse
 from patrol.ground.fog import Fog

@@ -1,4 +1,4 @@
-"""What a page is told in words: JSON messages, one kind each."""
+"""The JSON messages that a page receives, one function for each type."""
 
 from __future__ import annotations
 
@@ -10,14 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.observation.fault_bands import Band
+from monitor.observation.source import Answer, LinkCounts, Series, State, Static
 from monitor.page.tiles import SIDE, layer_number
-from monitor.report.faultbands import Band
-from monitor.source import Answer, Links, Series, State, Static
 from patrol.journal.records import Event
 
 
-def static_words(static: Static, may_ask: bool) -> str:
-    """What never changes. may_ask: whether this viewer has the right to ask for anything."""
+def static_message(static: Static, may_control: bool) -> str:
+    """The constant properties of the source, the first message of a connection.
+
+    Args:
+        static: The properties.
+        may_control: Whether this viewer has the right to control.
+
+    Returns:
+        JSON.
+    """
     height, width = static.passable.shape
     return _json(
         {
@@ -34,8 +42,8 @@ def static_words(static: Static, may_ask: bool) -> str:
             "live": static.live,
             "truth": static.has_truth,
             "layers": [[layer_number(layer), str(layer)] for layer in static.layers],
-            "controls": list(static.controls) if may_ask else [],
-            "mayAsk": may_ask or not static.controls,
+            "controls": list(static.controls) if may_control else [],
+            "mayControl": may_control or not static.controls,
             "note": static.note,
             "direct": static.direct,
             "late": static.late,
@@ -54,8 +62,15 @@ def static_words(static: Static, may_ask: bool) -> str:
     )
 
 
-def state_words(state: State) -> str:
-    """A state, but for its links. A robot: status, state, pose, goal, decision_ms, heard_s, rejected."""
+def state_message(state: State) -> str:
+    """A state without its links.
+
+    Args:
+        state: The state.
+
+    Returns:
+        JSON; a robot is a list of status, state, pose, goal, decision_ms, heard_s and rejected.
+    """
     return _json(
         {
             "type": "state",
@@ -89,14 +104,30 @@ def state_words(state: State) -> str:
     )
 
 
-def trail_words(first: int, trail: NDArray[np.float64]) -> str:
-    """Where robots were from the tick `first` on: x and y of each robot in turn, a row for each tick."""
+def trail_message(first: int, trail: NDArray[np.float64]) -> str:
+    """Where robots were.
+
+    Args:
+        first: The tick of the first row.
+        trail: float64 (ticks, robots, 2), m, NaN for robots without a body.
+
+    Returns:
+        JSON; a row for each tick, with x and y of each robot in turn.
+    """
     rows = trail.reshape(len(trail), -1).tolist()
     return _json({"type": "trail", "first": first, "rows": [[_short(value) for value in row] for row in rows]})
 
 
-def links_words(links: Links, k: int) -> str:
-    """The links: source by destination."""
+def links_message(links: LinkCounts, k: int) -> str:
+    """Frame counts by link.
+
+    Args:
+        links: The counts.
+        k: Their tick.
+
+    Returns:
+        JSON; each kind of count is a flat list, row by row (sender by receiver).
+    """
     return _json(
         {
             "type": "links",
@@ -108,8 +139,8 @@ def links_words(links: Links, k: int) -> str:
     )
 
 
-def series_words(series: Series) -> str:
-    """More of the chart."""
+def series_message(series: Series) -> str:
+    """New ticks of the chart of MFoW and mean fog."""
     return _json(
         {
             "type": "series",
@@ -120,20 +151,36 @@ def series_words(series: Series) -> str:
     )
 
 
-def events_words(events: Sequence[Event], first: int) -> str:
-    """Events, the first of them with this number."""
-    said = [[event.k, event.kind, event.robot, event.detail] for event in events]
-    return _json({"type": "events", "first": first, "events": said})
+def events_message(events: Sequence[Event], first: int) -> str:
+    """Events.
+
+    Args:
+        events: The events, in order.
+        first: Number of the first of them.
+
+    Returns:
+        JSON; an event is a list of tick, kind, robot number and detail.
+    """
+    rows = [[event.k, event.kind, event.robot, event.detail] for event in events]
+    return _json({"type": "events", "first": first, "events": rows})
 
 
-def bands_words(bands: Sequence[Band]) -> str:
-    """The faults so far: all of them, each time."""
-    said = [[band.id, band.kind, band.begin, band.end, band.text] for band in bands]
-    return _json({"type": "bands", "bands": said})
+def bands_message(bands: Sequence[Band]) -> str:
+    """All faults so far; a fault is a list of id, kind, begin and end in s, and text."""
+    rows = [[band.id, band.kind, band.begin, band.end, band.text] for band in bands]
+    return _json({"type": "bands", "bands": rows})
 
 
-def answer_words(number: object, answer: Answer) -> str:
-    """What became of the control that the page gave this number."""
+def answer_message(number: object, answer: Answer) -> str:
+    """The result of a control.
+
+    Args:
+        number: The number that the page gave to the control.
+        answer: The result.
+
+    Returns:
+        JSON.
+    """
     return _json({"type": "answer", "id": number, "done": answer.done, "text": answer.text})
 
 
@@ -142,9 +189,9 @@ def _flat(values: NDArray[np.int64]) -> list[int]:
 
 
 def _short(value: float | None) -> float | None:
-    """A number as short as eyes need it; JSON has no infinities."""
+    """A number rounded to four decimals; None for infinity and NaN, which JSON does not have."""
     return None if value is None or not math.isfinite(value) else round(value, 4)
 
 
-def _json(says: dict[str, Any]) -> str:
-    return json.dumps(says, separators=(",", ":"), allow_nan=False)
+def _json(message: dict[str, Any]) -> str:
+    return json.dumps(message, separators=(",", ":"), allow_nan=False)

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor.live.follow import HEARD, KEPT_S, Follower, Followers
+from monitor.live.fog_tracker import HEARD, KEPT_S, FogTracker, FogTrackers
+from monitor.observation.source import OUTSIDE, Layer
 from monitor.replay.player import Player
-from monitor.source import OUTSIDE, Layer
 from patrol.ground.fog import NEVER
-from tests.monitor.live.test_feed_source import Told, watched
+from tests.monitor.live.test_feed_source import FakeFeed, watched
 
 if TYPE_CHECKING:
     from tests.monitor.conftest import Seen
 
 
 def test_of_a_belief_it_is_told_from_when_on_it_is_known(faulty: Seen) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     wire.number = 20
     source = wire.source()
     first = watched(source).k + 1
@@ -42,7 +42,7 @@ def test_of_a_belief_it_is_told_from_when_on_it_is_known(faulty: Seen) -> None:
 
 
 def test_who_comes_back_to_life_knows_nothing_and_that_is_known(faulty: Seen) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     wire.number = 40
     source = wire.source()
     watched(source)
@@ -57,7 +57,7 @@ def test_who_comes_back_to_life_knows_nothing_and_that_is_known(faulty: Seen) ->
 def test_a_belief_begins_where_what_is_remembered_does(
     faulty: Seen, monkeypatch: pytest.MonkeyPatch, asked: str
 ) -> None:
-    wire = Told(faulty)
+    wire = FakeFeed(faulty)
     monkeypatch.setattr("monitor.live.feed_source.REMEMBERED", sum(len(record) for record in wire.records[-30:]))
     source = wire.source()
     if asked == "before":
@@ -74,7 +74,7 @@ def test_a_belief_begins_where_what_is_remembered_does(
 
 
 def test_points_that_do_not_count_for_a_robot_say_so(mixed: Seen) -> None:
-    run, wire = mixed.open(), Told(mixed)
+    run, wire = mixed.open(), FakeFeed(mixed)
     fields = run.prepared.fields
     source, player = wire.source(), Player(run)
     wire.send(10_000)
@@ -100,15 +100,15 @@ def patiently(look: Callable[[], NDArray[np.int32] | None]) -> NDArray[np.int32]
 
 
 def test_a_belief_that_nobody_looks_at_any_more_costs_nothing(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
-    taken: list[Follower] = []
-    step = Follower.step
+    taken: list[FogTracker] = []
+    step = FogTracker.step
 
-    def counted(follower: Follower) -> None:
-        taken.append(follower)
-        step(follower)
+    def counted(tracker: FogTracker) -> None:
+        taken.append(tracker)
+        step(tracker)
 
-    monkeypatch.setattr(Follower, "step", counted)
-    wire = Told(quiet)
+    monkeypatch.setattr(FogTracker, "step", counted)
+    wire = FakeFeed(quiet)
     source = wire.source()
     source.last_seen(1)
     for _ in range(4):
@@ -127,7 +127,7 @@ def test_a_belief_that_lags_is_shown_as_of_its_tick_while_it_lags_little(
     quiet: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor.live.feed_source.SLICE_S", 0.0)  # one tick a turn, however many there are
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     source = wire.source()
     source.last_seen(2)
     lags = []
@@ -144,23 +144,23 @@ def test_a_belief_that_lags_is_shown_as_of_its_tick_while_it_lags_little(
 
 
 def test_however_many_are_behind_each_is_served_in_turn(quiet: Seen) -> None:
-    wire = Told(quiet)
+    wire = FakeFeed(quiet)
     source = wire.source()
-    made: dict[Layer, Follower] = {}
+    made: dict[Layer, FogTracker] = {}
 
-    def make(layer: Layer) -> Follower:
-        return made.setdefault(layer, source._follower(layer))
+    def make(layer: Layer) -> FogTracker:
+        return made.setdefault(layer, source._tracker(layer))
 
-    followers = Followers(make)
+    trackers = FogTrackers(make)
     for layer in (1, 2, 3):
-        followers.ask(layer, 0.0)
+        trackers.track(layer, 0.0)
     served = []
     for _ in range(6):  # each time there is more to take in for each of them than can be taken in
         wire.send(10)
         watched(source)
-        before = {layer: int(follower.fog.last_seen.max()) for layer, follower in made.items()}
-        followers.catch_up(partial(next, iter([False] * 4 + [True])))
-        served += [layer for layer, follower in made.items() if follower.fog.last_seen.max() > before[layer]]
+        before = {layer: int(tracker.fog.last_seen.max()) for layer, tracker in made.items()}
+        trackers.catch_up(partial(next, iter([False] * 4 + [True])))
+        served += [layer for layer, tracker in made.items() if tracker.fog.last_seen.max() > before[layer]]
     assert served == [1, 2, 3, 1, 2, 3]
-    followers.catch_up(lambda: False)
-    assert not followers.behind
+    trackers.catch_up(lambda: False)
+    assert not trackers.behind

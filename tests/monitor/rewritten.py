@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tests.monitor.conftest import Seen
 
 
-def retold(
+def rewritten(
     seen: Seen,
     folder: Path,
     tick: Callable[[TickRecord], TickRecord | None] = lambda record: record,

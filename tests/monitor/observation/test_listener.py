@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor.observer import NOBODY, Listener
+from monitor.observation.listener import NO_ROBOT, Listener
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
@@ -29,7 +29,7 @@ def field() -> Prepared:
 
 def listener(prepared: Prepared) -> Listener:
     footprint = sensor_footprint(prepared.scenario, prepared.terrain)
-    inbox = inbox_of(prepared.scenario, NOBODY, prepared.terrain.bounds, None)
+    inbox = inbox_of(prepared.scenario, NO_ROBOT, prepared.terrain.bounds, None)
     return Listener(footprint, prepared.patrolled, inbox, prepared.scenario.step)
 
 

@@ -15,8 +15,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2.metadata import parse_qos
 
-from monitor.recording.mcap_file import look
-from monitor.recording.writer import Recorder, grid_values, key_frame_ticks, scale_of, tokens_of
+from monitor.recording.mcap_file import inspect_recording
+from monitor.recording.run_recorder import Recorder, grid_values, key_frame_ticks, ros_names, scale_of
 from monitor.replay.replay import play
 from monitor.replay.run import Run, open_run
 from patrol.errors import BadInput
@@ -124,7 +124,7 @@ def test_a_run_that_was_killed_is_recorded_as_far_as_it_got(
 
 
 def test_names_that_ros_does_not_take_are_told_apart() -> None:
-    assert tokens_of(["r1", "a-b", "a_b", "7of9"]) == ["r1", "a_b", "a_b_2", "robot_7of9"]
+    assert ros_names(["r1", "a-b", "a_b", "7of9"]) == ["r1", "a_b", "a_b_2", "robot_7of9"]
 
 
 def test_no_robot_is_called_as_the_map_or_a_topic(tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ def test_who_plays_a_recording_again_offers_what_we_did(quiet: Any, tmp_path: Pa
     look_at = whole.read_bytes()
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(look_at[: int(0.9 * len(look_at))])
-    look(torn, tmp_path / "saved.mcap")
+    inspect_recording(torn, tmp_path / "saved.mcap")
     for path in (whole, tmp_path / "saved.mcap"):
         with path.open("rb") as file:
             summary = make_reader(file).get_summary()
@@ -163,7 +163,7 @@ def test_who_plays_a_recording_again_offers_what_we_did(quiet: Any, tmp_path: Pa
 def test_grids_are_fewer_in_a_long_run_of_a_large_map(quiet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     run = quiet.open()
     assert key_frame_ticks(run) == 20
-    monkeypatch.setattr("monitor.recording.writer.GRID_MEMORY", 2 * run.prepared.patrolled.size)
+    monkeypatch.setattr("monitor.recording.run_recorder.GRID_MEMORY", 2 * run.prepared.patrolled.size)
     assert key_frame_ticks(run) == 40
 
 
@@ -183,7 +183,7 @@ def test_nothing_half_written_is_left(quiet: Any, tmp_path: Path) -> None:
 
 def test_a_recording_is_looked_at(quiet: Any, tmp_path: Path) -> None:
     run = quiet.open()
-    contents = look(record(run, tmp_path / "out.mcap"))
+    contents = inspect_recording(record(run, tmp_path / "out.mcap"))
     assert not contents.why_cut
     assert contents.facts["scenario"] == "short"
     assert contents.messages["/mfow"] == run.ticks
@@ -195,16 +195,16 @@ def test_a_recording_that_was_cut_off_is_saved(faulty: Any, tmp_path: Path, shar
     whole = record(faulty.open(), tmp_path / "out.mcap")
     torn, saved = tmp_path / "torn.mcap", tmp_path / "saved.mcap"
     torn.write_bytes(whole.read_bytes()[: int(whole.stat().st_size * share)])
-    contents = look(torn, saved)
+    contents = inspect_recording(torn, saved)
     assert contents.why_cut
-    assert look(torn).messages == contents.messages
-    again = look(saved)
+    assert inspect_recording(torn).messages == contents.messages
+    again = inspect_recording(saved)
     assert not again.why_cut
     assert again.messages == contents.messages
     assert again.facts == contents.facts
     assert len(decoded(saved)["/mfow"]) == contents.messages["/mfow"] > 0
-    with pytest.raises(BadInput, match="is there already"):
-        look(torn, saved)
+    with pytest.raises(BadInput, match="exists already"):
+        inspect_recording(torn, saved)
 
 
 def test_half_of_a_short_recording_has_its_map_and_where_nothing_is_left_the_run_is_named(
@@ -214,11 +214,11 @@ def test_half_of_a_short_recording_has_its_map_and_where_nothing_is_left_the_run
     whole = record(faulty.open(), folder / "out.mcap")
     data = whole.read_bytes()
     whole.write_bytes(data[: len(data) // 2])
-    assert look(whole).messages["/map"] == 1
-    assert look(whole).messages["/mfow"] > 0
+    assert inspect_recording(whole).messages["/map"] == 1
+    assert inspect_recording(whole).messages["/mfow"] > 0
     whole.write_bytes(data[:600])
     with pytest.raises(BadInput, match=re.escape(f"fogwatch record {folder}")):
-        look(whole)
+        inspect_recording(whole)
 
 
 def test_damage_anywhere_is_found_or_harmless(quiet: Any, tmp_path: Path) -> None:
@@ -229,7 +229,7 @@ def test_damage_anywhere_is_found_or_harmless(quiet: Any, tmp_path: Path) -> Non
     for place in range(10, len(whole), len(whole) // 40):
         damaged.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
         try:
-            found += bool(look(damaged).why_cut)
+            found += bool(inspect_recording(damaged).why_cut)
         except BadInput:
             found += 1
     assert found > 15
@@ -243,13 +243,13 @@ def test_foreign_files_are_refused(quiet: Any, tmp_path: Path) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
     for path, words in (
         (foreign, "not one of fogwatch"),
-        (quiet.folder / "journal", "is no MCAP file"),
+        (quiet.folder / "journal", "is not an MCAP file"),
         (tmp_path / "none.mcap", "cannot be read"),
     ):
         with pytest.raises(BadInput, match=words):
-            look(path, tmp_path / "saved.mcap")
+            inspect_recording(path, tmp_path / "saved.mcap")
     assert not (tmp_path / "saved.mcap").exists()
     empty = tmp_path / "empty.mcap"
     empty.write_bytes(b"")
-    with pytest.raises(BadInput, match="no MCAP file"):
-        look(empty)
+    with pytest.raises(BadInput, match="is not an MCAP file"):
+        inspect_recording(empty)

@@ -1,4 +1,4 @@
-"""The maps of a report: mean and worst fog, and where each robot went."""
+"""The maps of a report: mean and worst fog, and the robots' paths."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 MOST_PANELS = 12
-"""Robots with a panel of their own; more are drawn into one."""
+"""Most robots with one panel each; more are drawn into one map."""
 
 MOST_STEPS = 2500
-"""Points of a drawn path."""
+"""Most points of a path."""
 
 _LONGEST = 1600
-"""Points of the longer side of a map's picture; more are merged."""
+"""Most pixels along the longer side of a map; larger maps are thinned."""
 
 
 def fog_chart(
@@ -36,7 +36,16 @@ def fog_chart(
     label: str,
     most: float | None = None,
 ) -> Figure:
-    """A map of a fog in s; counted: the patrolled area; never: what nobody ever saw; most: the scale's end, s."""
+    """A map of the fog.
+
+    Args:
+        terrain: The terrain.
+        fog_s: float64 (h, w), s.
+        counted: bool (h, w), the patrolled area.
+        never: bool (h, w), points never seen.
+        label: Label of the colour scale.
+        most: End of the scale, s; None for the largest value.
+    """
     made, axes = _map(terrain)
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -55,7 +64,7 @@ def fog_chart(
 
 
 def paths_chart(run: Run) -> Figure:
-    """Where each robot went: a panel each, or all in one map for a large fleet."""
+    """The robots' paths: one panel for each robot, or one map for all robots of a large fleet."""
     terrain, count = run.prepared.terrain, len(run.names)
     if count > MOST_PANELS:
         made, axes = _map(terrain)
@@ -118,7 +127,7 @@ def _lay(axes: Axes, terrain: Terrain, image: NDArray[np.float64]) -> None:
 
 
 def _path(axes: Axes, run: Run, place: int, width: float) -> None:
-    """The path, with a ring where it began and a dot, or a cross for a robot that is gone, where it ended."""
+    """Draw a path: a ring at its start, a dot at its end, or a cross if the robot was lost."""
     track = run.poses[:, place, :2].copy()
     track[np.isin(run.status[:, place], (Status.ABSENT, Status.LEFT))] = np.nan
     there = np.flatnonzero(~np.isnan(track[:, 0]))
@@ -128,12 +137,12 @@ def _path(axes: Axes, run: Run, place: int, width: float) -> None:
     tone = colour(place)
     axes.plot(*track[::every].T, color=tone, linewidth=width, alpha=0.85, rasterized=len(run.names) > MOST_PANELS)
     begin, end = track[there[0]], track[there[-1]]
-    last = run.standing[place] if there[-1] == run.ticks - 1 else run.status[there[-1], place]
+    last = run.final_status[place] if there[-1] == run.ticks - 1 else run.status[there[-1], place]
     gone = last in (Status.DEAD, Status.LOST)
     axes.plot(*begin, marker="o", markersize=5, markerfacecolor="none", markeredgecolor=MUTED)
     axes.plot(*end, marker="X" if gone else "o", markersize=7 if gone else 5, color=tone, markeredgecolor=INK)
 
 
 def _thinned(grid: NDArray[_Scalar], every: int) -> NDArray[_Scalar]:
-    """Every so-manieth row and column."""
+    """Every n-th row and column."""
     return grid[::every, ::every]

@@ -1,20 +1,19 @@
-"""`recording.mcap`: a run in the format that robot viewers open (Foxglove, Lichtblick, Rerun, PlotJuggler).
+"""Writes `recording.mcap`: a run in a format for robot viewers (Foxglove, Lichtblick, Rerun, PlotJuggler).
 
-CDR messages with ros2msg schemas, in chunks with checksums; times count from the run's beginning.
+The messages are CDR with ros2msg schemas, in chunks with checksums. Times count from the beginning of the run.
 
-    /map                 nav_msgs/OccupancyGrid       once: 100 where the terrain is impassable, 0 elsewhere
-    /fog                 nav_msgs/OccupancyGrid       key frames: 0 just seen, 100 as old as the scale, -1 not counted
-    /tf                  tf2_msgs/TFMessage           each tick: all bodies that are there
-    /<robot>/pose        geometry_msgs/PoseStamped    each tick that the robot's body is there
+    /map                 nav_msgs/OccupancyGrid       once: 100 for impassable points, 0 for others
+    /fog                 nav_msgs/OccupancyGrid       key frames: age from 0 to 100 (the scale), -1 outside the area
+    /tf                  tf2_msgs/TFMessage           each tick: all bodies present
+    /<robot>/pose        geometry_msgs/PoseStamped    each tick in which the body is present
     /<robot>/decision_ms std_msgs/Float64             wall time of a decision
     /mfow, /fog_mean     std_msgs/Float64             each tick, s
-    /seen_share, /alive  std_msgs/Float64             share of the patrolled area seen so far; robots taking part
-    /delivered_share     std_msgs/Float64             of robots' frames whose fate was settled in the tick
+    /seen_share, /alive  std_msgs/Float64             share of the patrolled area seen so far; number of living robots
+    /delivered_share     std_msgs/Float64             share of the frames delivered or dropped in the tick
     /rosout              rcl_interfaces/Log           the journal's events
 
-Robots are called as they are, as far as ROS takes their names. Channels say what rosbag2 offers when it plays them
-again: /map is latched. The file's metadata names the scenario, its hash and the scale; the resolved scenario is
-attached.
+Robots keep their names as far as ROS allows. Channels contain the quality of service for rosbag2: /map is latched. The
+file's metadata has the scenario's name and hash and the scale of /fog; the resolved scenario is attached.
 """
 
 from __future__ import annotations
@@ -30,47 +29,55 @@ from numpy.typing import NDArray
 from monitor.recording import ros_messages as ros
 from monitor.recording.ros_file import RosFile
 from monitor.replay.run import Run
-from monitor.replay.runfiles import RECORDING, SCENARIO, check_out
+from monitor.replay.run_files import RECORDING, SCENARIO, check_out
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
 from patrol.journal.records import Event, Status
 
 KEY_FRAME_S = 10.0
-"""Simulated time between two grids."""
+"""Simulated time between two grids, s."""
 
 GRID_MEMORY = 2 << 30
-"""Bytes of all grids before compression; a run for which they would be more has fewer key frames."""
+"""Most bytes of all grids before compression; a longer run has fewer key frames."""
 
 CHUNK = 1 << 15
-"""Bytes of a chunk, before compression: what a file that was cut off anywhere loses at most."""
+"""Bytes of a chunk before compression: the most that a file loses when it is cut off."""
 
-THERE = (Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST)
-"""Standings of robots whose bodies are on the terrain."""
+WITH_BODY = (Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST)
+"""Status of robots whose bodies are on the terrain."""
 
 
-NOT_ROBOTS = frozenset(
+RESERVED_NAMES = frozenset(
     {ros.FRAME, "fog", "fog_scale", "fog_mean", "tf", "mfow", "seen_share", "alive", "delivered_share", "rosout"}
     | {"recording", "run"}
 )
-"""What no robot may be called in a recording: the map's frame, topics, and who else writes in the log."""
+"""Names that no robot may have in a recording: the map's frame, topics, and other loggers."""
 
 
 class Recorder:
-    """Writes a recording while `monitor.replay.replay.play` goes through the run; close() makes it whole.
+    """Writes a recording while `monitor.replay.replay.play` replays the run; close() completes it.
 
-    out: written beside its name first, so that a file of that name is always whole. BadInput where mcap or rosbags is
-    missing or the file cannot be written.
+    It writes to a temporary file, so a file with the final name is always complete.
     """
 
     def __init__(self, run: Run, out: Path) -> None:
+        """Create the file.
+
+        Args:
+            run: The run.
+            out: The recording.
+
+        Raises:
+            BadInput: mcap or rosbags is not installed, or the file cannot be written.
+        """
         check_out(out, RECORDING)
         self._run = run
         self._out = out
         self._part = out.with_name(f"{out.name}.part")
         self._file = RosFile(self._part, out, chunk=CHUNK)
         self._ros = self._file.encoder
-        self._tokens = tokens_of(run.names)
+        self._ros_names = ros_names(run.names)
         self._scale_s = scale_of(run)
         self._every = key_frame_ticks(run)
         self._counted = run.prepared.patrolled
@@ -79,10 +86,10 @@ class Recorder:
         self._begin()
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Nothing yet."""
+        """See `Watcher`; nothing to do."""
 
     def after(self, k: int, fog: Fog) -> None:
-        """Write tick k."""
+        """See `Watcher`; writes the tick."""
         run, at = self._run, self._ns(k)
         for event in self._events.get(k, ()):
             self._log(event)
@@ -90,11 +97,11 @@ class Recorder:
             values = grid_values(fog, k, self._scale_s / run.step)
             self._file.write("/fog", ros.GRID, self._ros.grid(at, *self._place(), values), at)
         bodies = []
-        for place, token in enumerate(self._tokens):
+        for place, token in enumerate(self._ros_names):
             decision_ms = float(run.decision_ms[k, place])
             if not math.isnan(decision_ms):
                 self._file.number(f"/{token}/decision_ms", decision_ms, at)
-            if run.status[k, place] in THERE:
+            if run.status[k, place] in WITH_BODY:
                 x, y, heading = run.poses[k, place].tolist()
                 bodies.append((token, x, y, heading))
                 self._file.write(f"/{token}/pose", ros.POSE, self._ros.pose(at, x, y, heading), at)
@@ -108,14 +115,18 @@ class Recorder:
             self._file.number("/delivered_share", delivered / (delivered + dropped), at)
 
     def close(self) -> None:
-        """All ticks are written: finish the file and give it its name."""
+        """Complete the file and give it its name.
+
+        Raises:
+            BadInput: The file cannot be written.
+        """
         run = self._run
         for k in sorted(k for k in self._events if k >= run.ticks):
             for event in self._events[k]:
                 self._log(event)
         at = self._ns(run.ticks)
         if run.ended is None:
-            self._file.say("run", "the journal ends here, cut off", at, ros.WARN)
+            self._file.log("run", "the journal is cut off here", at, ros.WARN)
         try:
             self._file.finish()
             self._part.replace(self._out)
@@ -124,7 +135,7 @@ class Recorder:
             raise BadInput(f"{self._out}: cannot be written ({error.strerror}); choose another file") from None
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
+        """Delete the unfinished file."""
         self._file.drop()
         with suppress(OSError):
             self._part.unlink()
@@ -144,12 +155,11 @@ class Recorder:
         }
         self._file.facts(facts)
         with suppress(OSError):
-            text = (run.folder / SCENARIO).read_bytes()
-            self._file.attach(SCENARIO, "application/yaml", text)
+            self._file.attach(SCENARIO, "application/yaml", (run.folder / SCENARIO).read_bytes())
         walls = wall_values(run.prepared.terrain.passable)
         self._file.write("/map", ros.GRID, self._ros.grid(0, *self._place(), walls), 0)
-        says = f"in /fog 0 is just seen, 100 is {self._scale_s:g} s ago or longer, and -1 does not count"
-        self._file.say("recording", says, 0)
+        text = f"/fog: 0 means seen now, 100 means seen {self._scale_s:g} s ago or earlier, -1 means not patrolled"
+        self._file.log("recording", text, 0)
 
     def _place(self) -> tuple[float, tuple[float, float]]:
         terrain = self._run.prepared.terrain
@@ -160,44 +170,67 @@ class Recorder:
 
     def _log(self, event: Event) -> None:
         place = None if event.robot is None else self._run.index.get(event.robot)
-        name = "run" if place is None else self._tokens[place]
+        name = "run" if place is None else self._ros_names[place]
         self._file.event(event.kind, name, event.detail, self._ns(event.k))
 
 
 def scale_of(run: Run) -> float:
-    """The age that a recording shows as 100: the run's largest MFoW, s."""
+    """The age that /fog shows as 100: the run's largest MFoW, s."""
     return max(float(run.mfow.max()), 1.0) * run.step
 
 
 def key_frame_ticks(run: Run) -> int:
-    """Ticks between two grids."""
+    """Number of ticks between two grids of a run."""
     wanted = max(1, round(KEY_FRAME_S / run.step))
     affordable = max(2, GRID_MEMORY // run.prepared.patrolled.size)
     return max(wanted, -(-run.ticks // affordable))
 
 
 def wall_values(passable: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """int8 (h, w): 100 where the terrain is impassable, 0 elsewhere."""
+    """The values of /map.
+
+    Args:
+        passable: bool (h, w).
+
+    Returns:
+        int8 (h, w), 100 for impassable points, 0 for others.
+    """
     return np.where(passable, np.int8(0), np.int8(100)).astype(np.int8)
 
 
 def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
-    """int8 (h, w): 0 just seen to 100 at `scale` ticks of age or more, -1 where points do not count."""
+    """The values of /fog.
+
+    Args:
+        fog: The fog.
+        k: The tick.
+        scale: The age shown as 100, ticks.
+
+    Returns:
+        int8 (h, w), from 0 for an age of 0 to 100 for `scale` or more, -1 for points that are not patrolled.
+    """
     ages = fog.age(k)
     shown: NDArray[np.int8] = np.minimum(np.rint(ages * (100.0 / scale)), 100.0).astype(np.int8)
     shown[fog.patrolled == 0] = ros.UNKNOWN
     return shown
 
 
-def tokens_of(names: Sequence[str]) -> list[str]:
-    """Names as ROS takes them in topics, told apart, and from `NOT_ROBOTS`."""
-    tokens: list[str] = []
+def ros_names(names: Sequence[str]) -> list[str]:
+    """Convert names into unique names for ROS topics.
+
+    Args:
+        names: Names of robots.
+
+    Returns:
+        ASCII names that differ from each other and from `RESERVED_NAMES`.
+    """
+    converted: list[str] = []
     for name in names:
         plain = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
-        plain = f"robot_{plain}" if plain[0].isdigit() or plain in NOT_ROBOTS else plain
-        token, number = plain, 1
-        while token in tokens:
+        plain = f"robot_{plain}" if plain[0].isdigit() or plain in RESERVED_NAMES else plain
+        unique, number = plain, 1
+        while unique in converted:
             number += 1
-            token = f"{plain}_{number}"
-        tokens.append(token)
-    return tokens
+            unique = f"{plain}_{number}"
+        converted.append(unique)
+    return converted

@@ -1,0 +1,139 @@
+"""The client of a world's feed: batches of its journal, requests for the fog so far, and controls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+from monitor.observation.source import Answer
+from patrol.errors import BadInput
+from patrol.net.feed import FOG, MAX_BATCH, TICKS, Batch, Garbled, SoFar, read_batch, read_so_far
+from patrol.net.keys import WORLD, FleetKeys
+from patrol.net.link import Mailbox, Presence
+from patrol.scenario.controls import ASK, read_answer, request
+
+if TYPE_CHECKING:
+    from patrol.net.link import Link
+
+ROOM = 512
+"""Capacity of the queue of batches. A slower viewer misses some and requests the fog again."""
+FOG_S = 20.0
+CONTROL_S = 15.0
+"""How long a world may take to answer, s of wall time: with the fog so far, and to a control."""
+
+
+class FeedClient(Protocol):
+    """The connection of a viewer with a world."""
+
+    def batch(self, timeout_s: float) -> Batch | None:
+        """The next batch; None after `timeout_s` of wall time without one."""
+        ...
+
+    def so_far(self) -> bytes | None:
+        """The encoded state of the run so far, requested from the world; None without an answer."""
+        ...
+
+    def control(self, control: Mapping[str, Any]) -> Answer:
+        """Send a control to the world; its answer."""
+        ...
+
+    @property
+    def may_control(self) -> bool:
+        """Whether this viewer has the right to control the fleet."""
+        ...
+
+    @property
+    def present(self) -> bool:
+        """Whether the world is connected."""
+        ...
+
+    def close(self) -> None:
+        """Close the connection."""
+        ...
+
+
+class ZenohFeedClient:
+    """A `FeedClient` over Zenoh."""
+
+    def __init__(self, link: Link, keys: FleetKeys, token: str | None = None) -> None:
+        """Subscribe to the feed.
+
+        Args:
+            link: The Zenoh session.
+            keys: The fleet's keys.
+            token: Gives the right to control the fleet; None without it.
+        """
+        self._link = link
+        self._keys = keys
+        self._token = token
+        ticks, world = keys.truth(TICKS), keys.alive(WORLD)
+        self._mailbox: Mailbox[Batch | Presence] = Mailbox([ticks, world], read_batch, MAX_BATCH, ROOM)
+        self._present = False
+        link.subscribe(ticks, self._mailbox)
+        link.watch(world, self._mailbox)
+
+    @property
+    def may_control(self) -> bool:
+        """Whether there is a token for the fleet."""
+        return self._token is not None
+
+    @property
+    def present(self) -> bool:
+        """Whether the world is connected."""
+        return self._present
+
+    def batch(self, timeout_s: float) -> Batch | None:
+        """The next batch; None after `timeout_s` of wall time without one."""
+        arrived = self._mailbox.get(timeout_s)
+        while arrived is not None and isinstance(arrived[1], Presence):
+            self._present = arrived[1].present
+            arrived = self._mailbox.get(0.0)
+        return None if arrived is None or isinstance(arrived[1], Presence) else arrived[1]
+
+    def so_far(self) -> bytes | None:
+        """The encoded state of the run so far, requested from the world; None without an answer."""
+        return self._link.ask(self._keys.truth(FOG), b"", FOG_S)
+
+    def control(self, control: Mapping[str, Any]) -> Answer:
+        """Send a control to the world; its answer."""
+        payload = self._link.ask(self._keys.control(ASK), request(self._token or "", control), CONTROL_S)
+        try:
+            answer = None if payload is None else read_answer(payload)
+        except ValueError:
+            answer = None
+        return Answer(False, "no answer from the world") if answer is None else Answer(answer.done, answer.text)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._link.close()
+
+
+def first_answer(
+    client: ZenohFeedClient, fleet: str, stopped: Callable[[], bool], waits: Callable[[float], bool]
+) -> SoFar | None:
+    """Request the state of the run so far until the world answers.
+
+    Args:
+        client: The connection.
+        fleet: The fleet's name, for error messages.
+        stopped: Whether to stop.
+        waits: Waits for a number of seconds; returns whether to stop.
+
+    Returns:
+        The state so far; None when stopped.
+
+    Raises:
+        BadInput: The world runs another version.
+    """
+    while not stopped():
+        payload = client.so_far()
+        if payload is not None:
+            try:
+                return read_so_far(payload)
+            except Garbled as garbled:
+                raise BadInput(
+                    f"--fleet {fleet}: its world runs another version ({garbled}); use one version on all hosts"
+                ) from None
+        if waits(0.2):
+            return None
+    return None

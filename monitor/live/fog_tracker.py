@@ -1,0 +1,233 @@
+"""The fogs that follow from positions heard in a running fleet, by a robot or an ideal listener, computed on demand."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Callable, Collection
+from itertools import islice
+from typing import TYPE_CHECKING, Final
+
+from monitor.observation.frames import MIND_ENDS, frames_of, own_pose
+from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
+from patrol.journal import unpack
+from patrol.journal.records import Status, TickRecord, sent_at
+from patrol.pose import Pose
+from patrol.radio.inbox import inbox_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from monitor.observation.source import Layer
+    from patrol.ground.fog import Fog
+    from patrol.ground.footprint import Footprint
+    from patrol.ground.terrain import Terrain
+    from patrol.scenario import Scenario
+
+HEARD: Final = "heard"
+"""The layer of an ideal listener, who hears every position that is sent."""
+
+PAST = 256
+"""Ticks whose frames are kept for late deliveries."""
+
+KEPT_S = 10.0
+"""How long a fog is kept up to date that no page shows, s of wall time."""
+
+Log = deque[tuple[int, bytes]]
+
+
+class FogTracker:
+    """Computes one fog from a log of packed ticks, which grows at its end and may lose its beginning.
+
+    Attributes:
+        since: The tick from which on the fog is known.
+    """
+
+    def __init__(
+        self,
+        number: int | None,
+        scenario: Scenario,
+        terrain: Terrain,
+        footprint: Footprint,
+        area: NDArray[np.bool_],
+        patrolled: NDArray[np.bool_],
+        key: bytes | None,
+        log: Log,
+        since: int,
+    ) -> None:
+        """Start without knowledge.
+
+        Args:
+            number: The robot whose belief it is; None for a listener who hears every frame that is sent.
+            scenario: The scenario.
+            terrain: The terrain.
+            footprint: The sensor's footprint on it.
+            area: bool (h, w), the points that the robot patrols.
+            patrolled: bool (h, w), the points that the fleet patrols.
+            key: The fleet's key; None to accept frames without checking their tags.
+            log: (k, packed record) for each tick.
+            since: The first tick in the log.
+        """
+        self._number = number
+        self._scenario = scenario
+        self._bounds = terrain.bounds
+        self._footprint = footprint
+        self._area = area
+        self._patrolled = patrolled
+        self._key = key
+        self._log = log
+        self._next = 0
+        self._past: deque[tuple[int, dict[tuple[int, int], bytes]]] = deque(maxlen=PAST)
+        self._waiting: deque[tuple[int, bytes]] = deque()
+        self._begin(since)
+
+    @property
+    def behind(self) -> bool:
+        """Whether the log has ticks that are not processed yet."""
+        return bool(self._log) and self._next <= self._log[-1][0]
+
+    @property
+    def tick(self) -> int:
+        """The last tick processed; after a new start, the one before the first."""
+        return max(self._next - 1, 0)
+
+    @property
+    def late(self) -> int | None:
+        """How many ticks it is behind; None before the first."""
+        if not self.behind:
+            return 0
+        return self._log[-1][0] - self.tick if self._past else None
+
+    @property
+    def fog(self) -> Fog:
+        """The fog after `tick`."""
+        return self._listener.fog
+
+    def _begin(self, k: int) -> None:
+        """Start at tick k without knowledge."""
+        self._next = self.since = k
+        self._past.clear()
+        self._was = Status.ALIVE
+        self._listener = self._new_listener()
+
+    def step(self) -> None:
+        """Process the next tick."""
+        if not self._waiting:
+            first = self._log[0][0]
+            if self._next < first:  # the log has dropped it unprocessed
+                self._begin(first)
+            self._waiting.extend(islice(self._log, self._next - first, self._next - first + PAST))
+        self._next, packed = self._waiting.popleft()
+        self._next += 1
+        record = unpack(packed)
+        if not isinstance(record, TickRecord):
+            return
+        frames = frames_of(record)
+        self._past.append((record.k, frames))
+        if self._number is None:
+            self._listener.hear(record.k, frames.values())
+            return
+        row = next(row for row in record.robots if row.number == self._number)
+        if row.status.name.lower() not in MIND_ENDS and self._was.name.lower() in (*MIND_ENDS, "absent"):
+            self._listener = self._new_listener()
+            self.since = 0  # a new mind starts without knowledge, so its fog is known completely
+        self._was = row.status
+        if row.status is Status.ALIVE:
+            pose = own_pose(record.k, row.number, frames, Pose(row.x, row.y, row.heading))
+            self._listener.look(record.k, pose)
+            self._listener.hear(record.k, self._heard(record))
+
+    def _heard(self, record: TickRecord) -> list[bytes]:
+        """The frames that reach the robot in this tick, in the order of arrival."""
+        past = defaultdict(dict, self._past)
+        found = (
+            past[sent_at(sequence)].get((source, sequence))
+            for source, to, sequence in record.deliveries
+            if to == self._number
+        )
+        return [frame for frame in found if frame is not None]
+
+    def _new_listener(self) -> Listener:
+        own = NO_ROBOT if self._number is None else self._number
+        inbox = inbox_of(self._scenario, own, self._bounds, self._key)
+        listener = Listener(self._footprint, self._area, inbox, self._scenario.step)
+        mark_outside(listener.fog, self._patrolled)
+        return listener
+
+
+class FogTrackers:
+    """The trackers of all fogs in demand."""
+
+    def __init__(self, make: Callable[[Layer], FogTracker]) -> None:
+        """Start without trackers.
+
+        Args:
+            make: Makes a tracker that starts at the beginning of the log.
+        """
+        self._make = make
+        self._by_layer: dict[Layer, FogTracker] = {}
+        self._used: dict[Layer, float] = {}
+        self._shown: frozenset[Layer] = frozenset()
+
+    @property
+    def behind(self) -> bool:
+        """Whether some tracker has unprocessed ticks."""
+        return any(tracker.behind for tracker in self._by_layer.values())
+
+    def track(self, layer: Layer, now_s: float) -> FogTracker:
+        """The tracker of a fog; made when there is none.
+
+        Args:
+            layer: Which fog.
+            now_s: Current time, s of any clock.
+        """
+        if layer not in self._by_layer:
+            self._by_layer[layer] = self._make(layer)
+        self._used[layer] = now_s
+        return self._by_layer[layer]
+
+    def set_shown(self, layers: Collection[Layer], now_s: float) -> None:
+        """Set which fogs pages show.
+
+        Args:
+            layers: The fogs; each gets a tracker.
+            now_s: Current time, s of any clock.
+        """
+        self._shown = frozenset(layers)
+        for layer in layers:
+            self.track(layer, now_s)
+
+    def since(self, layer: Layer) -> int:
+        """See `monitor.observation.source.Source`; 0 without a tracker."""
+        return self._by_layer[layer].since if layer in self._by_layer else 0
+
+    def tick(self, layer: Layer) -> int | None:
+        """See `monitor.observation.source.Source`; None without a tracker."""
+        return self._by_layer[layer].tick if layer in self._by_layer else None
+
+    def drop(self, now_s: float) -> None:
+        """Drop trackers that were not in demand for `KEPT_S`; each would process every frame of every tick.
+
+        Args:
+            now_s: Current time, s of the same clock as before.
+        """
+        for layer in [layer for layer, used in self._used.items() if now_s > used + KEPT_S]:
+            if layer not in self._shown:
+                del self._by_layer[layer], self._used[layer]
+
+    def restart(self) -> None:
+        """Replace all trackers by new ones, after the log was cleared."""
+        self._by_layer = {layer: self._make(layer) for layer in self._by_layer}
+
+    def catch_up(self, over: Callable[[], bool]) -> None:
+        """Process ticks. Who is served first now is served last next time.
+
+        Args:
+            over: Whether to stop before all ticks are processed.
+        """
+        for layer in list(self._by_layer):
+            tracker = self._by_layer[layer] = self._by_layer.pop(layer)
+            while tracker.behind:
+                tracker.step()
+                if over():
+                    return

@@ -1,0 +1,104 @@
+"""The fog as known to somebody who only listens.
+
+The listener rebuilds the fog from the positions that it hears, with the same checks, footprints and fog as any robot.
+So no map is ever sent, and watching changes nothing on a real fleet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from monitor.observation.source import OUTSIDE
+from patrol.ground.fog import Fog
+from patrol.pose import Pose
+from patrol.radio.inbox import Inbox
+from patrol.radio.message import CONTACT, Position
+from patrol.radio.peers import Hearsay
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from patrol.ground.footprint import Footprint
+
+NO_ROBOT = -1
+"""The number of a listener that is not a robot."""
+
+
+def as_sent(number: int, pose: Pose) -> Pose:
+    """A pose as other robots receive it; every footprint is computed from it.
+
+    Args:
+        number: The robot's number.
+        pose: The exact pose.
+
+    Returns:
+        The pose quantised as on the wire (cm, mrad).
+    """
+    return Position.of(number, 0, 0.0, pose).pose
+
+
+def mark_outside(fog: Fog, patrolled: NDArray[np.bool_]) -> Fog:
+    """Set the points that the fleet patrols but this fog does not count to `OUTSIDE`.
+
+    Observations never change points that the fog does not count, so the marks stay.
+
+    Args:
+        fog: The fog of one robot; changed in place.
+        patrolled: bool (h, w), the points that the fleet patrols.
+
+    Returns:
+        The same fog.
+    """
+    fog.last_seen[patrolled & (fog.patrolled == 0)] = OUTSIDE
+    return fog
+
+
+class Listener:
+    """The fog that follows from heard positions, as a robot believes it before dilatation.
+
+    Attributes:
+        fog: The fog.
+        inbox: Decides which frames are accepted.
+        peers: The newest position heard of each robot, by robot number.
+    """
+
+    def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_], inbox: Inbox, step: float) -> None:
+        """Start without knowledge.
+
+        Args:
+            footprint: The sensor's footprint on this terrain.
+            patrolled: bool (h, w), the points that count.
+            inbox: Decides which frames to accept.
+            step: Duration of a tick, s.
+        """
+        self.fog = Fog(patrolled)
+        self.inbox = inbox
+        self._hearsay = Hearsay()
+        self.peers = self._hearsay.peers
+        self._footprint = footprint
+        self._step = step
+
+    def look(self, tick: int, pose: Pose) -> None:
+        """Apply one observation.
+
+        Args:
+            tick: The tick of the observation.
+            pose: The observer's pose, quantised as on the wire.
+        """
+        self.fog.observe(self._footprint.visible(pose), tick)
+
+    def hear(self, tick: int, frames: Iterable[bytes]) -> None:
+        """Apply the observations that received positions report.
+
+        Args:
+            tick: The tick in which the frames arrive.
+            frames: Encoded frames. The inbox counts and drops the invalid ones.
+        """
+        for frame in frames:
+            position = self.inbox.accept(frame, tick * self._step)
+            if position is None or position.robot == CONTACT:
+                continue
+            for at, pose in self._hearsay.hear(position, tick):
+                self.look(at, pose)

@@ -1,0 +1,66 @@
+// The table of robots.
+
+import { SERIES } from "./colours.js";
+import { $ } from "./dom.js";
+import { seconds, robotStatus } from "./store.js";
+
+export class RobotsPanel {
+  static id = "robots";
+  static title = "robots";
+  static topics = ["frame", "select"];
+  static html = `
+    <table>
+      <thead><tr>
+        <th>robot</th>
+        <th>state</th>
+        <th class="n" title="wall time of the last decision">decision</th>
+        <th class="n" title="time since another robot last heard it">heard</th>
+      </tr></thead>
+      <tbody id="rows"></tbody>
+    </table>`;
+
+  constructor({ store, map, select }) {
+    this.store = store;
+    this.map = map;
+    this.select = select;
+    this.rows = [];
+  }
+
+  reset() {
+    const body = $("rows");
+    body.replaceChildren();
+    this.rows = this.store.facts.robots.map((facts, place) => {
+      const row = body.insertRow();
+      const cells = [0, 1, 2, 3].map(() => row.insertCell());
+      const dot = document.createElement("span");
+      dot.className = "dot";
+      dot.style.background = SERIES[place % SERIES.length];
+      const name = document.createElement("button");
+      name.type = "button";
+      name.textContent = facts.name;
+      cells[0].append(dot, name);
+      cells[2].className = cells[3].className = "n";
+      row.addEventListener("click", () => this.select(place));
+      return { row, cells, shown: "" };
+    });
+  }
+
+  update() {
+    const robots = this.store.state?.robots ?? [];
+    robots.forEach((robot, place) => {
+      const { row, cells } = this.rows[place], selected = this.map.selected === place;
+      const { word, kind } = robotStatus(robot);
+      const decision = robot[4] === null ? "-" : `${robot[4].toFixed(robot[4] < 10 ? 1 : 0)} ms`;
+      const heard = seconds(robot[5]);
+      const shown = `${word} ${kind} ${decision} ${heard} ${selected}`;
+      if (shown === this.rows[place].shown) return;
+      this.rows[place].shown = shown;
+      cells[1].textContent = word;
+      cells[1].className = `s-${kind}`;
+      cells[2].textContent = decision;
+      cells[3].textContent = heard;
+      row.classList.toggle("chosen", selected);
+      cells[0].lastChild.setAttribute("aria-pressed", String(selected));
+    });
+  }
+}

@@ -1,0 +1,59 @@
+"""The files of a run's folder, checked before any kernel is compiled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from patrol.errors import BadInput
+from patrol.journal import Journal, read_journal
+
+JOURNAL = "journal"
+SCENARIO = "scenario.yaml"
+SUMMARY = "summary.json"
+RECORDING = "recording.mcap"
+REPORT = "report.html"
+
+_MCAP = b"\x89MCAP0\r\n"
+
+
+def check_out(out: Path, example: str) -> None:
+    """Check that a file can be written, before the work that produces it.
+
+    Args:
+        out: The file.
+        example: A file name to suggest if `out` is a folder.
+
+    Raises:
+        BadInput: It is a folder, or its folder does not exist.
+    """
+    if out.is_dir() or not out.name:
+        raise BadInput(f"{out}: is a folder; name a file, such as {out / example}")
+    if not out.parent.is_dir():
+        raise BadInput(f"{out}: cannot be written (no such folder: {out.parent}); choose another file")
+
+
+def journal_in(folder: Path) -> Journal:
+    """Open the journal of a run.
+
+    Args:
+        folder: The run's folder.
+
+    Returns:
+        The journal; its ticks are not read yet.
+
+    Raises:
+        BadInput: It is not the folder of a run.
+    """
+    if folder.is_file():
+        with folder.open("rb") as file:
+            recording = file.read(len(_MCAP)) == _MCAP
+        kind = "is a recording; inspect it with `fogwatch recording`, or" if recording else "is a file;"
+        raise BadInput(f"{folder}: {kind} name the run's folder")
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: no such folder; name the folder of a run, such as runs/yards-20260101-120000")
+    for name, what in ((JOURNAL, "its run has not started"), (SCENARIO, "its run is incomplete")):
+        if not (folder / name).is_file():
+            raise BadInput(
+                f"{folder}: holds no file {name}, so it is not the folder of a run, or {what}; name the folder of a run"
+            )
+    return read_journal(folder / JOURNAL)
