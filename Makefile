@@ -1,4 +1,4 @@
-# fogwatch: `make` lists what there is. Prerequisites: Python 3.11 or newer with venv, make, git.
+# fogwatch: `make` lists the targets. Prerequisites: Python 3.11 or newer with venv, make, git.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
@@ -6,7 +6,7 @@ SHELL := /bin/bash
 .DELETE_ON_ERROR:
 MAKEFLAGS += --no-builtin-rules
 
-# The first Python of 3.11 or newer; say `make install PYTHON=python3.13` for another.
+# The first Python that is 3.11 or newer; `make install PYTHON=python3.13` chooses another.
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
 	if $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then echo $$p; break; fi; done)
 VENV := .venv
@@ -19,50 +19,51 @@ help: ## list the targets
 		printf '  make %-12s %s\n' "$${line%%:*}" "$${line#*## }"; done
 
 .PHONY: install
-install: $(VENV)/.installed ## set up .venv with the locked dependencies, and nothing else
+install: $(VENV)/.installed ## set up .venv with the locked dependencies
 
 .PHONY: demo
-demo: install ## five car-like robots, each a process, patrol `site` for ten simulated minutes
+demo: install ## run five cars, each a process, on the terrain `site` for ten simulated minutes
 	$(BIN)/fogwatch run site --robots 5 --model car --duration 600
 
 .PHONY: browser
-browser: ## a browser for the page's tests, where it may be installed; otherwise they are skipped, and say why
+browser: ## install Chromium, for the tests of the page (needs root and apt-get)
 	@command -v chromium chromium-browser >/dev/null || { \
 		if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-			echo "installing chromium for the page's tests"; \
+			echo "installing chromium for the tests of the page"; \
 			apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends \
 				chromium fonts-dejavu-core >/dev/null; \
-		else false; fi; } || { echo "there is no chromium, and it could not be installed" >&2; test -z "$${CI:-}"; }
+		else false; fi; } || { echo "there is no chromium, and make cannot install it: install it by hand" >&2; false; }
 
 .PHONY: pictures
-pictures: install browser ## the README's pictures of the page, anew
+pictures: install ## make the README's pictures of the page again (needs Chromium)
 	$(BIN)/python docs/pictures/make.py
 
+# On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
 .PHONY: test
-test: install browser ## style, types, layers and every quick test
+test: install $(if $(CI),browser) ## check style, types and layers, and run every quick test
 	$(BIN)/python -m pytest
 
 .PHONY: test-network
-test-network: install ## a fleet in network namespaces; as root, on Linux (it skips, and says why, where it cannot)
+test-network: install ## run a fleet in network namespaces (Linux, root; otherwise it is skipped, with the reason)
 	$(BIN)/python -m pytest -m network -rs
 
 .PHONY: accept
-accept: install ## the long checks: what the project promises, measured
+accept: install ## the long checks: measure what the project promises
 	$(BIN)/python -m pytest -m accept --timeout=3600
 
 .PHONY: bench
-bench: install ## the speed of the kernels and of a whole decision
+bench: install ## measure the speed of the kernels and of a whole decision
 	$(BIN)/python -m pytest -m bench --benchmark-enable --benchmark-columns=min,median,max,rounds
 
 .PHONY: lint
-lint: install ## style, types and layers alone
+lint: install ## check style, types and layers only
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
 .PHONY: lock
-lock: ## rewrite requirements.lock from pyproject.toml (fetches uv into build/)
+lock: ## rewrite requirements.lock from pyproject.toml (installs uv into build/)
 	test -x build/uv/bin/uv || { $(PYTHON) -m venv build/uv && build/uv/bin/python -m pip install -q uv; }
 	build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --extra all --extra dev \
 		--generate-hashes --no-header --no-annotate --output-file requirements.lock pyproject.toml
@@ -72,7 +73,7 @@ clean: ## remove .venv, caches and build products; runs/ stays
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
 
-# Three steps, so that a changed pyproject.toml does not fetch everything again.
+# Three steps, so that a change of pyproject.toml does not download everything again.
 $(VENV)/.created:
 	@test -n "$(PYTHON)" || { echo "fogwatch needs Python 3.11 or newer, and none was found: install one, or say make install PYTHON=/path/to/python3" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -18,8 +18,21 @@ settings.register_profile("local", deadline=None, print_blob=True)
 settings.register_profile("ci", settings.get_profile("local"), derandomize=True, database=None)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
+LONG = ("accept", "bench", "network")
+"""Marks of tests that run only when `-m` names them. A `-m` on the command line replaces that of pyproject.toml."""
+
 MARK = "FOGWATCH_TEST_SESSION"
 GRACE_S = 5.0
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave long tests out of a selection that does not mention them, such as `-m "not processes"`."""
+    if any(mark in config.getoption("markexpr") for mark in LONG):
+        return
+    long = [item for item in items if any(item.get_closest_marker(mark) for mark in LONG)]
+    if long:
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if item not in set(long)]
 
 
 def marked_processes(mark: str) -> dict[int, str]:

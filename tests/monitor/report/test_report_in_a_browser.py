@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,13 +8,9 @@ import pytest
 
 from monitor.report.analysis import analyse
 from monitor.report.document import write_report
+from tests.browser import CHROMIUM, browser_or_skip
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium; on Debian: apt-get install chromium"),
-]
+pytestmark = browser_or_skip()
 
 
 @pytest.fixture(scope="module")
