@@ -151,7 +151,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
             prepared.fields[spec.number],
             psi,
             incarnation=options.incarnation,
-            key=fleet_key(scenario),
+            key=fleet_key(scenario.radio.key),
             regions=prepared.regions_of(spec.number),
         )
     )

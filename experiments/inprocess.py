@@ -134,7 +134,7 @@ def mind_maker(prepared: Prepared, footprint: Footprint | None = None, threads: 
     scenario = prepared.scenario
     refined = scenario.patrol.avoidance == "goal-refinement"
     psi = psi_field(prepared.terrain, scenario.patrol.refine_reach) if refined else None
-    key = fleet_key(scenario)
+    key = fleet_key(scenario.radio.key)
     shared: dict[str, Window] = {}
 
     def make(number: int, incarnation: int) -> Mind:

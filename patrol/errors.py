@@ -1,6 +1,13 @@
-"""The one exception for input that cannot be used."""
+"""The one exception for input that cannot be used, and how its message spells values and near misses."""
 
 from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import Any
+
+_LONGEST = 60
 
 
 class BadInput(Exception):
@@ -12,3 +19,26 @@ class BadInput(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(" ".join(message.splitlines()))
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """'did you mean X?' for the known word nearest to a misspelt one, or the list of known words if none is near.
+
+    Args:
+        word: what the user wrote.
+        known: the words that would have been right.
+
+    Returns:
+        The end of an error message.
+    """
+    near = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+
+
+def quoted(value: Any) -> str:
+    """A value as a scenario file would spell it, cut to a readable length."""
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=repr)
+    except (ValueError, TypeError, RecursionError):
+        text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."

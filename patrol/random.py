@@ -12,9 +12,12 @@ so that ``mix(s)`` is the first output of the reference generator seeded with ``
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import IntEnum
 from operator import index
-from typing import SupportsIndex
+from typing import SupportsIndex, TypeVar
+
+T = TypeVar("T")
 
 _MASK = (1 << 64) - 1
 _GOLDEN = 0x9E3779B97F4A7C15
@@ -57,6 +60,44 @@ def gauss(*values: SupportsIndex) -> float:
     """A draw from the standard normal distribution (Box and Muller), from one or more integers."""
     radius = math.sqrt(-2.0 * math.log(1.0 - draw(*values, 0)))
     return radius * math.cos(2.0 * math.pi * draw(*values, 1))
+
+
+class Draws:
+    """A sequence of draws for one thing, such as the faults that begin in one interval."""
+
+    def __init__(self, *what: int) -> None:
+        """Begin at the first draw.
+
+        Args:
+            what: the arguments of `draw` but for the last, which counts the draws.
+        """
+        self._what = what
+        self._count = 0
+
+    def share(self) -> float:
+        """A float in [0, 1)."""
+        self._count += 1
+        return draw(*self._what, self._count)
+
+    def between(self, least: float, most: float) -> float:
+        """A float, to three significant digits."""
+        return float(f"{least + (most - least) * self.share():.3g}")
+
+    def whole(self, least: int, most: int) -> int:
+        """An integer, both bounds included."""
+        return least + int((most - least + 1) * self.share())
+
+    def choice(self, *what: T) -> T:
+        """One of several."""
+        return what[self.whole(0, len(what) - 1)]
+
+    def shuffled(self, what: Sequence[T]) -> list[T]:
+        """All of them, in any order."""
+        return [what[place] for _, place in sorted((self.share(), place) for place in range(len(what)))]
+
+    def some(self, names: Sequence[str], most: int) -> list[str]:
+        """One to `most` of the names, sorted."""
+        return sorted(self.shuffled(names)[: self.whole(1, most)])
 
 
 def _finalise(z: int) -> int:

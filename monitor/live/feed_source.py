@@ -308,7 +308,7 @@ class LiveSource:
 
     def _follower(self, layer: Layer) -> Follower:
         try:
-            key = fleet_key(self._scenario)
+            key = fleet_key(self._scenario.radio.key)
         except BadInput:
             key = None
         number = layer if isinstance(layer, int) else None

@@ -52,7 +52,7 @@ class EarSource:
         self._roster = scenario.roster
         self._names = {spec.name: spec.number for spec in self._roster}
         try:
-            key = fleet_key(scenario)
+            key = fleet_key(scenario.radio.key)
             self._unknown = ""
         except BadInput:
             key = None

@@ -251,6 +251,6 @@ def _since(tick: int, k: int, step: float) -> float | None:
 def _key_of(run: Run) -> bytes | None:
     """The fleet's key, where it can still be read; without it frames are believed untested."""
     try:
-        return fleet_key(run.prepared.scenario)
+        return fleet_key(run.prepared.scenario.radio.key)
     except BadInput:
         return None

@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.ground.builtins import builtin_terrain
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
-from patrol.scenario.explain import did_you_mean, show
-from patrol.scenario.yaml_text import parse_yaml, read_text
+from patrol.yaml_text import parse_yaml, read_text
 
 if TYPE_CHECKING:
     from patrol.scenario.model import TerrainSpec
@@ -111,13 +110,13 @@ def read_map_file(path: Path) -> MapFile:
         raise BadInput(f"{path}: is no map; expected keys and values such as 'image: map.pgm'")
     image = _value(path, says, "image", "the image's file name")
     if not isinstance(image, str) or not image or "\0" in image:
-        raise BadInput(f"{path}: image = {show(image)}: expected the image's file name")
+        raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
     resolution = _number(path, says, "resolution", "a finite number above 0 (m per cell)")
     if resolution <= 0.0:
         raise BadInput(f"{path}: resolution = {resolution:g}: expected a finite number above 0 (m per cell)")
     mode = says.get("mode", "trinary")
     if mode not in MODES:
-        raise BadInput(f"{path}: mode = {show(mode)}: unknown; {did_you_mean(str(mode), MODES)}")
+        raise BadInput(f"{path}: mode = {quoted(mode)}: unknown; {did_you_mean(str(mode), MODES)}")
     occupied, free = (_number(path, says, f"{name}_thresh", "a number from 0 to 1") for name in ("occupied", "free"))
     if not 0.0 <= free < occupied <= 1.0:
         raise BadInput(
@@ -242,7 +241,7 @@ def _finite(path: Path, key: str, value: Any, what: str) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise BadInput(f"{path}: {key} = {show(value)}: expected {what}")
+        raise BadInput(f"{path}: {key} = {quoted(value)}: expected {what}")
     return number
 
 
@@ -250,10 +249,10 @@ def _origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
     what = "[x, y, yaw] in m and rad of the lower left corner"
     value = _value(path, says, "origin", what)
     if not isinstance(value, list) or len(value) != 3:
-        raise BadInput(f"{path}: origin = {show(value)}: expected {what}")
+        raise BadInput(f"{path}: origin = {quoted(value)}: expected {what}")
     x, y, yaw = (_finite(path, "origin", part, what) for part in value)
     if yaw != 0.0:
-        raise BadInput(f"{path}: origin = {show(value)}: yaw must be 0; turn the image instead")
+        raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; turn the image instead")
     return x, y
 
 
@@ -262,5 +261,5 @@ def _negate(path: Path, says: Mapping[str, Any]) -> bool:
     words = {"0": False, "false": False, "no": False, "1": True, "true": True, "yes": True}
     word = str(value).lower()
     if word not in words:
-        raise BadInput(f"{path}: negate = {show(value)}: expected 0, 1, true or false")
+        raise BadInput(f"{path}: negate = {quoted(value)}: expected 0, 1, true or false")
     return words[word]

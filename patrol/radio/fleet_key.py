@@ -6,20 +6,26 @@ import os
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.scenario import Scenario
 
 SHORTEST = 16
 LONGEST = 64
 
 
-def fleet_key(scenario: Scenario) -> bytes | None:
-    """The key that ``radio.key`` names, or None without one.
+def fleet_key(file: str | Path | None) -> bytes | None:
+    """The key in a file, which is the file's bytes less white space at either end.
 
-    The file's bytes are the key, less white space at either end; 16 to 64 of them. Raises BadInput otherwise.
+    Args:
+        file: as the scenario's ``radio.key`` names it, or None without a key.
+
+    Returns:
+        16 to 64 bytes, or None without a key.
+
+    Raises:
+        BadInput: for a file that cannot be read or holds fewer or more bytes.
     """
-    if scenario.radio.key is None:
+    if file is None:
         return None
-    path = Path(scenario.radio.key)
+    path = Path(file)
     try:
         key = path.read_bytes().strip()
     except OSError as error:

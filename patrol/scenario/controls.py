@@ -24,14 +24,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, TypeAdapter, ValidationError
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.explain import did_you_mean, show
 from patrol.scenario.faults.kinds import PROCESS_KINDS, Clock, Lasting, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
-from patrol.scenario.section import Section
-from patrol.scenario.values import Corner, Name, Positive, expecting
+from patrol.values.section import Section
+from patrol.values.types import Corner, Name, Positive, expecting
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
@@ -127,7 +126,7 @@ def read_control(says: object) -> Control:
     do = says.get("do") if isinstance(says, Mapping) else None
     if not isinstance(do, str) or do not in CONTROLS:
         known = did_you_mean(do, CONTROLS) if isinstance(do, str) else f"known are {', '.join(CONTROLS)}"
-        raise BadInput(f"control: do = {show(do)}: {known}")
+        raise BadInput(f"control: do = {quoted(do)}: {known}")
     try:
         return _CONTROL.validate_python(says)
     except ValidationError as error:
@@ -135,7 +134,7 @@ def read_control(says: object) -> Control:
         field = ".".join(str(part) for part in problem["loc"][1:] if not str(part).startswith("=")) or do
         what = problem.get("ctx", {}).get("what")
         told = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]
-        raise BadInput(f"control: {field} = {show(problem['input'])}: {told}") from None
+        raise BadInput(f"control: {field} = {quoted(problem['input'])}: {told}") from None
 
 
 # --- what has happened -----------------------------------------------------------------------------------------------
@@ -229,7 +228,7 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
     entry = dict(control.fault)
     at = entry.get("at", 0.0)
     if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < math.inf:
-        raise BadInput(f"control: fault.at = {show(at)}: expected seconds from now, 0 or more")
+        raise BadInput(f"control: fault.at = {quoted(at)}: expected seconds from now, 0 or more")
     begin = k + tick_of(at, scenario.step)
     entry["at"] = _time_of(begin, scenario.step)
     entry.setdefault("id", _fresh([fault.id for fault in scenario.faults]))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Collection, Sequence
 from difflib import get_close_matches
-from typing import Any
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from patrol.errors import did_you_mean, quoted
 from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jump, Wait
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
 from patrol.scenario.faults.targets import Some
@@ -25,7 +24,7 @@ from patrol.scenario.model import (
     SensorSpec,
     TerrainSpec,
 )
-from patrol.scenario.section import Section
+from patrol.values.section import Section
 
 _SECTIONS: dict[str, type[Section]] = {
     "terrain": TerrainSpec,
@@ -43,7 +42,6 @@ _OF_FAULTS: dict[str, type[Section]] = {
     "jump": Jump,
 }
 _UNKNOWN = ("extra_forbidden", "invalid_key")
-_LONGEST = 60
 
 
 LineOf = Callable[[Sequence[int | str]], int | None]
@@ -59,21 +57,6 @@ def one_line(error: ValidationError, source: str, overridden: Collection[str], l
     line = _describe(problems[0], source, overridden, line_of)
     more = len(problems) - 1
     return f"{line} (and {more} more {'problem' if more == 1 else 'problems'})" if more else line
-
-
-def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """'did you mean X?' for the nearest known word, otherwise the list of them."""
-    near = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-
-
-def show(value: Any) -> str:
-    """A value as a scenario file would spell it, cut to a readable length."""
-    try:
-        text = json.dumps(value, ensure_ascii=False, default=repr)
-    except (ValueError, TypeError, RecursionError):
-        text = repr(value)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def _describe(problem: ErrorDetails, source: str, overridden: Collection[str], line_of: LineOf) -> str:
@@ -98,7 +81,7 @@ def _describe(problem: ErrorDetails, source: str, overridden: Collection[str], l
     what = _expected(problem, section)
     if context.get("bare") and note:
         what = f"{what} ({note})"
-    return f"{where} = {show(problem['input'])}: {what}"
+    return f"{where} = {quoted(problem['input'])}: {what}"
 
 
 def _expected(problem: ErrorDetails, section: type[Section]) -> str:

@@ -19,9 +19,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from patrol.errors import BadInput
-from patrol.scenario.explain import did_you_mean, one_line, show
-from patrol.scenario.faults.nemesis import written_out
+from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.scenario.dump import dump_section
+from patrol.scenario.explain import one_line
 from patrol.scenario.model import (
     IntruderSpec,
     PatrolSpec,
@@ -33,8 +33,9 @@ from patrol.scenario.model import (
     SensorSpec,
     TerrainSpec,
 )
-from patrol.scenario.values import BUILTINS, MAX_ROBOTS
-from patrol.scenario.yaml_text import dump_section, line_of, parse_yaml, read_text
+from patrol.scenario.nemesis import written_out
+from patrol.values.types import BUILTINS, MAX_ROBOTS
+from patrol.yaml_text import line_of, parse_yaml, read_text
 
 __all__ = [
     "BUILTINS",
@@ -197,7 +198,7 @@ def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
     if raw is None:
         raise BadInput(f"{path}: is empty; give at least 'terrain: {{builtin: yards}}'")
     if not isinstance(raw, dict):
-        raise BadInput(f"{path}: holds {show(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
+        raise BadInput(f"{path}: holds {quoted(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
     return raw, text
 
 
@@ -246,7 +247,7 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
     elif isinstance(node, list):
         raise BadInput(f"override {field}: this is a list of {len(node)}; give an index, 0 to {len(node) - 1}")
     else:
-        raise BadInput(f"override {field}: {show(node)} has no field {head}; leave .{'.'.join(parts)} out")
+        raise BadInput(f"override {field}: {quoted(node)} has no field {head}; leave .{'.'.join(parts)} out")
 
 
 def _robot_meaning(spec: RobotSpec) -> list[Any]:

@@ -19,8 +19,8 @@ from patrol.radio.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
-from patrol.scenario.section import Section, wrong
-from patrol.scenario.values import (
+from patrol.values.section import Section, wrong
+from patrol.values.types import (
     MAX_ROBOTS,
     SEPARATIONS,
     Builtin,

@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from patrol.scenario.faults.targets import WHO, WORDS, Who
-from patrol.scenario.section import Section, wrong
-from patrol.scenario.values import (
+from patrol.values.section import Section, wrong
+from patrol.values.types import (
     Burst,
     Corner,
     Count,

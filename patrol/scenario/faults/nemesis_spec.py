@@ -1,4 +1,4 @@
-"""What a scenario says of its nemesis, as `patrol.scenario.faults.nemesis` writes it out."""
+"""What a scenario says of its nemesis, as `patrol.scenario.nemesis` writes it out."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field, Tag
 
 from patrol.scenario.faults.kinds import KINDS
-from patrol.scenario.section import Section, wrong
-from patrol.scenario.values import NotNegative, Positive, Seed, at_least, by_shape, expecting
+from patrol.values.section import Section, wrong
+from patrol.values.types import NotNegative, Positive, Seed, at_least, by_shape, expecting
 
 MOST_FAULTS = 1000
 """A nemesis of more intervals than this is refused."""

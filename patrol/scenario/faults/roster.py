@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from patrol.scenario.faults.kinds import STRANGER, AnyFault, Forgery, OnLinks, Partition, Spoof
 from patrol.scenario.faults.targets import Drawing, Target, check_name, check_who, meant
-from patrol.scenario.section import wrong
+from patrol.values.section import wrong
 
 
 def tick_of(at: float, step: float) -> int:

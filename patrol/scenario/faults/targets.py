@@ -16,8 +16,8 @@ from typing import Annotated, Self
 from pydantic import Field, Tag, model_validator
 
 from patrol.random import Purpose, draw
-from patrol.scenario.section import Section, wrong
-from patrol.scenario.values import Count, RobotName, Share, at_least, by_shape, expecting
+from patrol.values.section import Section, wrong
+from patrol.values.types import Count, RobotName, Share, at_least, by_shape, expecting
 
 WORDS = ("one", "minority", "half", "all")
 """Targets by size; in a target these words never mean a robot of that name, in a list of names they do."""

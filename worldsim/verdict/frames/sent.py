@@ -48,7 +48,7 @@ class FramesAreTrue:
         self._key: bytes | None = None
         self._untold = ""
         try:
-            self._key = fleet_key(scenario)
+            self._key = fleet_key(scenario.radio.key)
         except BadInput as bad:
             self._untold = f"; tags not judged: {bad}"
         self._missing: list[tuple[int, int, str]] = []

@@ -1,4 +1,4 @@
-"""Scenario files as text: strict reading, commented writing.
+"""YAML as text, read strictly.
 
 Plain values are read by YAML 1.2's core rules, so 1e3 is a number, 1:30 and 2024-01-01 are texts and `yes` is not a
 boolean. A key that occurs twice in one mapping is an error.
@@ -14,9 +14,7 @@ from typing import Any
 import yaml
 
 from patrol.errors import BadInput
-from patrol.scenario.section import Section
 
-_COMMENT_COLUMN = 32
 _CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r")
 
 
@@ -36,29 +34,27 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-class _Dumper(yaml.SafeDumper):
-    """Writes texts so that readers by YAML 1.1 and by 1.2 both see texts."""
+_RULES = (
+    ("int", re.compile(r"^[-+]?[0-9]+$|^0o[0-7]+$|^0x[0-9a-fA-F]+$"), list("-+0123456789")),
+    (
+        "float",
+        re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$"),
+        list("-+.0123456789"),
+    ),
+    ("bool", re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF")),
+    ("null", re.compile(r"^(~|null|Null|NULL|)$"), ["~", "n", "N", ""]),
+    ("merge", re.compile(r"^<<$"), ["<"]),
+)
+"""Tag, pattern and possible first characters of each kind of plain value."""
 
-    yaml_implicit_resolvers = {  # noqa: RUF012 - PyYAML's protocol
-        first: list(rules) for first, rules in yaml.SafeDumper.yaml_implicit_resolvers.items()
-    }
 
-    def ignore_aliases(self, _data: Any) -> bool:
-        return True
+def add_core_rules(reader_or_writer: type[yaml.SafeLoader | yaml.SafeDumper]) -> None:
+    """Give a PyYAML loader or dumper the core rules of YAML 1.2 for plain values, beside those that it has."""
+    for tag, rule, first in _RULES:
+        reader_or_writer.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", rule, first)
 
 
-_INT = re.compile(r"^[-+]?[0-9]+$|^0o[0-7]+$|^0x[0-9a-fA-F]+$")
-_FLOAT = re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$")
-_BOOL = re.compile(r"^(true|True|TRUE|false|False|FALSE)$")
-_NULL = re.compile(r"^(~|null|Null|NULL|)$")
-_MERGE = re.compile(r"^<<$")
-
-for _class in (_Loader, _Dumper):
-    _class.add_implicit_resolver("tag:yaml.org,2002:int", _INT, list("-+0123456789"))
-    _class.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
-    _class.add_implicit_resolver("tag:yaml.org,2002:bool", _BOOL, list("tTfF"))
-    _class.add_implicit_resolver("tag:yaml.org,2002:null", _NULL, ["~", "n", "N", ""])
-    _class.add_implicit_resolver("tag:yaml.org,2002:merge", _MERGE, ["<"])
+add_core_rules(_Loader)
 
 
 def _int(_loader: _Loader, node: yaml.ScalarNode) -> int:
@@ -127,38 +123,3 @@ def line_of(text: str, location: Sequence[int | str]) -> int | None:
         line = found[0].start_mark.line + 1
         node = found[1]
     return line
-
-
-def dump_section(section: Section, indent: int = 0) -> str:
-    """A section as YAML, one field a line, with each field's description beside it; what is None is a comment."""
-    lines = []
-    for name, field in type(section).model_fields.items():
-        value = getattr(section, name)
-        start = f"{' ' * indent}{name}:"
-        note = field.description or ""
-        if value is None:
-            lines.append(_beside(f"{' ' * indent}# {field.alias or name}:", note))
-        elif isinstance(value, Section):
-            lines += [_beside(start, note), dump_section(value, indent + 2)]
-        elif isinstance(value, tuple) and value and isinstance(value[0], Section):
-            entries = [entry.model_dump(mode="json", exclude_none=True) for entry in value]
-            lines += [_beside(start, note), *(f"{' ' * indent}  - {_flow(entry)}" for entry in entries)]
-        else:
-            lines.append(_beside(f"{start} {_flow(value)}", note))
-    return "\n".join(lines)
-
-
-def _beside(text: str, note: str) -> str:
-    return f"{text:<{_COMMENT_COLUMN}} # {note}" if note else text
-
-
-def _flow(value: Any) -> str:
-    """A value on one line."""
-    text = yaml.dump(
-        _plain(value), Dumper=_Dumper, default_flow_style=True, sort_keys=False, width=2**31, allow_unicode=True
-    )
-    return text.removesuffix("...\n").strip()
-
-
-def _plain(value: Any) -> Any:
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from patrol.errors import BadInput
 from patrol.scenario import load_scenario
-from patrol.scenario.yaml_text import line_of, parse_yaml
+from patrol.yaml_text import line_of, parse_yaml
 
 
 def problem(text: str) -> str:
