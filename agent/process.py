@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.net.phases import FIRST_INCARNATION
-from patrol.net.telemetry import Telemetry, Traffic, show
+from patrol.net.telemetry import Telemetry, Traffic, pack_view
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
 from patrol.process.options import TOGETHER, fleet_parser, prepared_as_told
 
@@ -98,7 +98,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
     robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s)
-    eyes = Eyes(link.show(keys.telemetry(spec.name)))
+    eyes = Eyes(link.publisher(keys.telemetry(spec.name)))
     radio: Radio = robot
     if scenario.radio.via == "direct":
         numbers = {one.name: one.number for one in scenario.roster}
@@ -181,12 +181,12 @@ class Eyes:
         )
         if now >= self._due:
             self._due = now + TELEMETRY_S
-            self._post(show(replace(view, traffic=self.traffic(False))))
+            self._post(pack_view(replace(view, traffic=self.traffic(False))))
 
     def close(self) -> None:
         """Show the last decision once more, with all that the radio has carried."""
         if self._last is not None and (traffic := self.traffic(True)) is not None:
-            self._post(show(replace(self._last, traffic=traffic)))
+            self._post(pack_view(replace(self._last, traffic=traffic)))
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:

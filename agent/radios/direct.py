@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from patrol.net.keys import FleetKeys, robot_of
-from patrol.net.link import Air, Mailbox, Post
+from patrol.net.mailbox import Air, Mailbox, Post
 from patrol.net.telemetry import Traffic
 from patrol.radio.message import MAX_FRAME, MAX_FRAMES
 

@@ -2,8 +2,8 @@
 
     fogwatch/<fleet>/position/<robot>            positions, when robots talk directly
     fogwatch/<fleet>/robot/<robot>/tick|reply    phases A and B of a simulated robot
-    fogwatch/<fleet>/telemetry/<robot>           what a robot decided, for eyes; agents never read it
-    fogwatch/<fleet>/truth/<topic>               what the world knows, for eyes; may be dropped
+    fogwatch/<fleet>/telemetry/<robot>           what a robot decided, for observers; agents never read it
+    fogwatch/<fleet>/truth/<topic>               what the world knows, for observers; may be dropped
     fogwatch/<fleet>/control/<what>              what an operator asks of the world
     fogwatch/<fleet>/alive/<robot>               liveliness tokens
 
@@ -44,11 +44,11 @@ class FleetKeys:
         return f"{ROOT}/{self.fleet}/position/{robot}"
 
     def telemetry(self, robot: str) -> str:
-        """Diagnostics, robot to eyes."""
+        """Diagnostics, robot to observers."""
         return f"{ROOT}/{self.fleet}/telemetry/{robot}"
 
     def truth(self, topic: str) -> str:
-        """What the world knows, world to eyes."""
+        """What the world knows, world to observers."""
         return f"{ROOT}/{self.fleet}/truth/{topic}"
 
     def control(self, what: str) -> str:

@@ -1,11 +1,9 @@
-"""The one link to Zenoh: a client of a router, with mailboxes that any number of subscriptions fill.
+"""The one link to Zenoh: a client of a router, whose subscriptions fill mailboxes.
 
-Messages arrive on Zenoh's own thread, which decodes them and puts them into a `Mailbox`; whoever owns the mailbox takes
-them out with a time limit. What is too long, malformed, unknown or more than there is room for is dropped there and
-counted, so that it never wakes the owner. Room is per key, so that a flood on one takes nothing from the others.
+Messages arrive on Zenoh's own thread, which puts them into a `patrol.net.mailbox.Mailbox`.
 
 Socket buffers are small: with the system's, a flood of a million tiny messages a second left 300 000 of them between a
-tick and its reader, who then heard it seconds late; so it is a tenth of a second.
+tick and its reader, which received the tick seconds late; with small ones the delay is a tenth of a second.
 """
 
 from __future__ import annotations
@@ -14,15 +12,14 @@ import json
 import re
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from collections.abc import Callable
+from typing import Any
 
 import zenoh
 
 from patrol.errors import BadInput
 from patrol.net.keys import is_group
+from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
 
 LEASE_S = 60.0
@@ -41,7 +38,6 @@ RADIO_LEASE_S = 2.0
 """The same for a link that carries nothing but positions."""
 
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
-_ROOM = 256
 _SOCKET = 65536
 _QUEUE = 16
 """Messages that may wait to be sent, the most that Zenoh allows. With its 2 a busy machine dropped, of what may be, one
@@ -49,114 +45,9 @@ in seven from the third of a burst on: at a pace only the first two robots of a 
 _DROP_US = 100
 """How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
 
-T = TypeVar("T")
-
-Post = Callable[[bytes], None]
-"""Sends one payload under the key it was made for."""
-
 
 class LinkDown(Exception):
     """No router answered in time, or none can be here; one line says which."""
-
-
-@dataclass(frozen=True, slots=True)
-class Presence:
-    """The news that a liveliness token has come or gone."""
-
-    present: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """Something that somebody asks for. answer: sends the answer, once; a long one waits for who takes it in."""
-
-    payload: bytes
-    answer: Post
-
-
-class Payload(Protocol):
-    """What a message holds before it is copied out of Zenoh."""
-
-    def __len__(self) -> int:
-        """How many bytes."""
-        ...
-
-    def to_bytes(self) -> bytes:
-        """The bytes."""
-        ...
-
-
-class Mailbox(Generic[T]):
-    """Messages that have arrived and wait to be taken, in order within a key and fairly between keys.
-
-    keys: those it accepts. decode: turns a payload into a message, or raises ValueError. longest: bytes of the longest
-    payload that it looks at. room: messages that wait per key; when there are more the oldest is dropped. `refused`
-    counts what was dropped: unknown, oversized, malformed, overflow. One thread puts, another gets.
-    """
-
-    def __init__(self, keys: Collection[str], decode: Callable[[bytes], T], longest: int, room: int = _ROOM) -> None:
-        self.refused: Counter[str] = Counter()
-        self._decode = decode
-        self._longest = longest
-        self._waiting: dict[str, deque[T]] = {key: deque(maxlen=room) for key in keys}
-        self._ready: deque[str] = deque()
-        self._changed = threading.Condition()
-
-    def deliver(self, key: str, payload: Payload) -> None:
-        """Decode one message and let it in; called on Zenoh's thread."""
-        if len(payload) > self._longest:
-            self.refused["oversized"] += 1
-            return
-        try:
-            message = self._decode(payload.to_bytes())
-        except ValueError:
-            self.refused["malformed"] += 1
-            return
-        self.put(key, message)
-
-    def put(self, key: str, message: T) -> None:
-        """Let one message in; called from any thread."""
-        waiting = self._waiting.get(key)
-        if waiting is None:
-            self.refused["unknown"] += 1
-            return
-        with self._changed:
-            if not waiting:
-                self._ready.append(key)
-                self._changed.notify()
-            elif len(waiting) == waiting.maxlen:
-                self.refused["overflow"] += 1
-            waiting.append(message)
-
-    def get(self, timeout_s: float = 0.0) -> tuple[str, T] | None:
-        """The next message and its key, or None when none came in time."""
-        with self._changed:
-            if not self._ready and timeout_s > 0.0:
-                self._changed.wait(timeout_s)
-            if not self._ready:
-                return None
-            key = self._ready.popleft()
-            waiting = self._waiting[key]
-            message = waiting.popleft()
-            if waiting:
-                self._ready.append(key)
-            return key, message
-
-
-class Air(Protocol):
-    """What positions travel by: a `Link`, or a `patrol.net.multicast.Group`."""
-
-    def broadcast(self, key: str) -> Post:
-        """What a direct radio sends with: at once, to all others, and lost rather than late."""
-        ...
-
-    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Let messages under a key expression into a mailbox."""
-        ...
-
-    def close(self) -> bool:
-        """Close it; False when that takes too long."""
-        ...
 
 
 class Link:
@@ -200,8 +91,8 @@ class Link:
         self._declared.append(publisher)
         return publisher.put
 
-    def show(self, key: str) -> Post:
-        """What eyes are shown: dropped where a queue is full, so that it never holds up a tick."""
+    def publisher(self, key: str) -> Post:
+        """A publisher for observers: drops a message where a queue is full, so that it never holds up a tick."""
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.DATA_LOW
         )

@@ -11,9 +11,10 @@ import contextlib
 import socket
 import struct
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
+
+from patrol.net.mailbox import Mailbox, Post
 
 _LONGEST = 2048
 _POLL_S = 0.2
@@ -25,7 +26,7 @@ class GroupDown(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """A payload that is there already (`patrol.net.link.Payload`)."""
+    """A payload that is there already (`patrol.net.mailbox.Payload`)."""
 
     data: bytes
 
@@ -37,16 +38,8 @@ class Datagram:
         return self.data
 
 
-class Taker(Protocol):
-    """What takes what arrives: a `patrol.net.link.Mailbox`."""
-
-    def deliver(self, key: str, payload: Datagram) -> None:
-        """Take one message."""
-        ...
-
-
 class Group:
-    """A member of a multicast group (`patrol.net.link.Air`). What it sends it does not hear itself.
+    """A member of a multicast group (`patrol.net.mailbox.Air`). What it sends it does not hear itself.
 
     out: sends to the group. into: hears it. address: the group's, and the port.
     """
@@ -56,12 +49,12 @@ class Group:
         self._into = into
         self._address = address
         self._own: set[str] = set()
-        self._takers: list[tuple[str, Taker]] = []
+        self._subscriptions: list[tuple[str, Mailbox[Any]]] = []
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._hear, daemon=True)
         self._thread.start()
 
-    def broadcast(self, key: str) -> Callable[[bytes], None]:
+    def broadcast(self, key: str) -> Post:
         """What sends under a key; what the network does not take at once is lost."""
         self._own.add(key)
         head = key.encode() + b"\0"
@@ -72,9 +65,9 @@ class Group:
 
         return post
 
-    def subscribe(self, key: str, mailbox: Taker) -> None:
+    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
         """Let messages under a key, or under all that begin alike with ``*`` for the end, into a mailbox."""
-        self._takers.append((key, mailbox))
+        self._subscriptions.append((key, mailbox))
 
     def close(self) -> bool:
         """Leave the group."""
@@ -95,7 +88,7 @@ class Group:
             key = head.decode(errors="replace")
             if key in self._own:
                 continue
-            for wanted, mailbox in list(self._takers):
+            for wanted, mailbox in list(self._subscriptions):
                 if key == wanted or (wanted.endswith("*") and key.startswith(wanted[:-1])):
                     mailbox.deliver(key, Datagram(frame))
 

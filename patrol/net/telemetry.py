@@ -1,4 +1,4 @@
-"""What is shown to eyes while a run goes on: live tables, pages, recordings. Nothing that decides anything reads it.
+"""What observers of a run receive: live tables, pages, recordings. Nothing that decides anything reads it.
 
     truth/metrics        `Metrics`    the world, at most about ten times a second
     truth/events         `Notice`     the world, when something happens
@@ -154,7 +154,7 @@ class Watcher:
         )
 
     def notice(self, event: Event) -> Notice:
-        """An event of the journal, for eyes."""
+        """An event of the journal as observers receive it."""
         name = "" if event.robot is None else self._names[event.robot]
         return Notice(event.k, event.kind, name, told(event)[:MAX_TEXT])
 
@@ -167,7 +167,7 @@ class Watcher:
         return (done - before) / (now - since) if now > since else 0.0
 
 
-def show(view: Metrics | Notice | Telemetry) -> bytes:
+def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
     """A view as bytes."""
     packed: bytes = msgpack.packb(asdict(view))
     return packed

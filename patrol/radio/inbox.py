@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode
-from patrol.radio.replay_window import SPAN, Window
+from patrol.radio.replay_window import SPAN, ReplayWindow
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
@@ -86,7 +86,7 @@ class Inbox:
         self._step = step
         self._ahead = ahead
         self._last: dict[int, _Heard] = {}
-        self._windows: dict[int, Window] = {}
+        self._windows: dict[int, ReplayWindow] = {}
         self._starts: dict[int, float] = {}
         self._jumped: dict[int, list[_Heard]] = {}
 
@@ -143,7 +143,7 @@ class Inbox:
         """Believe what follows the last accepted frame, or `_STEADY` frames in a row that follow one another."""
         robot, sequence = heard.position.robot, heard.position.sequence
         last = self._last.get(robot)
-        window = self._windows.setdefault(robot, Window())
+        window = self._windows.setdefault(robot, ReplayWindow())
         outdated = window.newest - sequence >= SPAN
         if not window.fresh(sequence) and not (outdated and self._ahead is None):
             raise Rejected(RejectReason.OLD, "heard before, or too old to tell")
@@ -160,7 +160,7 @@ class Inbox:
                 if len(row) < _STEADY:
                     raise Rejected(reason, "does not follow the last one")
         if outdated:
-            self._windows[robot] = window = Window()
+            self._windows[robot] = window = ReplayWindow()
             del self._starts[robot]
         self._jumped.pop(robot, None)
         self._last[robot] = heard

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from patrol.pose import Pose
 from patrol.radio.message import Position
-from patrol.radio.replay_window import SPAN, Window
+from patrol.radio.replay_window import SPAN, ReplayWindow
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,12 +19,12 @@ class Peer:
     tick: int
 
 
-class Hearsay:
+class PeerTracker:
     """The looks that accepted positions tell of, each of them once. peers: by robot number, the newest heard."""
 
     def __init__(self) -> None:
         self.peers: dict[int, Peer] = {}
-        self._looks: dict[int, Window] = {}
+        self._looks: dict[int, ReplayWindow] = {}
 
     def hear(self, position: Position, tick: int) -> Iterator[tuple[int, Pose]]:
         """(tick, pose) of each look that is news, from a position accepted at ``tick``.
@@ -43,7 +43,7 @@ class Hearsay:
             self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
         # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
         places = [(position.pose.x, position.pose.y), *position.past]
-        looks = self._looks.setdefault(position.robot, Window())
+        looks = self._looks.setdefault(position.robot, ReplayWindow())
         for ago, (x, y) in enumerate(places):
             # One look counts once, however often it is told of: with a quality below 1 it leaves a rest of age.
             if ago <= min(tick, position.sequence) and looks.use(position.sequence - ago):

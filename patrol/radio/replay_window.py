@@ -8,7 +8,7 @@ SPAN = 64
 _MASK = (1 << SPAN) - 1
 
 
-class Window:
+class ReplayWindow:
     """The newest sequence used, and which of the `SPAN` - 1 before it were (RFC 4303, 3.4.3, for IPsec).
 
     A sender's sequences go on by time, also over a restart of the sender, so that a window outlives it.

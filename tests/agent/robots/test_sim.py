@@ -8,7 +8,7 @@ import pytest
 from agent.decision import Decision, State
 from agent.robots.sim import SILENCE_S, Identity, SimRobot
 from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.link import Mailbox, Presence
+from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from patrol.net.link import Mailbox
+from patrol.net.mailbox import Mailbox
 from patrol.net.multicast import Group, GroupDown, open_group
 
 

@@ -11,7 +11,7 @@ import pytest
 from patrol.errors import BadInput
 from patrol.journal import Status
 from patrol.net.keys import FleetKeys
-from patrol.net.link import Presence
+from patrol.net.mailbox import Presence
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from patrol.net.keys import FleetKeys
-from patrol.net.link import Presence
+from patrol.net.mailbox import Presence
 from patrol.net.phases import (
     NO_RUN,
     Hello,

@@ -10,7 +10,7 @@ import pytest
 from patrol.errors import BadInput
 from patrol.journal import End, Header
 from patrol.net.keys import FleetKeys
-from patrol.net.link import Mailbox
+from patrol.net.mailbox import Mailbox
 from patrol.net.telemetry import Traffic
 from patrol.pose import Pose
 from patrol.prepare import prepare
