@@ -41,7 +41,7 @@ from patrol.ground.footprint import Footprint, sensor_footprint
 from patrol.ground.terrain import Terrain
 from patrol.pose import TAU, Command, Drive, Pose, Velocity
 from patrol.radio.inbox import inbox_of
-from patrol.radio.message import MAX_CONTACTS, Position, encode
+from patrol.radio.message import MAX_CONTACTS, Position, as_received, encode
 from patrol.radio.peers import Peer
 from patrol.random import Purpose, draw
 from patrol.scenario import RobotSpec, Scenario
@@ -162,7 +162,7 @@ class Mind:
         pose: the robot's own. heard: the frames that reach it, by sender and sequence. bumped: whether its last move
         was cancelled by a collision. contacts: the intruders (x, y in m) that it sees itself.
         """
-        as_heard = Position.of(self.spec.number, k, k * self._step, pose).pose
+        as_heard = as_received(pose)
         self.belief.update(k, as_heard, heard, self._step)
         for place in contacts[:MAX_CONTACTS]:
             self.belief.contacts.report(Position.of_contact(k, k * self._step, *place), k)

@@ -8,6 +8,7 @@ tick and its reader, which received the tick seconds late; with small ones the d
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import threading
@@ -250,9 +251,15 @@ def open_router(listen: str) -> Link:
     try:
         return Link(zenoh.open(router_config(listen)))
     except zenoh.ZError as error:
-        busy = "in use" in str(error)
+        busy = _system_error(error) == errno.EADDRINUSE
         problem = "the port is busy; choose another" if busy else f"cannot listen there ({_first_line(error)})"
         raise LinkDown(f"{listen}: {problem}") from None
+
+
+def _system_error(error: Exception) -> int | None:
+    """The number of the system's error behind one of Zenoh's, which says it in its text alone; None without one."""
+    found = re.search(r"\(os error (\d+)\)", str(error))
+    return None if found is None else int(found[1])
 
 
 def _first_line(error: Exception) -> str:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode
 from patrol.radio.replay_window import SPAN, ReplayWindow
+from patrol.radio.units import cm_to_m, m_to_cm
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
@@ -175,7 +176,7 @@ class Inbox:
 
     def _plausible_trail(self, position: Position) -> Position:
         """The position with as much of its trail as a robot can have driven, a step for each sequence."""
-        limit = 100.0 * (self._max_speed * self._step + _ROUNDING)
+        limit = m_to_cm(self._max_speed * self._step + _ROUNDING)
         for place, (dx, dy) in enumerate(position.trail):
             if math.hypot(dx, dy) > limit:
                 return replace(position, trail=position.trail[:place])
@@ -219,7 +220,7 @@ class Inbox:
 
 def _apart(a: Position, b: Position) -> float:
     """The distance between two places, m."""
-    return math.hypot(b.x_cm - a.x_cm, b.y_cm - a.y_cm) / 100.0
+    return cm_to_m(math.hypot(b.x_cm - a.x_cm, b.y_cm - a.y_cm))
 
 
 def inbox_of(

@@ -25,6 +25,7 @@ from typing import Any
 import msgpack
 
 from patrol.pose import TAU, Pose, wrap
+from patrol.radio.units import cm_to_m, m_to_cm, mrad_to_rad, rad_to_mrad, s_to_ms
 
 VERSION = 1
 MAX_FRAME = 64
@@ -112,9 +113,9 @@ class Position:
         return cls(
             robot,
             sequence,
-            _units(time_s, 1000.0),
-            _units(pose.x, 100.0),
-            _units(pose.y, 100.0),
+            _rounded(s_to_ms(time_s)),
+            _rounded(m_to_cm(pose.x)),
+            _rounded(m_to_cm(pose.y)),
             _milliradians(pose.heading),
             trail,
         )
@@ -127,7 +128,7 @@ class Position:
     @property
     def pose(self) -> Pose:
         """The pose that receivers compute with (m, rad)."""
-        return Pose(self.x_cm / 100.0, self.y_cm / 100.0, wrap(self.heading_mrad / 1000.0))
+        return Pose(cm_to_m(self.x_cm), cm_to_m(self.y_cm), wrap(mrad_to_rad(self.heading_mrad)))
 
     @property
     def past(self) -> tuple[tuple[float, float], ...]:
@@ -136,8 +137,25 @@ class Position:
         x, y = self.x_cm, self.y_cm
         for dx, dy in self.trail:
             x, y = x + dx, y + dy
-            places.append((x / 100.0, y / 100.0))
+            places.append((cm_to_m(x), cm_to_m(y)))
         return tuple(places)
+
+
+def as_received(pose: Pose) -> Pose:
+    """A pose as every receiver of its frame computes with it: rounded to centimetres and milliradians.
+
+    Every footprint is computed from such a pose, so that truth, belief and observers agree to the point.
+
+    Args:
+        pose: in m and rad.
+
+    Returns:
+        The nearest pose that a frame can hold, in m and rad.
+
+    Raises:
+        ValueError: if a frame cannot hold the pose.
+    """
+    return Position.of(CONTACT, 0, 0.0, pose).pose
 
 
 def encode(position: Position, key: bytes | None = None) -> bytes:
@@ -229,19 +247,18 @@ def _check_key(key: bytes | None) -> None:
         raise ValueError(f"a key has 1 to {MAX_KEY} bytes, this one {len(key)}")
 
 
-def _units(value: float, per_unit: float) -> int:
-    scaled = value * per_unit
-    if not math.isfinite(scaled):
+def _rounded(value: float) -> int:
+    if not math.isfinite(value):
         raise ValueError(f"{value} is not finite")
-    return round(scaled)
+    return round(value)
 
 
 def _milliradians(heading: float) -> int:
     """The nearest of 0..6283 mrad round the circle, whose circumference is 6283.185 mrad."""
     if not math.isfinite(heading):
         raise ValueError(f"heading {heading} is not finite")
-    mrad = (heading % TAU) * 1000.0
-    return 0 if mrad > (MAX_HEADING_MRAD + TAU * 1000.0) / 2.0 else round(mrad)
+    mrad = rad_to_mrad(heading % TAU)
+    return 0 if mrad > (MAX_HEADING_MRAD + rad_to_mrad(TAU)) / 2.0 else round(mrad)
 
 
 def _tag(body: bytes, key: bytes) -> bytes:

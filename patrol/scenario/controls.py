@@ -27,7 +27,7 @@ from pydantic import Discriminator, Field, TypeAdapter, ValidationError
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.faults.kinds import PROCESS_KINDS, Clock, Lasting, nothing
+from patrol.scenario.faults.kinds import Clock, Lasting, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
 from patrol.values.section import Section
 from patrol.values.types import Corner, Name, Positive, expecting
@@ -176,7 +176,7 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
         fault.model_dump(mode="json", exclude_none=True)
         for fault in scenario.faults[first:]
         if isinstance(fault, Lasting)
-        and fault.kind not in PROCESS_KINDS
+        and fault.acts_on != "processes"
         and not (isinstance(fault, Clock) and fault.offset == fault.rate == 0.0)
         and tick_of(fault.at, scenario.step) <= k
         and not _has_ended(fault, scenario.step, k)
@@ -297,10 +297,7 @@ def _mapping(scenario: Scenario) -> dict[str, Any]:
 
 def _loaded(mapping: Mapping[str, Any], place: int) -> Scenario:
     """The scenario in a mapping, whose entry of `faults` at a place is the one that an operator asks for."""
-    try:
-        return load_scenario(mapping, called="control")
-    except BadInput as bad:
-        raise BadInput(str(bad).replace(f"faults.{place}", "fault")) from None
+    return load_scenario(mapping, called="control", aliases={f"faults.{place}": "fault"})
 
 
 # --- on the wire -----------------------------------------------------------------------------------------------------

@@ -77,16 +77,27 @@ def load_scenario(
     *,
     base: Path | None = None,
     called: str = "scenario",
+    aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
     """The scenario in a YAML file, or in a mapping of the same shape.
 
-    overrides: values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every entry
-    of a list); texts are read as YAML. Relative paths are relative to the file's folder, those of a mapping to `base`
-    or else the current folder. called: what errors call a mapping. Raises BadInput, one line that names the file, the
-    field, the value and the remedy.
+    Args:
+        source: the file, or the mapping.
+        overrides: values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every
+            entry of a list); texts are read as YAML.
+        base: the folder that a mapping's relative paths are relative to, the current one unless given; a file's are
+            relative to the file's folder.
+        called: what errors call a mapping.
+        aliases: what errors call a field instead of its dotted name.
+
+    Returns:
+        The scenario, resolved.
+
+    Raises:
+        BadInput: one line that names the file, the field, the value and the remedy.
     """
     if isinstance(source, Mapping):
-        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None, None)
+        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None, None, aliases)
     path = Path(source)
     raw, text = _read_mapping(path)
     return _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
@@ -178,9 +189,15 @@ def map_digest(path: Path) -> str:
 
 
 def _resolve(
-    raw: dict[str, Any], overrides: Overrides, source: str, base: Path, name: str | None, text: str | None
+    raw: dict[str, Any],
+    overrides: Overrides,
+    source: str,
+    base: Path,
+    name: str | None,
+    text: str | None,
+    aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
-    """text: of the file that the mapping was read from, or None."""
+    """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
     for field, value in overrides.items():
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))
@@ -188,7 +205,7 @@ def _resolve(
         return written_out(Scenario.model_validate(raw, context={"base": base}))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
-        raise BadInput(one_line(error, source, tuple(overrides), places)) from None
+        raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
 
 
 def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:

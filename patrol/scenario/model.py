@@ -16,7 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_va
 from patrol.journal.records import MAX_TICKS
 from patrol.pose import Pose, wrap
 from patrol.radio.message import MAX_STEP_CM, MAX_TIME_MS
-from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Faults
+from patrol.radio.units import cm_to_m, m_to_cm, ms_to_s, s_to_ms
+from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.values.section import Section, wrong
@@ -296,8 +297,8 @@ class Scenario(Section):
             self._check_direct()
         if self.step > self.duration:
             raise wrong("duration", f"shorter than one step of {self.step:g} s; give at least that", self.duration)
-        if self.duration / self.step > MAX_TICKS or self.duration * 1000.0 > MAX_TIME_MS:
-            limit = f"too long: at most {MAX_TIME_MS // 1000} s and {MAX_TICKS} steps fit"
+        if self.duration / self.step > MAX_TICKS or s_to_ms(self.duration) > MAX_TIME_MS:
+            limit = f"too long: at most {int(ms_to_s(MAX_TIME_MS))} s and {MAX_TICKS} steps fit"
             raise wrong("duration", limit, self.duration)
         for field in ("watchdog", "radio.forget_after"):
             if (value := _at(self, field)) < self.step:
@@ -318,7 +319,7 @@ class Scenario(Section):
             limit = "direct radio knows no ticks, and pace is lockstep; set pace to realtime or a factor of it"
             raise wrong("radio.via", limit)
         for place, fault in enumerate(self.faults):
-            if fault.kind not in (*PROCESS_KINDS, *SENSE_KINDS):
+            if fault.acts_on == "frames":
                 limit = f"{fault.kind} befalls frames of an ether, and radio.via is direct; disturb the network itself"
                 raise wrong(f"faults.{place}", limit)
 
@@ -330,8 +331,8 @@ class Scenario(Section):
             field = "robots" if isinstance(self.robots, RobotGroup) else f"robots.{spec.number - 1}"
             if names.setdefault(spec.name, spec.number) != spec.number:
                 raise wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
-            if self.radio.trail and spec.speed * self.step * 100.0 >= MAX_STEP_CM:
-                limit = f"a trail holds steps below {MAX_STEP_CM / 100:g} m per tick; set radio.trail to 0"
+            if self.radio.trail and m_to_cm(spec.speed * self.step) >= MAX_STEP_CM:
+                limit = f"a trail holds steps below {cm_to_m(MAX_STEP_CM):g} m per tick; set radio.trail to 0"
                 raise wrong(f"{field}.speed", limit, spec.speed)
 
 

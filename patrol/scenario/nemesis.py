@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from patrol.random import Draws, Purpose
-from patrol.scenario.faults.kinds import KINDS, STRANGER
+from patrol.scenario.faults.kinds import KINDS, STRANGER, Join, Leave
 from patrol.scenario.faults.nemesis_spec import room_for
 from patrol.scenario.faults.roster import tick_of
 from patrol.scenario.model import Scenario
@@ -60,7 +60,7 @@ def _coming_and_going(scenario: Scenario) -> set[str]:
     names = {robot.name for robot in scenario.roster}
     found: set[str] = set()
     for fault in scenario.faults:
-        if fault.kind in ("join", "leave"):
+        if isinstance(fault, Join | Leave):
             who = {fault.who} if isinstance(fault.who, str) else fault.who if isinstance(fault.who, tuple) else names
             found |= names.intersection(who) or names
     return found

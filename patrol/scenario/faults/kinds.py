@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, Union, get_args
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from patrol.errors import did_you_mean
 from patrol.scenario.faults.targets import WHO, WORDS, Who
 from patrol.values.section import Section, wrong
 from patrol.values.types import (
@@ -74,14 +74,34 @@ class Wait(Section):
 # --- the kinds -------------------------------------------------------------------------------------------------------
 
 
-class Fault(Section):
-    """What all faults have."""
+KINDS: dict[str, type[Fault]] = {}
+"""The model of each kind of fault, in the order in which the models are defined here."""
 
+ActsOn = Literal["processes", "frames", "senses"]
+
+
+class Fault(Section):
+    """What all faults have.
+
+    A subclass whose `kind` is a literal is a kind of fault: the class alone puts it into `KINDS`, the schema, the
+    error messages and the nemesis's vocabulary.
+
+    Attributes:
+        acts_on: *processes* (needs a launcher that can start and stop robots), *frames* (needs an ether) or *senses*
+            (changes what a robot measures).
+    """
+
+    acts_on: ClassVar[ActsOn]
     model_config = ConfigDict(serialize_by_alias=True)
 
     kind: str = Field(description=KIND)
     id: Name | None = Field(None, description="its name in journal and verdict; f1, f2, ... by place unless given")
     at: NotNegative = Field(0.0, description="s, when it happens or begins")
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_options: Any) -> None:
+        for kind in get_args(cls.model_fields["kind"].annotation):
+            KINDS[kind] = cls
 
 
 class Lasting(Fault):
@@ -96,45 +116,57 @@ class OnRobots(Fault):
     who: Who = Field(description=WHO)
 
 
-class Kill(OnRobots):
+class OnProcesses(OnRobots):
+    """A fault that starts, stops or ends robots' processes."""
+
+    acts_on = "processes"
+
+
+class Kill(OnProcesses):
     """A robot's process is gone at once; its body stays in the way, or is carried off."""
 
     kind: Literal["kill"] = Field(description=KIND)
     wreck: Literal["stays", "removed"] = Field("stays", description="stays | removed")
 
 
-class Restart(OnRobots):
+class Restart(OnProcesses):
     """A dead robot's process is started anew, with an empty memory; a living or paused one is killed first."""
 
     kind: Literal["restart"] = Field(description=KIND)
 
 
-class Pause(OnRobots, Lasting):
+class Pause(OnProcesses, Lasting):
     """A robot's process is stopped, and goes on after a while."""
 
     kind: Literal["pause"] = Field(description=KIND)
 
 
-class Resume(OnRobots):
+class Resume(OnProcesses):
     """A paused robot's process goes on."""
 
     kind: Literal["resume"] = Field(description=KIND)
 
 
-class Join(OnRobots):
+class Join(OnProcesses):
     """Robots that are not there, or have left, appear at their starts; who joins first of all is absent until then."""
 
     kind: Literal["join"] = Field(description=KIND)
 
 
-class Leave(OnRobots):
+class Leave(OnProcesses):
     """Robots end their patrol in good order and are taken off the terrain."""
 
     kind: Literal["leave"] = Field(description=KIND)
 
 
-class OnLinks(Lasting):
-    """A fault of the directed links from some robots to some."""
+class OnFrames(Lasting):
+    """A fault of the frames that robots send."""
+
+    acts_on = "frames"
+
+
+class OnLinks(OnFrames):
+    """A fault of the directed links from some robots to others."""
 
     sources: Who = Field("all", alias="from", description=f"senders: {WHO}")
     targets: Who = Field("all", alias="to", description=f"receivers: {WHO}")
@@ -195,7 +227,7 @@ Groups = Annotated[
 ]
 
 
-class Partition(Lasting):
+class Partition(OnFrames):
     """Groups of robots cannot hear each other; robots in no group form one more."""
 
     kind: Literal["partition"] = Field(description=KIND)
@@ -205,14 +237,14 @@ class Partition(Lasting):
     )
 
 
-class Silence(OnRobots, Lasting):
+class Silence(OnRobots, OnFrames):
     """Robots hear nothing, are not heard, or both."""
 
     kind: Literal["silence"] = Field(description=KIND)
     direction: Literal["in", "out", "both"] = Field("both", description="in (hears nothing) | out (not heard) | both")
 
 
-class Range(Lasting):
+class Range(OnRobots, OnFrames):
     """Robots are heard only so far."""
 
     kind: Literal["range"] = Field(description=KIND)
@@ -221,7 +253,7 @@ class Range(Lasting):
     through_walls: Flag = Field(True, description="false: only along a line of sight")
 
 
-class Bandwidth(Lasting):
+class Bandwidth(OnRobots, OnFrames):
     """Robots can send only so much."""
 
     kind: Literal["bandwidth"] = Field(description=KIND)
@@ -251,13 +283,19 @@ Payload = Annotated[
 ]
 
 
-class Spoof(Lasting):
+class Spoof(OnFrames):
     """Somebody sends positions in others' names."""
 
     kind: Literal["spoof"] = Field(description=KIND)
     by: RobotName = Field(STRANGER, description="stranger (has no key) or a robot's name (has the fleet's key)")
     victims: Who = Field("one", alias="as", description=f"in whose name: {WHO}")
     payload: Payload = Field(description=_PAYLOAD)
+
+
+class OnSenses(OnRobots, Lasting):
+    """A fault of what robots measure."""
+
+    acts_on = "senses"
 
 
 class Jump(Section):
@@ -267,7 +305,7 @@ class Jump(Section):
     size: NotNegative = Field(description="m, of each jump, in a direction that is drawn")
 
 
-class Drift(OnRobots, Lasting):
+class Drift(OnSenses):
     """Robots are wrong about where they are."""
 
     kind: Literal["drift"] = Field(description=KIND)
@@ -277,7 +315,7 @@ class Drift(OnRobots, Lasting):
     jump: Jump | None = Field(None, description="{every: s, size: m}, jumps that add up")
 
 
-class Clock(OnRobots, Lasting):
+class Clock(OnSenses):
     """Robots' clocks are wrong."""
 
     kind: Literal["clock"] = Field(description=KIND)
@@ -293,35 +331,13 @@ def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
     return {"kind": "clock", "id": name, "at": at, "for": step, "who": [who]}
 
 
-AnyFault = (
-    Kill
-    | Restart
-    | Pause
-    | Resume
-    | Join
-    | Leave
-    | Loss
-    | Delay
-    | Duplicate
-    | Reorder
-    | Partition
-    | Silence
-    | Range
-    | Bandwidth
-    | Spoof
-    | Drift
-    | Clock
-)
-KINDS: Mapping[str, type[Fault]] = {
-    get_args(model.model_fields["kind"].annotation)[0]: model for model in get_args(AnyFault)
-}
-"""The model of each kind of fault."""
+def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
+    """The kinds of faults that act on processes, on frames or on senses."""
+    return tuple(kind for kind, model in KINDS.items() if model.acts_on == what)
 
-PROCESS_KINDS = ("kill", "restart", "pause", "resume", "join", "leave")
-"""The kinds that need somebody who can start and stop robots."""
 
-SENSE_KINDS = ("drift", "clock")
-"""The kinds that bend what a robot senses. All that remain befall frames, and so need an ether."""
+PROCESS_KINDS = kinds_acting_on("processes")
+SENSE_KINDS = kinds_acting_on("senses")
 
 
 def _kind_of(fault: Any) -> str:
@@ -340,10 +356,7 @@ def _has_a_kind(fault: Any) -> Any:
     if kind is None:
         raise wrong("kind", f"missing; give one of {known}")
     if not isinstance(kind, str) or kind not in KINDS:
-        near = get_close_matches(str(kind).lower(), KINDS, n=1, cutoff=0.6)
-        raise wrong(
-            "kind", f"{kind} is no kind of fault; {f'did you mean {near[0]}?' if near else f'known are {known}'}"
-        )
+        raise wrong("kind", f"{kind} is no kind of fault; {did_you_mean(str(kind), tuple(KINDS))}")
     if kind in INSTANT and "for" in fault:
         raise wrong("for", f"a {kind} happens at once; leave 'for' out")
     return fault
@@ -363,25 +376,9 @@ def _named(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     return tuple(named)
 
 
-OneFault = Annotated[
-    Annotated[Kill, Tag("=kill")]
-    | Annotated[Restart, Tag("=restart")]
-    | Annotated[Pause, Tag("=pause")]
-    | Annotated[Resume, Tag("=resume")]
-    | Annotated[Join, Tag("=join")]
-    | Annotated[Leave, Tag("=leave")]
-    | Annotated[Loss, Tag("=loss")]
-    | Annotated[Delay, Tag("=delay")]
-    | Annotated[Duplicate, Tag("=duplicate")]
-    | Annotated[Reorder, Tag("=reorder")]
-    | Annotated[Partition, Tag("=partition")]
-    | Annotated[Silence, Tag("=silence")]
-    | Annotated[Range, Tag("=range")]
-    | Annotated[Bandwidth, Tag("=bandwidth")]
-    | Annotated[Spoof, Tag("=spoof")]
-    | Annotated[Drift, Tag("=drift")]
-    | Annotated[Clock, Tag("=clock")],
-    Discriminator(_kind_of),
-    BeforeValidator(_has_a_kind),
-]
+if TYPE_CHECKING:
+    OneFault = Fault
+else:
+    _EACH = tuple(Annotated[model, Tag(f"={kind}")] for kind, model in KINDS.items())
+    OneFault = Annotated[Union[_EACH], Discriminator(_kind_of), BeforeValidator(_has_a_kind)]  # noqa: UP007 - made here
 Faults = Annotated[tuple[OneFault, ...], AfterValidator(_named)]

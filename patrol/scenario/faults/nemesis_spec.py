@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, Tag
 
@@ -16,25 +16,10 @@ MOST_FAULTS = 1000
 QUIET = 1.0 / 3.0
 """Share of the run that is quiet at its end unless told."""
 
-KindName = Literal[
-    "kill",
-    "restart",
-    "pause",
-    "resume",
-    "join",
-    "leave",
-    "loss",
-    "delay",
-    "duplicate",
-    "reorder",
-    "partition",
-    "silence",
-    "range",
-    "bandwidth",
-    "spoof",
-    "drift",
-    "clock",
-]
+if TYPE_CHECKING:
+    KindName = str
+else:
+    KindName = Literal[tuple(KINDS)]
 _KINDS = f"all, or a list of kinds of faults: {', '.join(KINDS)}"
 Kinds = Annotated[
     Annotated[Literal["all"], expecting(_KINDS), Tag("=single")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from patrol.scenario.faults.kinds import STRANGER, AnyFault, Forgery, OnLinks, Partition, Spoof
+from patrol.scenario.faults.kinds import STRANGER, Fault, Forgery, OnLinks, Partition, Spoof
 from patrol.scenario.faults.targets import Drawing, Target, check_name, check_who, meant
 from patrol.values.section import wrong
 
@@ -21,7 +21,7 @@ def ticks_of(lasts: float, step: float) -> int:
 
 
 def check_faults(
-    faults: Sequence[AnyFault], names: Sequence[str], spares: frozenset[int], step: float, ticks: int, seed: int
+    faults: Sequence[Fault], names: Sequence[str], spares: frozenset[int], step: float, ticks: int, seed: int
 ) -> None:
     """Raise for the first fault that the roster or the duration rules out.
 

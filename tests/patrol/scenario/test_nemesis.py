@@ -75,7 +75,7 @@ def test_the_scenarios_own_faults_come_first_and_keep_their_robots() -> None:
     own = [{"kind": "join", "who": "r2", "at": 100, "id": "n1"}, {"kind": "leave", "who": ["r3"], "at": 200}]
     found = load_scenario({**OPEN, "faults": own, "nemesis": {"interval": 20, "kinds": ["kill", "pause", "leave"]}})
     assert [fault.id for fault in found.faults[:3]] == ["n1", "f2", "n1x"]
-    touched = {name for fault in found.faults[2:] for name in fault.who}  # type: ignore[union-attr]
+    touched = {name for fault in found.faults[2:] for name in fault.who}  # type: ignore[attr-defined]
     assert touched <= {"r1", "r4", "r5"}
     word = [{"kind": "join", "who": "one", "at": 100}]
     nobody = load_scenario({**OPEN, "faults": word, "nemesis": {"interval": 20, "kinds": ["kill"]}})

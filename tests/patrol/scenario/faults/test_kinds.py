@@ -14,7 +14,7 @@ from patrol.scenario import (
     scenario_hash,
     scenario_schema,
 )
-from patrol.scenario.faults.kinds import INSTANT, KINDS, PROCESS_KINDS, AnyFault, OneFault, Spoof, Wait
+from patrol.scenario.faults.kinds import INSTANT, KINDS, PROCESS_KINDS, SENSE_KINDS, ActsOn, OneFault, Spoof, Wait
 from patrol.scenario.faults.targets import Target, meant
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "robots": {"count": 5}, "duration": 100}
@@ -65,9 +65,11 @@ def test_every_kind_is_in_all_the_lists() -> None:
     chosen = get_args(get_args(OneFault)[0])
     tags = [tag.tag for annotated in chosen for tag in annotated.__metadata__]
     assert tags == [f"={kind}" for kind in KINDS]
-    assert [get_args(annotated)[0] for annotated in chosen] == list(get_args(AnyFault))
+    assert [get_args(annotated)[0] for annotated in chosen] == list(KINDS.values())
     assert set(INSTANT) == {"kill", "restart", "resume", "join", "leave"}
     assert set(PROCESS_KINDS) == {*INSTANT, "pause"}
+    assert set(SENSE_KINDS) == {"drift", "clock"}
+    assert all(fault.acts_on in get_args(ActsOn) for fault in KINDS.values())
 
 
 def test_ids_are_by_place_unless_given() -> None:
