@@ -11,7 +11,7 @@ _LONGEST = 60
 
 
 class BadInput(Exception):
-    """Something the user gave cannot be used.
+    """Input from the user that cannot be used.
 
     ``str(error)`` is one line that names the file or field, the value, what is wrong with it and what to do instead.
     The command line prints that line and ends with exit code 2.
@@ -36,7 +36,14 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
 
 
 def quoted(value: Any) -> str:
-    """A value as a scenario file would spell it, cut to a readable length."""
+    """A value as a scenario file would spell it, cut to a readable length.
+
+    Args:
+        value: anything that a file or a message may hold.
+
+    Returns:
+        the value as JSON where it has a JSON form, otherwise as Python writes it; at most 60 characters.
+    """
     try:
         text = json.dumps(value, ensure_ascii=False, default=repr)
     except (ValueError, TypeError, RecursionError):

@@ -39,7 +39,14 @@ class Purpose(IntEnum):
 
 
 def mix(*values: SupportsIndex) -> int:
-    """A well mixed 64-bit integer from one or more integers (any sign and size, taken modulo 2^64)."""
+    """A well mixed 64-bit integer.
+
+    Args:
+        values: one or more integers, any sign and size, taken modulo 2^64.
+
+    Raises:
+        TypeError: without any value.
+    """
     if not values:
         raise TypeError("mix needs at least one value")
     state = 0
@@ -49,15 +56,20 @@ def mix(*values: SupportsIndex) -> int:
 
 
 def draw(*values: SupportsIndex) -> float:
-    """A float in [0, 1), uniform over the multiples of 2^-53, from one or more integers.
+    """A float in [0, 1), uniform over the multiples of 2^-53.
 
-    By convention the first value is the scenario's seed and the second a `Purpose`.
+    Args:
+        values: one or more integers; by convention the first is the scenario's seed and the second a `Purpose`.
     """
     return (mix(*values) >> 11) * 2.0**-53
 
 
 def gauss(*values: SupportsIndex) -> float:
-    """A draw from the standard normal distribution (Box and Muller), from one or more integers."""
+    """A draw from the standard normal distribution (Box and Muller).
+
+    Args:
+        values: as in `draw`.
+    """
     radius = math.sqrt(-2.0 * math.log(1.0 - draw(*values, 0)))
     return radius * math.cos(2.0 * math.pi * draw(*values, 1))
 
@@ -80,23 +92,46 @@ class Draws:
         return draw(*self._what, self._count)
 
     def between(self, least: float, most: float) -> float:
-        """A float, to three significant digits."""
+        """A float, to three significant digits.
+
+        Args:
+            least: lower bound.
+            most: upper bound.
+        """
         return float(f"{least + (most - least) * self.share():.3g}")
 
     def whole(self, least: int, most: int) -> int:
-        """An integer, both bounds included."""
+        """An integer.
+
+        Args:
+            least: lower bound, included.
+            most: upper bound, included.
+        """
         return least + int((most - least + 1) * self.share())
 
     def choice(self, *what: T) -> T:
-        """One of several."""
+        """One of several values.
+
+        Args:
+            what: the values.
+        """
         return what[self.whole(0, len(what) - 1)]
 
     def shuffled(self, what: Sequence[T]) -> list[T]:
-        """All of them, in any order."""
+        """All values, in a drawn order.
+
+        Args:
+            what: the values.
+        """
         return [what[place] for _, place in sorted((self.share(), place) for place in range(len(what)))]
 
     def some(self, names: Sequence[str], most: int) -> list[str]:
-        """One to `most` of the names, sorted."""
+        """Some of the names, sorted.
+
+        Args:
+            names: to choose from.
+            most: how many at most; at least one is chosen.
+        """
         return sorted(self.shuffled(names)[: self.whole(1, most)])
 
 

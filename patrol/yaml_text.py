@@ -49,7 +49,11 @@ _RULES = (
 
 
 def add_core_rules(reader_or_writer: type[yaml.SafeLoader | yaml.SafeDumper]) -> None:
-    """Give a PyYAML loader or dumper the core rules of YAML 1.2 for plain values, beside those that it has."""
+    """Give a PyYAML loader or dumper the core rules of YAML 1.2 for plain values, beside those that it has.
+
+    Args:
+        reader_or_writer: the class to change.
+    """
     for tag, rule, first in _RULES:
         reader_or_writer.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", rule, first)
 
@@ -66,7 +70,14 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _int)
 
 
 def read_text(path: Path) -> str:
-    """The text of a file in UTF-8, or else in Latin-1, as old maps' comments are; BadInput when it cannot be read."""
+    """The text of a file in UTF-8, or else in Latin-1, as old maps' comments are.
+
+    Args:
+        path: the file.
+
+    Raises:
+        BadInput: when the file cannot be read or holds no text.
+    """
     try:
         return _decode(path.read_bytes())
     except FileNotFoundError:
@@ -89,7 +100,18 @@ def _decode(content: bytes) -> str:
 
 
 def parse_yaml(text: str, source: str) -> Any:
-    """The one document in a YAML text; BadInput, with the line, when it is not well formed."""
+    """The one document in a YAML text.
+
+    Args:
+        text: the YAML.
+        source: what errors call it.
+
+    Returns:
+        plain lists, mappings, texts and numbers.
+
+    Raises:
+        BadInput: with the line, when the text is not well formed.
+    """
     try:
         return yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain values only
     except yaml.MarkedYAMLError as error:
@@ -105,9 +127,15 @@ def parse_yaml(text: str, source: str) -> Any:
 
 
 def line_of(text: str, location: Sequence[int | str]) -> int | None:
-    """The line (from 1) where a YAML text, that can be parsed, has the entry at a path of keys and indices.
+    """The line of a YAML text on which an entry stands.
 
-    Of what is not there, the line of the innermost thing around it that is; None when not even the first key is there.
+    Args:
+        text: YAML that can be parsed.
+        location: the path of keys and indices to the entry.
+
+    Returns:
+        the line, from 1; of an entry that is missing, the line of the innermost entry around it; None when not even the
+        first key is there.
     """
     node = yaml.compose(text, Loader=_Loader)
     line = None

@@ -30,9 +30,17 @@ class Layout:
 
 
 def builtin_terrain(name: str, point: float) -> Terrain:
-    """A built-in terrain on points of `point` m; a point that shares some area with an obstacle is impassable.
+    """A built-in terrain as a grid; a point that shares some area with an obstacle is impassable.
 
-    Raises BadInput for an unknown name and for points so large or small that no terrain is left.
+    Args:
+        name: a key of `LAYOUTS`.
+        point: side of one point, m.
+
+    Returns:
+        the terrain, with its lower left corner at (0, 0).
+
+    Raises:
+        BadInput: for an unknown name, and for points so large or small that no terrain is left.
     """
     if name not in LAYOUTS:
         raise BadInput(f"terrain.builtin = {name}: no such terrain; known are {', '.join(LAYOUTS)}")

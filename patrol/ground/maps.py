@@ -43,7 +43,18 @@ BLOCK = 256
 
 @dataclass(frozen=True, slots=True)
 class MapFile:
-    """What a map's YAML says. resolution: m per cell. origin: (x, y) in m of the lower left corner."""
+    """What a map's YAML file says.
+
+    Attributes:
+        path: the YAML file.
+        image: the image that it names.
+        resolution: m per cell.
+        origin: (x, y) in m of the lower left corner.
+        negate: whether dark pixels are free.
+        occupied_thresh: occupancy from which a cell is occupied, 0 to 1.
+        free_thresh: occupancy below which a cell is free, 0 to 1.
+        mode: how pixels are read; see `free_cells`.
+    """
 
     path: Path
     image: Path
@@ -56,9 +67,15 @@ class MapFile:
 
 
 def load_terrain(spec: TerrainSpec, point: float, base: Path) -> Terrain:
-    """The terrain that a scenario asks for, on points of `point` m; its map's path is relative to `base`.
+    """The terrain that a scenario asks for.
 
-    Raises BadInput when there is no such map or no free space.
+    Args:
+        spec: the scenario's `terrain` section.
+        point: side of one point, m.
+        base: the folder that the map's path is relative to.
+
+    Raises:
+        BadInput: when there is no such map, it cannot be used, or no free space is left.
     """
     if spec.builtin is not None:
         terrain = builtin_terrain(spec.builtin, point)
@@ -76,10 +93,16 @@ def load_terrain(spec: TerrainSpec, point: float, base: Path) -> Terrain:
 
 
 def read_terrain(path: Path, point: float) -> Terrain:
-    """The terrain of a map's YAML file on points of `point` m.
+    """The terrain of a map.
 
     The grid begins at the map's origin; what is left of the map beyond the last whole point is dropped.
-    Raises BadInput for whatever is wrong with the two files or leaves no free space.
+
+    Args:
+        path: the map's YAML file.
+        point: side of one point, m.
+
+    Raises:
+        BadInput: for anything wrong with the two files, and when no free space is left.
     """
     says = read_map_file(path)
     cells = free_cells(says)
@@ -104,7 +127,14 @@ def read_terrain(path: Path, point: float) -> Terrain:
 
 
 def read_map_file(path: Path) -> MapFile:
-    """What a map's YAML file says; BadInput names the key, its value and what is wrong with it."""
+    """Read a map's YAML file.
+
+    Args:
+        path: the YAML file.
+
+    Raises:
+        BadInput: one line that names the key, its value and what is wrong with it.
+    """
     says = parse_yaml(read_text(path), str(path))
     if not isinstance(says, dict):
         raise BadInput(f"{path}: is no map; expected keys and values such as 'image: map.pgm'")
@@ -136,11 +166,20 @@ def read_map_file(path: Path) -> MapFile:
 
 
 def free_cells(says: MapFile) -> BoolGrid:
-    """bool (rows, columns), the lowest y first: the cells that are free, that is neither occupied nor unknown.
+    """The cells of a map that are free, that is neither occupied nor unknown.
 
     As nav2: a pixel's shade is the mean of its channels (with alpha in mode trinary) and its occupancy 1 - shade, or
     shade where negate is set; free is what lies below free_thresh. In mode scale a pixel that is not opaque is unknown.
     In mode raw the pixel itself, 0 to 100, is the occupancy in percent, and more is unknown.
+
+    Args:
+        says: the map's YAML file.
+
+    Returns:
+        bool (rows, columns), the lowest y first.
+
+    Raises:
+        BadInput: when the image cannot be read.
     """
     levels, has_alpha = _pixels(says)
     free = np.empty(levels.shape[:2], dtype=np.bool_)
@@ -160,9 +199,15 @@ def free_cells(says: MapFile) -> BoolGrid:
 
 
 def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
-    """bool (height, width): the points of `point` m on which every cell that they share some area with is free.
+    """The points on which every cell that they share some area with is free.
 
-    cells: bool (rows, columns) of `resolution` m, from the same corner. Finer and coarser points both work.
+    Args:
+        cells: bool (rows, columns), free cells.
+        resolution: side of one cell, m.
+        point: side of one point, m; it may be smaller or larger than a cell.
+
+    Returns:
+        bool (height, width), from the same corner as the cells.
     """
     # blocked[r, c] counts the blocked cells below row r and left of column c.
     blocked = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)
