@@ -34,7 +34,7 @@ from patrol.net.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.controls import CONTROLS, OPERATOR, amended, in_force, read_control, told
+from patrol.scenario.controls import CONTROLS, OPERATOR, amended, in_force, read_control
 
 if TYPE_CHECKING:
     from monitor.live.wire import Wire
@@ -397,4 +397,4 @@ def _events(packed: Sequence[bytes]) -> list[Event]:
 
 def _shown(event: Event) -> Event:
     """An event in words for people."""
-    return replace(event, detail=told(event)) if event.kind == OPERATOR else event
+    return replace(event, detail=described(event)) if event.kind == OPERATOR else event

@@ -54,7 +54,15 @@ _FRAME = struct.Struct("<II")
 
 
 class JournalWriter:
-    """Writes a new journal; OSError (FileExistsError for a file that is there) when it cannot."""
+    """Writes a new journal.
+
+    Args:
+        path: the new file.
+        header: the first record.
+
+    Raises:
+        OSError: when the file cannot be written; FileExistsError when it exists.
+    """
 
     def __init__(self, path: Path, header: Header) -> None:
         self._file = io.FileIO(path, "xb")
@@ -62,11 +70,26 @@ class JournalWriter:
         self.write(header)
 
     def write(self, record: Record) -> None:
-        """Append one record; when this returns the operating system has it."""
+        """Append one record; when this returns the operating system has it.
+
+        Args:
+            record: any record but the header.
+
+        Raises:
+            OSError: when the file cannot be written.
+        """
         self.append(pack(record))
 
     def append(self, payload: bytes) -> None:
-        """Append one record that `pack` has packed."""
+        """Append one record that is packed already; when this returns the operating system has it.
+
+        Args:
+            payload: from `pack`.
+
+        Raises:
+            OSError: when the file cannot be written.
+            ValueError: for a record longer than MAX_RECORD.
+        """
         if len(payload) > MAX_RECORD:
             raise ValueError(f"a record of {len(payload)} bytes is longer than {MAX_RECORD}")
         self._put(_FRAME.pack(len(payload), zlib.crc32(payload)) + payload)
@@ -98,9 +121,14 @@ class _Rest(NamedTuple):
 
 
 class Journal:
-    """A journal on disk. Ticks are streamed from the file on each pass; the rest is read once, when first asked for.
+    """A journal on disk. Ticks are streamed from the file on each pass; the rest is read once, when first needed.
 
-    Reading raises BadInput when an undamaged record is not what a journal holds.
+    Attributes:
+        path: the file.
+        header: its first record.
+
+    Raises:
+        BadInput: on opening and on reading, when an undamaged record is not what a journal holds.
     """
 
     def __init__(self, path: Path) -> None:
@@ -144,7 +172,14 @@ class Journal:
 
 
 def read_journal(path: Path) -> Journal:
-    """Open a journal, which may be cut off anywhere or still be growing; BadInput for any other file."""
+    """Open a journal, which may be cut off anywhere or still be growing.
+
+    Args:
+        path: the file.
+
+    Raises:
+        BadInput: for any other file.
+    """
     return Journal(path)
 
 
@@ -196,13 +231,24 @@ class _Records:
 
 
 def pack(record: Record) -> bytes:
-    """A record as a journal holds it."""
+    """A record as a journal holds it.
+
+    Args:
+        record: any record.
+    """
     packed: bytes = msgpack.packb(_plain(record))
     return packed
 
 
 def unpack(payload: bytes) -> Record:
-    """The record that was packed; ValueError for anything else."""
+    """The record that was packed.
+
+    Args:
+        payload: from `pack`.
+
+    Raises:
+        ValueError: for anything else.
+    """
     try:
         return _typed(msgpack.unpackb(payload, strict_map_key=False))
     except (TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:

@@ -52,7 +52,11 @@ class LinkDown(Exception):
 
 
 class Link:
-    """A session with a router. Everything declared on it lives until `close`."""
+    """A session with a router. Everything declared on it lives until `close`.
+
+    Args:
+        session: an open Zenoh session.
+    """
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -64,10 +68,12 @@ class Link:
         return bool(self._session.info.routers_zid())
 
     def post(self, key: str, *, waits: bool = True) -> Post:
-        """What ticks and answers are sent with: at once, ahead of all else.
+        """A publisher for ticks and answers: sends at once, ahead of all else.
 
-        waits: whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds up
-        its router, and with it everything that this link sends to anybody.
+        Args:
+            key: to publish under.
+            waits: whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds
+                up its router, and with it everything that this link sends to anybody.
         """
         control = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
         publisher = self._session.declare_publisher(
@@ -80,7 +86,11 @@ class Link:
         return publisher.put
 
     def broadcast(self, key: str) -> Post:
-        """What a direct radio sends with: at once, to all others, and lost rather than late."""
+        """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
+
+        Args:
+            key: to publish under.
+        """
         publisher = self._session.declare_publisher(
             key,
             congestion_control=zenoh.CongestionControl.DROP,
@@ -93,7 +103,11 @@ class Link:
         return publisher.put
 
     def publisher(self, key: str) -> Post:
-        """A publisher for observers: drops a message where a queue is full, so that it never holds up a tick."""
+        """A publisher for observers: drops a message where a queue is full, so that it never holds up a tick.
+
+        Args:
+            key: to publish under.
+        """
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.DATA_LOW
         )
@@ -101,7 +115,12 @@ class Link:
         return publisher.put
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Let messages under a key expression into a mailbox."""
+        """Put messages into a mailbox.
+
+        Args:
+            key: a key expression.
+            mailbox: where they wait.
+        """
 
         def receive(sample: zenoh.Sample) -> None:
             mailbox.deliver(str(sample.key_expr), sample.payload)
@@ -110,7 +129,12 @@ class Link:
         self._declared.append(self._session.declare_subscriber(key, handler))
 
     def watch(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Let the liveliness tokens under a key expression into a mailbox: those there are, and every change."""
+        """Put liveliness tokens into a mailbox: those that exist now, and every change.
+
+        Args:
+            key: a key expression.
+            mailbox: where `Presence` messages wait.
+        """
 
         def receive(sample: zenoh.Sample) -> None:
             mailbox.put(str(sample.key_expr), Presence(sample.kind == zenoh.SampleKind.PUT))
@@ -119,11 +143,21 @@ class Link:
         self._declared.append(self._session.liveliness().declare_subscriber(key, handler, history=True))
 
     def sees(self, key: str) -> bool:
-        """Whether anybody holds the liveliness token of a key now."""
+        """Whether anybody holds the liveliness token of a key now.
+
+        Args:
+            key: a key expression.
+        """
         return any(reply.ok is not None for reply in self._session.liveliness().get(key, timeout=SEE_S))
 
     def attend(self, key: str, longest: int, mailbox: Mailbox[Question]) -> None:
-        """Let the questions under a key into a mailbox, to be answered at leisure."""
+        """Put queries into a mailbox, to be answered later.
+
+        Args:
+            key: the key that is queried.
+            longest: bytes of the longest payload that is accepted.
+            mailbox: where they wait.
+        """
 
         def receive(query: zenoh.Query) -> None:
             payload = query.payload
@@ -136,18 +170,35 @@ class Link:
         self._declared.append(self._session.declare_queryable(key, handler))
 
     def ask(self, key: str, payload: bytes, wait_s: float) -> bytes | None:
-        """The first answer to a question, or None when nobody has one in time."""
+        """The first answer to a query.
+
+        Args:
+            key: to query.
+            payload: of the query.
+            wait_s: how long to wait.
+
+        Returns:
+            the answer, or None when none came in time.
+        """
         replies = self._session.get(key, payload=payload, timeout=wait_s, priority=zenoh.Priority.DATA_HIGH)
         return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
 
     def live(self, key: str) -> None:
-        """Declare a liveliness token, which ends with this process or its link."""
+        """Declare a liveliness token, which ends with this process or its link.
+
+        Args:
+            key: of the token.
+        """
         self._declared.append(self._session.liveliness().declare_token(key))
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
-        """Close the session; False when that takes longer than the limit, after which only ending the process helps.
+        """Close the session; what is closed already stays so.
 
-        What is closed already stays so.
+        Args:
+            limit_s: how long to wait.
+
+        Returns:
+            False when closing takes longer than the limit, after which only ending the process helps.
         """
         if self._session.is_closed():
             return True
@@ -177,10 +228,16 @@ def open_link(
     waiting: Callable[[float], None] = lambda _waited: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Link:
-    """Join the router at a locator such as ``tcp/127.0.0.1:7447``.
+    """Join a router.
 
-    waiting: called as `TELL_S` says, with the seconds waited, while no router answers. Raises LinkDown when none has
-    after wait_s, or when `stopped` says so.
+    Args:
+        router: its locator, such as ``tcp/127.0.0.1:7447``.
+        wait_s: how long to wait for it.
+        waiting: called as `TELL_S` says, with the seconds waited, while no router answers.
+        stopped: whether to give up.
+
+    Raises:
+        LinkDown: when no router has answered after `wait_s`, or `stopped` says so.
     """
     return _open(client_config(router, LEASE_S), router, wait_s, waiting, stopped)
 
@@ -188,9 +245,20 @@ def open_link(
 def open_links(
     router: str, radio: str | None, wait_s: float, say: Callable[[str], None], stopped: Callable[[], bool]
 ) -> tuple[Link, Air] | None:
-    """The link to the router and the one for positions, the same unless `radio` says where; None when told to stop.
+    """Open the link to the router and the one for positions.
 
-    say: takes a line now and then while somebody is waited for. Raises BadInput when nobody has answered after wait_s.
+    Args:
+        router: the router's locator.
+        radio: where robots hear each other, or None for the same router.
+        wait_s: how long to wait for each.
+        say: takes a line now and then while the process waits.
+        stopped: whether to give up.
+
+    Returns:
+        both links, which may be the same; None when `stopped` says so.
+
+    Raises:
+        BadInput: when nobody has answered after `wait_s`.
     """
 
     def waiting_for(what: str) -> Callable[[float], None]:
@@ -247,7 +315,14 @@ def _open(
 
 
 def open_router(listen: str) -> Link:
-    """Be a router at a locator; LinkDown, in one line, when that is not to be had."""
+    """Be a router.
+
+    Args:
+        listen: the locator to listen at.
+
+    Raises:
+        LinkDown: in one line, when it cannot listen there.
+    """
     try:
         return Link(zenoh.open(router_config(listen)))
     except zenoh.ZError as error:
@@ -270,7 +345,12 @@ def _first_line(error: Exception) -> str:
 
 
 def client_config(router: str, lease_s: float) -> zenoh.Config:
-    """A client of one router, that waits for it and finds back to it."""
+    """A client of one router, which waits for it and reconnects to it.
+
+    Args:
+        router: its locator.
+        lease_s: how long the client may be silent before the router drops it.
+    """
     return _config(
         {
             "mode": "client",
@@ -285,7 +365,11 @@ def client_config(router: str, lease_s: float) -> zenoh.Config:
 
 
 def router_config(listen: str) -> zenoh.Config:
-    """A router that listens at one locator."""
+    """A router that listens at one locator.
+
+    Args:
+        listen: the locator.
+    """
     return _config({"mode": "router", "listen/endpoints": [listen], "connect/endpoints": []})
 
 

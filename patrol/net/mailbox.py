@@ -25,21 +25,30 @@ Post = Callable[[bytes], None]
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """The news that a liveliness token has come or gone."""
+    """A liveliness token has come or gone.
+
+    Attributes:
+        present: whether it exists now.
+    """
 
     present: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Something that somebody asks for. answer: sends the answer, once; a long one waits for who takes it in."""
+    """A query that waits for an answer.
+
+    Attributes:
+        payload: of the query.
+        answer: sends the answer, once; a long answer waits for its receiver.
+    """
 
     payload: bytes
     answer: Post
 
 
 class Payload(Protocol):
-    """What a message holds before it is copied out of Zenoh."""
+    """The payload of a message, which may not have been copied out of Zenoh yet."""
 
     def __len__(self) -> int:
         """How many bytes."""
@@ -53,9 +62,16 @@ class Payload(Protocol):
 class Mailbox(Generic[T]):
     """Messages that have arrived and wait to be taken, in order within a key and fairly between keys.
 
-    keys: those it accepts. decode: turns a payload into a message, or raises ValueError. longest: bytes of the longest
-    payload that it looks at. room: messages that wait per key; when there are more the oldest is dropped. `refused`
-    counts what was dropped: unknown, oversized, malformed, overflow. One thread puts, another gets.
+    One thread puts, another gets.
+
+    Attributes:
+        refused: counts of dropped messages by reason: unknown, oversized, malformed, overflow.
+
+    Args:
+        keys: those it accepts.
+        decode: turns a payload into a message, or raises ValueError.
+        longest: bytes of the longest payload that is decoded.
+        room: messages that wait per key; when there are more the oldest is dropped.
     """
 
     def __init__(self, keys: Collection[str], decode: Callable[[bytes], T], longest: int, room: int = _ROOM) -> None:
@@ -67,7 +83,12 @@ class Mailbox(Generic[T]):
         self._changed = threading.Condition()
 
     def deliver(self, key: str, payload: Payload) -> None:
-        """Decode one message and let it in; called on Zenoh's thread."""
+        """Decode one message and put it in; called on the receiving thread.
+
+        Args:
+            key: that it came under.
+            payload: not yet copied.
+        """
         if len(payload) > self._longest:
             self.refused["oversized"] += 1
             return
@@ -79,7 +100,12 @@ class Mailbox(Generic[T]):
         self.put(key, message)
 
     def put(self, key: str, message: T) -> None:
-        """Let one message in; called from any thread."""
+        """Put one message in; called from any thread.
+
+        Args:
+            key: that it came under.
+            message: decoded.
+        """
         waiting = self._waiting.get(key)
         if waiting is None:
             self.refused["unknown"] += 1
@@ -93,7 +119,14 @@ class Mailbox(Generic[T]):
             waiting.append(message)
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, T] | None:
-        """The next message and its key, or None when none came in time."""
+        """Take the next message out.
+
+        Args:
+            timeout_s: how long to wait for one.
+
+        Returns:
+            its key and the message, or None when none came in time.
+        """
         with self._changed:
             if not self._ready and timeout_s > 0.0:
                 self._changed.wait(timeout_s)
@@ -108,14 +141,23 @@ class Mailbox(Generic[T]):
 
 
 class Air(Protocol):
-    """What positions travel by: a `Link`, or a `patrol.net.multicast.Group`."""
+    """What carries positions: a `patrol.net.link.Link`, or a `patrol.net.multicast.Group`."""
 
     def broadcast(self, key: str) -> Post:
-        """What a direct radio sends with: at once, to all others, and lost rather than late."""
+        """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
+
+        Args:
+            key: to publish under.
+        """
         ...
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Let messages under a key expression into a mailbox."""
+        """Put messages into a mailbox.
+
+        Args:
+            key: a key expression.
+            mailbox: where they wait.
+        """
         ...
 
     def close(self) -> bool:

@@ -1,8 +1,9 @@
 """Positions by multicast, without Zenoh: one datagram each, to all who can hear it.
 
-A datagram is the key, a zero byte, and the frame. Nobody is told who listens, so nothing needs to arrive before a frame
-does, and nothing but frames is ever sent. Zenoh's own multicast needs no router either, but its members pass on to each
-other who listens to what: where four of them started on a busy machine, that filled the network for ten seconds.
+A datagram is the key, a zero byte, and the frame. Subscriptions are not announced, so nothing needs to arrive before a
+frame does, and nothing but frames is ever sent. Zenoh's own multicast needs no router either, but its members pass
+their subscriptions on to each other: where four of them started on a busy machine, that filled the network for ten
+seconds.
 """
 
 from __future__ import annotations
@@ -21,12 +22,16 @@ _POLL_S = 0.2
 
 
 class GroupDown(Exception):
-    """There can be no such group here; one line says why."""
+    """A multicast group cannot be joined here; one line says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """A payload that is there already (`patrol.net.mailbox.Payload`)."""
+    """A payload that has been copied already (`patrol.net.mailbox.Payload`).
+
+    Attributes:
+        data: the bytes.
+    """
 
     data: bytes
 
@@ -39,9 +44,12 @@ class Datagram:
 
 
 class Group:
-    """A member of a multicast group (`patrol.net.mailbox.Air`). What it sends it does not hear itself.
+    """A member of a multicast group (`patrol.net.mailbox.Air`). It does not hear what it sends itself.
 
-    out: sends to the group. into: hears it. address: the group's, and the port.
+    Args:
+        out: sends to the group.
+        into: receives from it.
+        address: the group's, and the port.
     """
 
     def __init__(self, out: socket.socket, into: socket.socket, address: tuple[str, int]) -> None:
@@ -55,7 +63,11 @@ class Group:
         self._thread.start()
 
     def broadcast(self, key: str) -> Post:
-        """What sends under a key; what the network does not take at once is lost."""
+        """What sends under a key; a frame that the network does not take at once is lost.
+
+        Args:
+            key: to send under.
+        """
         self._own.add(key)
         head = key.encode() + b"\0"
 
@@ -66,7 +78,12 @@ class Group:
         return post
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Let messages under a key, or under all that begin alike with ``*`` for the end, into a mailbox."""
+        """Put messages into a mailbox.
+
+        Args:
+            key: one key, or the beginning of several with ``*`` for the rest.
+            mailbox: where they wait.
+        """
         self._subscriptions.append((key, mailbox))
 
     def close(self) -> bool:
@@ -94,7 +111,14 @@ class Group:
 
 
 def open_group(locator: str) -> Group:
-    """Join a group at ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``; GroupDown, in one line, when it cannot be."""
+    """Join a group.
+
+    Args:
+        locator: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``.
+
+    Raises:
+        GroupDown: in one line, when it cannot be joined.
+    """
     address, _, iface = locator.removeprefix("udp/").partition("#iface=")
     group, _, port = address.partition(":")
     out, into = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))

@@ -36,7 +36,14 @@ def fleet_key(file: str | Path | None) -> bytes | None:
 
 
 def new_key(path: Path) -> None:
-    """Write a new random key, as text, to a file that nobody else can read. BadInput when the file is there already."""
+    """Write a new random key, as text, to a file that nobody else can read.
+
+    Args:
+        path: the new file.
+
+    Raises:
+        BadInput: when the file exists or cannot be written.
+    """
     if path.is_dir():
         raise BadInput(f"{path}: is a folder; name a new file in it, such as {path / 'fleet.key'}")
     try:

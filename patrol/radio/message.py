@@ -79,9 +79,17 @@ class Rejected(Exception):
 class Position:
     """Where a robot says it is, in the units of the wire.
 
-    robot: 1..65535, or 0 for a *contact* (an intruder's position reported by a robot). sequence: 0..2^32-1, one more
-    each step. time_ms: 0..2^32-1, ms of the sender's clock. x_cm, y_cm: cm, signed 32 bits. heading_mrad: 0..6283.
-    trail: up to `MAX_TRAIL` pairs of cm, signed 16 bits, newest first. Raises ValueError for anything else.
+    Attributes:
+        robot: 1..65535, or 0 for a *contact* (an intruder's position reported by a robot).
+        sequence: 0..2^32-1, one more each step.
+        time_ms: 0..2^32-1, ms of the sender's clock.
+        x_cm: cm, signed 32 bits.
+        y_cm: cm, signed 32 bits.
+        heading_mrad: 0..6283.
+        trail: up to `MAX_TRAIL` pairs of cm, signed 16 bits, newest first.
+
+    Raises:
+        ValueError: for anything else.
     """
 
     robot: int
@@ -109,7 +117,18 @@ class Position:
     def of(
         cls, robot: int, sequence: int, time_s: float, pose: Pose, trail: tuple[tuple[int, int], ...] = ()
     ) -> Position:
-        """The position to send for a pose (m, rad) at a time (s); raises ValueError when a number does not fit."""
+        """The position to send for a pose.
+
+        Args:
+            robot: the sender's number.
+            sequence: the tick.
+            time_s: of the sender's clock, s.
+            pose: m and rad.
+            trail: steps back to earlier positions, cm.
+
+        Raises:
+            ValueError: when a number does not fit.
+        """
         return cls(
             robot,
             sequence,
@@ -122,7 +141,17 @@ class Position:
 
     @classmethod
     def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
-        """The report of an intruder seen at (x, y) in m; sequence and time (s) are those of the reporter's position."""
+        """The report of an intruder.
+
+        Args:
+            sequence: of the reporter's position.
+            time_s: of the reporter's position, s.
+            x: m.
+            y: m.
+
+        Raises:
+            ValueError: when a number does not fit.
+        """
         return cls.of(CONTACT, sequence, time_s, Pose(x, y, 0.0))
 
     @property
@@ -161,7 +190,12 @@ def as_received(pose: Pose) -> Pose:
 def encode(position: Position, key: bytes | None = None) -> bytes:
     """The frame for a position: at most 32 bytes bare, at most `MAX_FRAME` with trail and tag.
 
-    key: 1 to 64 bytes shared by the fleet, or None for a frame without a tag.
+    Args:
+        position: to send.
+        key: 1 to 64 bytes shared by the fleet, or None for a frame without a tag.
+
+    Raises:
+        ValueError: for a key of another length.
     """
     _check_key(key)
     body: list[object] = [
@@ -186,10 +220,17 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
 
 
 def decode(frame: bytes, key: bytes | None = None) -> Position:
-    """The position in a frame. Raises `Rejected` (malformed, version or tag), and nothing else, for any bytes at all.
+    """The position in a frame.
 
-    With a key every frame must carry its tag; without one a tag is skipped unchecked. A key of another length than 1 to
-    64 bytes is a ValueError.
+    With a key every frame must carry its tag; without one a tag is skipped unchecked.
+
+    Args:
+        frame: any bytes at all.
+        key: 1 to 64 bytes shared by the fleet, or None.
+
+    Raises:
+        Rejected: malformed, version or tag.
+        ValueError: for a key of another length.
     """
     _check_key(key)
     values = _unpack(frame)

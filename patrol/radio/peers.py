@@ -1,4 +1,7 @@
-"""Where others have looked from, as the positions heard of them tell: the same for all who listen."""
+"""Where the other robots are and from where they have observed, according to the positions heard of them.
+
+Every listener that hears the same positions comes to the same result.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,13 @@ from patrol.radio.replay_window import SPAN, ReplayWindow
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Another robot: its newest sequence, its pose (m, rad) there, and the tick at which that was heard."""
+    """Another robot.
+
+    Attributes:
+        sequence: its newest.
+        pose: there, m and rad.
+        tick: at which that was heard.
+    """
 
     sequence: int
     pose: Pose
@@ -20,18 +29,29 @@ class Peer:
 
 
 class PeerTracker:
-    """The looks that accepted positions tell of, each of them once. peers: by robot number, the newest heard."""
+    """Follows the other robots through accepted positions, and counts each of their observations once.
+
+    Attributes:
+        peers: by robot number, the newest position heard.
+    """
 
     def __init__(self) -> None:
         self.peers: dict[int, Peer] = {}
         self._looks: dict[int, ReplayWindow] = {}
 
     def hear(self, position: Position, tick: int) -> Iterator[tuple[int, Pose]]:
-        """(tick, pose) of each look that is news, from a position accepted at ``tick``.
+        """The observations that an accepted position makes known.
 
         A position counts at the tick it arrives: robots' clocks need not agree. A late one, which is older than the
         newest of its sender's, counts as many ticks before that one's as their sequences are apart, and moves nobody.
-        One that is older than any window corrects its sender's sequence, and all begins anew.
+        One that is older than any window corrects its sender's sequence, and the sender's window begins anew.
+
+        Args:
+            position: accepted by the inbox.
+            tick: at which it arrived.
+
+        Yields:
+            (tick, pose) of each observation that is new.
         """
         newest = self.peers.get(position.robot)
         ago = 0 if newest is None else newest.sequence - position.sequence

@@ -53,19 +53,19 @@ FACTORS = (1e-3, 1e6)
 
 
 class Pause(Section):
-    """No further tick until somebody says so."""
+    """Hold the ticks until another control."""
 
     do: Literal["pause"]
 
 
 class Go(Section):
-    """The ticks go on by themselves."""
+    """Let the ticks go on by themselves."""
 
     do: Literal["go"]
 
 
 class Step(Section):
-    """A few ticks, and no more."""
+    """Do a few ticks, then hold."""
 
     do: Literal["step"]
     ticks: Annotated[
@@ -74,7 +74,7 @@ class Step(Section):
 
 
 class Pace(Section):
-    """Ticks at a factor of real time, or as fast as they go."""
+    """Go on at a factor of real time, or as fast as possible."""
 
     do: Literal["pace"]
     factor: Annotated[
@@ -84,7 +84,7 @@ class Pace(Section):
 
 
 class AddFault(Section):
-    """A fault, its times from now on."""
+    """Add a fault, its times from now on."""
 
     do: Literal["fault"]
     fault: dict[str, Any]
@@ -92,14 +92,14 @@ class AddFault(Section):
 
 
 class Heal(Section):
-    """A lasting fault ends."""
+    """End a lasting fault."""
 
     do: Literal["heal"]
     id: Name
 
 
 class AddIntruder(Section):
-    """An intruder stands at a place (m), from now on, for so long (s) or to the end."""
+    """Place an intruder (m) from now on, for a time (s) or to the end."""
 
     do: Literal["intruder"]
     place: Corner
@@ -115,14 +115,26 @@ _CONTROL: TypeAdapter[Control] = TypeAdapter(Annotated[Control, Discriminator("d
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What became of a control. text: one line for the one who asked, why not where it was refused."""
+    """The outcome of a control.
+
+    Attributes:
+        done: whether it was obeyed.
+        text: one line for the operator; the reason where it was refused.
+    """
 
     done: bool
     text: str = ""
 
 
 def read_control(says: object) -> Control:
-    """The control in a mapping; BadInput, one line, for anything else."""
+    """The control in a mapping.
+
+    Args:
+        says: anything.
+
+    Raises:
+        BadInput: one line, for anything but a control.
+    """
     do = says.get("do") if isinstance(says, Mapping) else None
     if not isinstance(do, str) or do not in CONTROLS:
         known = did_you_mean(do, CONTROLS) if isinstance(do, str) else f"known are {', '.join(CONTROLS)}"
@@ -133,17 +145,27 @@ def read_control(says: object) -> Control:
         problem = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in problem["loc"][1:] if not str(part).startswith("=")) or do
         what = problem.get("ctx", {}).get("what")
-        told = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]
-        raise BadInput(f"control: {field} = {quoted(problem['input'])}: {told}") from None
+        problem_text = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]
+        raise BadInput(f"control: {field} = {quoted(problem['input'])}: {problem_text}") from None
 
 
 # --- what has happened -----------------------------------------------------------------------------------------------
 
 
 def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str]:
-    """The scenario once a control has been obeyed before tick k, and one line that says what it does.
+    """The scenario once a control has been obeyed before a tick.
 
-    The same object where the control changes nothing that happens. BadInput where it cannot be obeyed.
+    Args:
+        scenario: so far.
+        k: the tick.
+        control: the operator's.
+
+    Returns:
+        the scenario, the same object where the control changes nothing that happens; and one line that says what it
+        does.
+
+    Raises:
+        BadInput: where the control cannot be obeyed.
     """
     match control:
         case AddFault():
@@ -160,7 +182,12 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
 
 
 def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
-    """The scenario that has happened: with what operators have added to it, as the journal's events tell."""
+    """The scenario that has happened: with what operators have added to it.
+
+    Args:
+        scenario: as it was loaded.
+        events: of the journal.
+    """
     for event in events:
         if event.kind == OPERATOR:
             scenario, _ = amended(scenario, event.k, read_control(json.loads(event.detail)))
@@ -168,9 +195,15 @@ def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
 
 
 def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
-    """The lasting faults of radio and senses that are active in tick k and change something, as a scenario's entries.
+    """The lasting faults of radio and senses that are active in a tick and change something.
 
-    first: the place of the first that is looked at; operators' faults come behind the scenario's own.
+    Args:
+        scenario: with its operators' faults.
+        k: the tick.
+        first: index of the first fault that is looked at; operators' faults follow the scenario's own.
+
+    Returns:
+        as entries of a scenario's `faults`.
     """
     return tuple(
         fault.model_dump(mode="json", exclude_none=True)
@@ -184,18 +217,37 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
 
 
 def prepared_as_operated(prepared: Prepared, events: Iterable[Event]) -> Prepared:
-    """The same of a prepared scenario: operators change neither terrain nor robots."""
+    """The prepared scenario with what operators have added; they change neither terrain nor robots.
+
+    Args:
+        prepared: as it was loaded.
+        events: of the journal.
+    """
     scenario = operated(prepared.scenario, events)
     return prepared if scenario is prepared.scenario else replace(prepared, scenario=scenario)
 
 
 def as_detail(control: Control) -> str:
-    """A control as the detail of an event."""
+    """A control as the detail of an event.
+
+    Args:
+        control: the operator's.
+
+    Returns:
+        JSON.
+    """
     return json.dumps(control.model_dump(mode="json", exclude_defaults=True), separators=(",", ":"))
 
 
-def told(event: Event) -> str:
-    """An event's detail for people."""
+def described(event: Event) -> str:
+    """An event's detail for people.
+
+    Args:
+        event: of the journal.
+
+    Returns:
+        one line.
+    """
     if event.kind != OPERATOR:
         return event.detail
     try:
@@ -304,12 +356,25 @@ def _loaded(mapping: Mapping[str, Any], place: int) -> Scenario:
 
 
 def request(token: str, control: Mapping[str, Any]) -> bytes:
-    """A control as it is sent to a world. token: the fleet's, without which nothing is obeyed."""
+    """A control as it is sent to a world.
+
+    Args:
+        token: the fleet's, without which a world obeys nothing.
+        control: as a mapping.
+    """
     return json.dumps({"token": token, "control": dict(control)}).encode()
 
 
 def read_request(payload: bytes, token: str) -> Control:
-    """The control in a request; BadInput when it is none, or when its sender lacks the fleet's token."""
+    """The control in a request.
+
+    Args:
+        payload: any bytes.
+        token: the fleet's.
+
+    Raises:
+        BadInput: when there is no control, or when its sender lacks the fleet's token.
+    """
     try:
         says = json.loads(payload)
     except (ValueError, RecursionError):
@@ -321,12 +386,23 @@ def read_request(payload: bytes, token: str) -> Control:
 
 
 def answer_bytes(answer: Answer) -> bytes:
-    """An answer as it is sent back."""
+    """An answer as it is sent back.
+
+    Args:
+        answer: to send.
+    """
     return json.dumps({"done": answer.done, "text": answer.text}).encode()
 
 
 def read_answer(payload: bytes) -> Answer:
-    """The answer in a payload; ValueError for anything else."""
+    """The answer in a payload.
+
+    Args:
+        payload: any bytes.
+
+    Raises:
+        ValueError: for anything else.
+    """
     says = json.loads(payload)
     if not isinstance(says, dict) or type(says.get("done")) is not bool or not isinstance(says.get("text"), str):
         raise ValueError("no answer")

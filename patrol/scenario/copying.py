@@ -19,9 +19,18 @@ MAP = "map"
 
 
 def keep_scenario(scenario: Scenario, folder: Path) -> Path:
-    """Write the resolved scenario into a folder that is there, with a copy of its map beside it; its path.
+    """Write the resolved scenario into a folder, with a copy of its map beside it.
 
-    Raises BadInput when the map cannot be read, OSError when the folder cannot be written to.
+    Args:
+        scenario: resolved.
+        folder: an existing one.
+
+    Returns:
+        the scenario's new file.
+
+    Raises:
+        BadInput: when the map cannot be read.
+        OSError: when the folder cannot be written to.
     """
     path = folder / FILE
     path.write_text(dump_scenario(_with_own_map(scenario, folder / MAP)), encoding="utf-8")

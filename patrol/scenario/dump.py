@@ -27,7 +27,12 @@ add_core_rules(_Dumper)
 
 
 def dump_section(section: Section, indent: int = 0) -> str:
-    """A section as YAML, one field a line, with each field's description beside it; what is None is a comment."""
+    """A section as YAML, one field a line, with each field's description beside it; what is None is a comment.
+
+    Args:
+        section: of a scenario.
+        indent: spaces before each line.
+    """
     lines = []
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)

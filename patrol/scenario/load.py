@@ -104,7 +104,15 @@ def load_scenario(
 
 
 def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
-    """The scenario that a command-line argument names: a scenario file, a map's YAML file or a built-in terrain."""
+    """The scenario that a command-line argument names.
+
+    Args:
+        what: a scenario file, a map's YAML file or a built-in terrain.
+        overrides: as in `load_scenario`.
+
+    Raises:
+        BadInput: one line that says what is wrong and what to do instead.
+    """
     if what in BUILTINS:
         return load_scenario({"terrain": {"builtin": what}}, overrides)
     path = Path(what)
@@ -119,14 +127,32 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
 
 
 def with_spares(scenario: Scenario, spare: int) -> Scenario:
-    """The same with so many spare robots, which are not there until they join. BadInput where it lists its robots."""
+    """The same scenario with spare robots, which are not there until they join.
+
+    Args:
+        scenario: without them.
+        spare: how many.
+
+    Raises:
+        BadInput: where the scenario lists its robots.
+    """
     if not isinstance(scenario.robots, RobotGroup):
         raise BadInput(f"--spare {spare}: {scenario.name} lists its robots; mark those that are to join as spare: true")
     return load_scenario(as_mapping(scenario), {"robots.spare": spare}, called="--spare")
 
 
 def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
-    """Overrides for `load_scenario` from command-line texts ``FIELD=VALUE``, the later of two for one field winning."""
+    """Overrides for `load_scenario` from command-line texts.
+
+    Args:
+        settings: ``FIELD=VALUE``; the later of two for one field wins.
+
+    Returns:
+        values by dotted field.
+
+    Raises:
+        BadInput: for a text of another form.
+    """
     overrides: dict[str, object] = {}
     for setting in settings:
         field, equals, value = setting.partition("=")
@@ -138,12 +164,20 @@ def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
 
 
 def as_mapping(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back."""
+    """The scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back.
+
+    Args:
+        scenario: resolved.
+    """
     return scenario.model_dump(mode="json", exclude_none=True)
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """The resolved scenario as commented YAML; loading it gives an equal scenario back."""
+    """The resolved scenario as commented YAML; loading it gives an equal scenario back.
+
+    Args:
+        scenario: resolved.
+    """
     return f"{dump_section(scenario)}\n"
 
 
@@ -155,8 +189,14 @@ def scenario_schema() -> dict[str, Any]:
 def scenario_hash(scenario: Scenario) -> str:
     """SHA-256 (hex) of what the scenario means.
 
-    Left out are the name and where files lie: a map enters by its content, a tag key only by being there, robots one
-    by one. BadInput when the map cannot be read.
+    Left out are the name and where files lie: a map enters by its content, a tag key only by its presence, robots one
+    by one.
+
+    Args:
+        scenario: resolved.
+
+    Raises:
+        BadInput: when the map cannot be read.
     """
     meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
     if scenario.terrain.map is not None:
@@ -167,7 +207,14 @@ def scenario_hash(scenario: Scenario) -> str:
 
 
 def map_digest(path: Path) -> str:
-    """SHA-256 (hex) of a map_server map: what its YAML means and its image's bytes, wherever the two files lie."""
+    """SHA-256 (hex) of a map: what its YAML means and its image's bytes, wherever the two files lie.
+
+    Args:
+        path: the map's YAML file.
+
+    Raises:
+        BadInput: when one of the files cannot be read.
+    """
     from patrol.ground.maps import read_map_file  # here, so that a scenario without a map needs no image library
 
     says = read_map_file(path)

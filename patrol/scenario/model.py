@@ -73,7 +73,7 @@ class TerrainSpec(Section):
 
 
 class Body(Section):
-    """What one kind of robot is."""
+    """The body of a robot."""
 
     model: Kind = Field("car", description="car | holonomic")
     speed: Positive = Field(4.4, description="m/s, top speed")
@@ -82,7 +82,7 @@ class Body(Section):
 
 
 class RobotGroup(Body):
-    """Robots that are all alike."""
+    """Robots of one kind."""
 
     count: Count = Field(5, description="how many")
     spare: Spares | None = Field(None, description="how many more there are that may join; null: none")
@@ -213,7 +213,7 @@ class RadioSpec(Section):
 
 
 class IntruderSpec(Section):
-    """Somebody who stands on the terrain for a while, is seen by sensors, and is in nobody's way."""
+    """Somebody who stands on the terrain for a while, is seen by sensors, and blocks nobody."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -222,15 +222,27 @@ class IntruderSpec(Section):
     stay: Positive | None = Field(None, alias="for", description="s, how long it stays; null: to the end")
 
     def is_there(self, time_s: float) -> bool:
-        """Whether it is on the terrain at a time in s."""
+        """Whether it is on the terrain.
+
+        Args:
+            time_s: s.
+        """
         return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)
 
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """One robot of the roster. number: 1..N. speed: m/s. radius, turning_radius: m. start: None for a random one.
+    """One robot of the roster.
 
-    spare: it is not there until it joins.
+    Attributes:
+        number: 1..N.
+        name: unique.
+        model: of its body.
+        speed: m/s, top speed.
+        radius: m.
+        turning_radius: m.
+        start: None for a random one.
+        spare: whether it is absent until it joins.
     """
 
     number: int

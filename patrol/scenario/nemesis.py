@@ -22,18 +22,28 @@ SHORTEST, LONGEST = 0.3, 2.0
 
 
 def written_out(scenario: Scenario) -> Scenario:
-    """The same scenario with concrete faults in the place of its nemesis, after those that it has."""
+    """The same scenario with concrete faults in the place of its nemesis, after those that it has.
+
+    Args:
+        scenario: with or without a nemesis.
+    """
     if scenario.nemesis is None:
         return scenario
     mapping = scenario.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
-    return Scenario.model_validate(mapping | {"faults": mapping["faults"] + unleash(scenario)})
+    return Scenario.model_validate(mapping | {"faults": mapping["faults"] + drawn_faults(scenario)})
 
 
-def unleash(scenario: Scenario) -> list[dict[str, Any]]:
-    """The concrete faults of a scenario's nemesis, as entries of its `faults`, by the intervals they begin in.
+def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
+    """The concrete faults of a scenario's nemesis, by the intervals they begin in.
 
-    They depend on the nemesis, the roster, the seed, the step and the duration, and spare robots that the scenario's
+    They depend on the nemesis, the roster, the seed, the step and the duration, and on spare robots that the scenario's
     own faults let join or leave.
+
+    Args:
+        scenario: with or without a nemesis.
+
+    Returns:
+        entries of the scenario's `faults`.
     """
     spec, step = scenario.nemesis, scenario.step
     if spec is None:

@@ -39,7 +39,7 @@ STRANGER = "stranger"
 
 
 class Wait(Section):
-    """How long frames are held up: one of four distributions; what is below zero counts as zero."""
+    """How long frames are delayed: one of four distributions; what is below zero counts as zero."""
 
     constant: NotNegative | None = Field(None, description="s")
     uniform: Annotated[tuple[NotNegative, NotNegative], expecting("[least, most] in s")] | None = Field(
@@ -111,7 +111,7 @@ class Lasting(Fault):
 
 
 class OnRobots(Fault):
-    """A fault of some robots."""
+    """A fault that happens to some robots."""
 
     who: Who = Field(description=WHO)
 
@@ -130,7 +130,7 @@ class Kill(OnProcesses):
 
 
 class Restart(OnProcesses):
-    """A dead robot's process is started anew, with an empty memory; a living or paused one is killed first."""
+    """A dead robot's process is started again, with an empty memory; a living or paused one is killed first."""
 
     kind: Literal["restart"] = Field(description=KIND)
 
@@ -148,13 +148,13 @@ class Resume(OnProcesses):
 
 
 class Join(OnProcesses):
-    """Robots that are not there, or have left, appear at their starts; who joins first of all is absent until then."""
+    """Absent robots appear at their starts; a robot that joins before it leaves is absent at first."""
 
     kind: Literal["join"] = Field(description=KIND)
 
 
 class Leave(OnProcesses):
-    """Robots end their patrol in good order and are taken off the terrain."""
+    """Robots end their patrol in order and are taken off the terrain."""
 
     kind: Literal["leave"] = Field(description=KIND)
 
@@ -245,7 +245,7 @@ class Silence(OnRobots, OnFrames):
 
 
 class Range(OnRobots, OnFrames):
-    """Robots are heard only so far."""
+    """Robots are heard only within a distance."""
 
     kind: Literal["range"] = Field(description=KIND)
     who: Who = Field("all", description=f"senders: {WHO}")
@@ -254,7 +254,7 @@ class Range(OnRobots, OnFrames):
 
 
 class Bandwidth(OnRobots, OnFrames):
-    """Robots can send only so much."""
+    """Robots can send only a number of bytes a second."""
 
     kind: Literal["bandwidth"] = Field(description=KIND)
     who: Who = Field("all", description=f"senders: {WHO}")
@@ -306,7 +306,7 @@ class Jump(Section):
 
 
 class Drift(OnSenses):
-    """Robots are wrong about where they are."""
+    """Robots mistake their own position."""
 
     kind: Literal["drift"] = Field(description=KIND)
     bias: Corner = Field((0.0, 0.0), description="m, [dx, dy] from the beginning on")
@@ -324,15 +324,26 @@ class Clock(OnSenses):
 
 
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
-    """An entry that changes nothing, for a place in the list that others' draws go by: a clock that is not wrong.
+    """An entry that changes nothing (a clock that is not wrong), for a place in the list that others' draws depend on.
 
-    at, step: s; it lasts for a step. who: any robot's name.
+    Args:
+        name: the entry's id.
+        at: s.
+        step: s; the entry lasts for one step.
+        who: any robot's name.
     """
     return {"kind": "clock", "id": name, "at": at, "for": step, "who": [who]}
 
 
 def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
-    """The kinds of faults that act on processes, on frames or on senses."""
+    """The kinds of faults that act on processes, on frames or on senses.
+
+    Args:
+        what: as `Fault.acts_on` has it.
+
+    Returns:
+        in the order of `KINDS`.
+    """
     return tuple(kind for kind, model in KINDS.items() if model.acts_on == what)
 
 

@@ -1,4 +1,4 @@
-"""What a scenario says of its nemesis, as `patrol.scenario.nemesis` writes it out."""
+"""The scenario's section about its nemesis; `patrol.scenario.nemesis` draws the faults."""
 
 from __future__ import annotations
 
@@ -43,7 +43,19 @@ class NemesisSpec(Section):
 
 
 def room_for(spec: NemesisSpec, step: float, ticks: int) -> tuple[int, float]:
-    """The tick at which the quiet window begins, and the ticks of an interval. Raises when they do not fit in."""
+    """The part of a run that is left for a nemesis's faults.
+
+    Args:
+        spec: of the nemesis.
+        step: s.
+        ticks: of the run.
+
+    Returns:
+        the tick at which the quiet window begins, and the ticks of an interval.
+
+    Raises:
+        PydanticCustomError: when they do not fit into the run.
+    """
     quiet = ticks * QUIET if spec.quiet is None else spec.quiet / step
     end = min(math.floor(ticks - quiet + 1e-9), ticks - 1)
     if end < 1:

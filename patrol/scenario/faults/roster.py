@@ -1,4 +1,4 @@
-"""A scenario's faults against its roster and its duration."""
+"""Checks of a scenario's faults against its robots and its duration."""
 
 from __future__ import annotations
 
@@ -11,12 +11,22 @@ from patrol.values.section import wrong
 
 
 def tick_of(at: float, step: float) -> int:
-    """The first tick that is not before a time in s."""
+    """The first tick that is not before a time.
+
+    Args:
+        at: s.
+        step: s.
+    """
     return math.ceil(at / step - 1e-9)
 
 
 def ticks_of(lasts: float, step: float) -> int:
-    """How many ticks a time in s is, half a tick rounded up; at least one."""
+    """A duration in ticks, half a tick rounded up; at least one.
+
+    Args:
+        lasts: s.
+        step: s.
+    """
     return max(1, math.floor(lasts / step + 0.5 + 1e-9))
 
 
@@ -25,9 +35,19 @@ def check_faults(
 ) -> None:
     """Raise for the first fault that the roster or the duration rules out.
 
-    It names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or comes
-    after the last tick. names: of the whole roster, in the order of the robots' numbers. spares: numbers of those that
-    are spare; sizes are of the others. step: s. seed: the scenario's, for who is drawn.
+    Such a fault names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or
+    comes after the last tick.
+
+    Args:
+        faults: all of the scenario.
+        names: of the whole roster, in the order of the robots' numbers.
+        spares: numbers of the spare robots; sizes are of the others.
+        step: s.
+        ticks: of the run.
+        seed: the scenario's, from which targets are drawn.
+
+    Raises:
+        PydanticCustomError: for the first such fault.
     """
     fleet = len(names) - len(spares)
     for place, fault in enumerate(faults):
