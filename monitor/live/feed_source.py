@@ -34,7 +34,7 @@ from patrol.net.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.controls import CONTROLS, OPERATOR, amended, in_force, read_control
+from patrol.scenario.controls import CONTROLS, OPERATOR, amended, described, in_force, read_control
 
 if TYPE_CHECKING:
     from monitor.live.wire import Wire
