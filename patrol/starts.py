@@ -198,7 +198,7 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
     raise BadInput(
         f"robots.radius = {radius:g}: too wide for every door of {terrain.name}; the widest, at ({widest.x:.2f}, "
         f"{widest.y:.2f}), is {widest.width:.2f} m wide and lets a radius of {passing:g} m pass; use a smaller radius, "
-        "or say where to start to patrol one room"
+        "or give starts to patrol one room"
     )
 
 

@@ -85,7 +85,7 @@ def read_text(path: Path) -> str:
     except IsADirectoryError:
         raise BadInput(f"{path}: is a folder; give a file") from None
     except UnicodeDecodeError as error:
-        raise BadInput(f"{path}: no UTF-8 text (byte {error.start}); give a text file") from None
+        raise BadInput(f"{path}: is not UTF-8 text (byte {error.start}); give a text file") from None
     except (OSError, ValueError) as error:
         raise BadInput(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
 
@@ -117,11 +117,11 @@ def parse_yaml(text: str, source: str) -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = "" if mark is None else f" line {mark.line + 1}, column {mark.column + 1}:"
-        raise BadInput(f"{source}:{where} {error.problem or error.context}; mend the YAML") from None
+        raise BadInput(f"{source}:{where} {error.problem or error.context}; correct the YAML") from None
     except yaml.reader.ReaderError as error:
-        raise BadInput(f"{source}: character {error.position}: {error.reason}; mend the YAML") from None
+        raise BadInput(f"{source}: character {error.position}: {error.reason}; correct the YAML") from None
     except (yaml.YAMLError, ValueError) as error:
-        raise BadInput(f"{source}: {error}; mend the YAML") from None
+        raise BadInput(f"{source}: {error}; correct the YAML") from None
     except RecursionError:
         raise BadInput(f"{source}: nested too deeply; a scenario needs few levels") from None
 

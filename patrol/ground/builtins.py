@@ -48,7 +48,7 @@ def builtin_terrain(name: str, point: float) -> Terrain:
     height = whole_points(layout.height, point)
     width = whole_points(layout.width, point)
     if height * width > MAX_POINTS:
-        raise BadInput(f"point = {point:g}: makes more than {MAX_POINTS} points of {name}; choose a larger point")
+        raise BadInput(f"point = {point:g}: gives {name} more than {MAX_POINTS} points; choose a larger point")
     passable = np.ones((height, width), dtype=np.bool_)
     for obstacle in layout.obstacles:
         passable &= ~cover(obstacle, passable.shape, point, (0.0, 0.0))

@@ -108,16 +108,17 @@ def read_terrain(path: Path, point: float) -> Terrain:
     cells = free_cells(says)
     if not cells.any():
         raise BadInput(
-            f"{path}: free_thresh = {says.free_thresh:g}: no cell of {says.image.name} is free by it; check "
+            f"{path}: free_thresh = {says.free_thresh:g}: leaves no free cell in {says.image.name}; check "
             f"free_thresh, negate ({str(says.negate).lower()}) and mode ({says.mode})"
         )
     shape = tuple(whole_points(count * says.resolution, point) for count in cells.shape)
     extent = f"{cells.shape[1] * says.resolution:g} x {cells.shape[0] * says.resolution:g} m"
+    where = f"{path}: resolution = {says.resolution:g}"
     if min(shape) < 1:
-        raise BadInput(f"{path}: resolution = {says.resolution:g}: makes {extent}, less than one point of {point:g} m")
+        raise BadInput(f"{where}: makes the map {extent}, less than one point of {point:g} m; correct it")
     if shape[0] * shape[1] > MAX_POINTS:
         raise BadInput(
-            f"{path}: resolution = {says.resolution:g}: makes {extent}, more than {MAX_POINTS} points of {point:g} m; "
+            f"{where}: makes the map {extent}, more than {MAX_POINTS} points of {point:g} m; "
             "correct it or choose a larger point"
         )
     passable = resample(cells, says.resolution, point)
@@ -137,7 +138,7 @@ def read_map_file(path: Path) -> MapFile:
     """
     says = parse_yaml(read_text(path), str(path))
     if not isinstance(says, dict):
-        raise BadInput(f"{path}: is no map; expected keys and values such as 'image: map.pgm'")
+        raise BadInput(f"{path}: is not a map; expected keys and values such as 'image: map.pgm'")
     image = _value(path, says, "image", "the image's file name")
     if not isinstance(image, str) or not image or "\0" in image:
         raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
@@ -244,21 +245,21 @@ def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
     except FileNotFoundError:
         raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
     except UnidentifiedImageError:
-        raise BadInput(f"{where}: is no PGM, PNG, BMP or JPEG image; give one") from None
+        raise BadInput(f"{where}: is not a PGM, PNG, BMP or JPEG image; give one") from None
     except Image.DecompressionBombError:
         raise BadInput(f"{where}: more than {MAX_CELLS} pixels; crop it") from None
     except BadInput:
         raise
     except Exception as error:  # noqa: BLE001 - a broken file can make an image decoder raise anything
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise BadInput(f"{where}: cannot be read ({reason}); give a whole PGM, PNG, BMP or JPEG image") from None
+        raise BadInput(f"{where}: cannot be read ({reason}); give an undamaged PGM, PNG, BMP or JPEG image") from None
 
 
 def _channels(image: Image.Image, where: str) -> tuple[NDArray[np.uint16], bool]:
     if image.mode.startswith("I"):
         return np.clip(np.asarray(image), 0, QUANTA).astype(np.uint16)[..., None], False
     if image.mode == "F":
-        raise BadInput(f"{where}: holds fractions; give a grey or colour image of 8 or 16 bits")
+        raise BadInput(f"{where}: has floating-point pixels; give a grey or colour image of 8 or 16 bits")
     has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
     if has_alpha:
         image = image.convert("RGBA")
@@ -297,7 +298,7 @@ def _origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
         raise BadInput(f"{path}: origin = {quoted(value)}: expected {what}")
     x, y, yaw = (_finite(path, "origin", part, what) for part in value)
     if yaw != 0.0:
-        raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; turn the image instead")
+        raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; rotate the image instead")
     return x, y
 
 

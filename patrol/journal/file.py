@@ -135,7 +135,7 @@ class Journal:
         self.path = path
         first = next(iter(_Records(path)), None)
         if not isinstance(first, Header):
-            raise BadInput(f"{path}: holds no whole header; the run was ended before it began, so run it again")
+            raise BadInput(f"{path}: has no complete header, so the run ended before it began; run it again")
         self.header = first
 
     @property
@@ -202,11 +202,11 @@ class _Records:
 
     def _check_magic(self, magic: bytes) -> None:
         if not magic:
-            raise BadInput(f"{self.path}: is empty; the run was ended before it began, so run it again")
+            raise BadInput(f"{self.path}: is empty, so the run ended before it began; run it again")
         if not magic.startswith(_KIND):
-            raise BadInput(f"{self.path}: is no fogwatch journal; name a folder that fogwatch run has made")
+            raise BadInput(f"{self.path}: is not a fogwatch journal; give the folder of a run")
         if magic != MAGIC:
-            raise BadInput(f"{self.path}: is a journal of another format, and this version reads format 1; {REMEDY}")
+            raise BadInput(f"{self.path}: is a journal of another format, while this version reads format 1; {REMEDY}")
 
     def _payloads(self, file: io.BufferedReader) -> Iterator[bytes]:
         while frame := file.read(_FRAME.size):
@@ -226,7 +226,7 @@ class _Records:
             if not (self._skip_ticks and value["type"] == "tick"):
                 yield _typed(value)
         except (ValueError, TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
-            what = f"record {number} is not a journal's, or not one of this version's ({type(error).__name__})"
+            what = f"record {number} is damaged or of another version ({type(error).__name__})"
             raise BadInput(f"{self.path}: {what}; {REMEDY}") from None
 
 
@@ -252,7 +252,7 @@ def unpack(payload: bytes) -> Record:
     try:
         return _typed(msgpack.unpackb(payload, strict_map_key=False))
     except (TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
-        raise ValueError(f"no record of a journal ({type(error).__name__})") from None
+        raise ValueError(f"not a record of a journal ({type(error).__name__})") from None
 
 
 def _plain(record: Record) -> dict[str, Any]:

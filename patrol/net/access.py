@@ -66,15 +66,15 @@ def read_access(path: Path, option: str) -> Access:
     try:
         says = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        gone = " (a run's is gone when the run is over)" if path.is_dir() else ""
+        gone = " (it is removed when the run is over)" if path.is_dir() else ""
         raise BadInput(f"{option}: {file} cannot be read: {error.strerror}{gone}") from None
     except (ValueError, RecursionError):
         says = None
     fields = [says.get(name) for name in ("fleet", "router", "token")] if isinstance(says, dict) else []
     texts = [field for field in fields if isinstance(field, str)]
     if len(texts) != 3:
-        raise BadInput(f'{option}: {file}: expected a JSON object with "fleet", "router" and "token", all texts')
+        raise BadInput(f'{option}: {file}: expected a JSON object with "fleet", "router" and "token", all strings')
     fleet, router, token = texts
     if len(token) < LEAST:
-        raise BadInput(f"{option}: {file}: the token has {len(token)} characters; give {LEAST} or more, drawn by lot")
+        raise BadInput(f"{option}: {file}: the token has {len(token)} characters; give {LEAST} or more, random ones")
     return Access(fleet_keys(fleet).fleet, check_locator(router, f"{option}: router"), token)

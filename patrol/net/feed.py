@@ -132,11 +132,11 @@ def read_batch(payload: bytes) -> Batch:
     """
     says = _unpacked(payload)
     if not isinstance(says, list) or len(says) != 4:
-        raise Garbled("no batch")
+        raise Garbled("not a batch")
     first, records, running, pace = says
     fits = isinstance(records, list) and all(isinstance(record, bytes) for record in records)
     if type(first) is not int or first < 0 or not fits or not _is_manner(running, pace):
-        raise Garbled("no batch")
+        raise Garbled("not a batch")
     return Batch(first, tuple(records), running, pace)
 
 
@@ -183,7 +183,7 @@ def read_so_far(payload: bytes) -> SoFar:
     """
     says = _unpacked(payload)
     if not isinstance(says, dict):
-        raise Garbled("no answer")
+        raise Garbled("not an answer")
     try:
         height, width = (int(side) for side in says["shape"])
         if not (height > 0 and width > 0 and height * width <= MAX_POINTS) or not _is_manner(
@@ -217,14 +217,14 @@ def read_so_far(payload: bytes) -> SoFar:
             ground=ground,
         )
     except (KeyError, TypeError, ValueError, zlib.error, MemoryError) as error:
-        raise Garbled(f"no answer ({type(error).__name__})") from None
+        raise Garbled(f"not an answer ({type(error).__name__})") from None
 
 
 def _unpacked(payload: bytes) -> Any:
     try:
         return msgpack.unpackb(payload, raw=False, strict_map_key=True)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Garbled(f"no msgpack ({type(error).__name__})") from None
+        raise Garbled(f"not msgpack ({type(error).__name__})") from None
 
 
 def _is_manner(running: object, pace: object) -> bool:

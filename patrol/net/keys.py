@@ -99,7 +99,7 @@ def fleet_keys(fleet: str) -> FleetKeys:
     """
     if not _FLEET.fullmatch(fleet):
         raise BadInput(
-            f"--fleet {fleet!r}: no name of a fleet; give at most 128 letters, digits, '.', '_' and '-', "
+            f"--fleet {fleet!r}: not a name for a fleet; give at most 128 letters, digits, '.', '_' and '-', "
             "the first a letter or digit"
         )
     return FleetKeys(fleet)
@@ -132,7 +132,7 @@ def check_locator(locator: str, option: str) -> str:
     """
     port = locator.rpartition(":")[2]
     if not _LOCATOR.fullmatch(locator) or not 0 < int(port) < 65536:
-        raise BadInput(f"{option} {locator!r}: no address of a router; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
+        raise BadInput(f"{option} {locator!r}: not a router's address; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
     return locator
 
 
@@ -190,13 +190,13 @@ def check_radio(locator: str | None, option: str, via: str) -> str | None:
     if locator is None:
         return None
     if via != "direct":
-        raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or drop the option")
+        raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or omit the option")
     address = locator.partition("#")[0]
     port = address.rpartition(":")[2]
     reliable = _LOCATOR.fullmatch(locator) and not locator.startswith("udp/")
     if not (is_group(locator) or reliable) or not 0 < int(port) < 65536:
         raise BadInput(
-            f"{option} {locator!r}: nothing that robots could hear each other by; write a multicast group, such as "
+            f"{option} {locator!r}: not an address for direct radio; write a multicast group, such as "
             "udp/224.0.0.225:7448#iface=wlan0, or the address of a router, tcp/HOST:PORT"
         )
     return locator

@@ -310,7 +310,7 @@ def _open(
             waiting(waited)
     opened = box[0]
     if isinstance(opened, Exception):
-        raise LinkDown(f"no router at {router} ({_first_line(opened)})")
+        raise LinkDown(f"cannot reach a router at {router} ({_first_line(opened)})")
     return Link(opened)
 
 

@@ -135,5 +135,5 @@ def open_group(locator: str) -> Group:
     except OSError as error:
         out.close()
         into.close()
-        raise GroupDown(f"no group at {locator} ({error.strerror or error})") from None
+        raise GroupDown(f"cannot join the group at {locator} ({error.strerror or error})") from None
     return Group(out, into, (group, int(port)))

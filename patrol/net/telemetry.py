@@ -322,7 +322,7 @@ def _place(says: Mapping[str, Any], field: str) -> tuple[float, float] | None:
     if place is None:
         return None
     if type(place) is not list or len(place) != 2:
-        raise Unreadable(f"{field} is no place")
+        raise Unreadable(f"{field} is not a place")
     x, y = (_number({field: value}, field) for value in place)
     return x, y
 
@@ -347,28 +347,28 @@ def _map(payload: bytes) -> dict[str, Any]:
     try:
         says = msgpack.unpackb(payload, raw=False, strict_map_key=True)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Unreadable(f"no msgpack ({type(error).__name__})") from None
+        raise Unreadable(f"not msgpack ({type(error).__name__})") from None
     if type(says) is not dict:
-        raise Unreadable("no map")
+        raise Unreadable("not a map")
     return says
 
 
 def _whole(says: Mapping[str, Any], field: str) -> int:
     value = says.get(field)
     if type(value) is not int or not 0 <= value < 2**63:
-        raise Unreadable(f"{field} is no whole number")
+        raise Unreadable(f"{field} is not a whole number")
     return value
 
 
 def _number(says: Mapping[str, Any], field: str) -> float:
     value = says.get(field)
     if type(value) is not float or not math.isfinite(value):
-        raise Unreadable(f"{field} is no finite number")
+        raise Unreadable(f"{field} is not a finite number")
     return value
 
 
 def _text(says: Mapping[str, Any], field: str) -> str:
     value = says.get(field)
     if type(value) is not str or len(value) > MAX_TEXT or not value.isprintable():
-        raise Unreadable(f"{field} is no printable text")
+        raise Unreadable(f"{field} is not printable text")
     return value

@@ -74,4 +74,4 @@ def prepared_as_told(scenario: Scenario, options: argparse.Namespace, ending: En
         return Prepared.load(scenario, static)
     if ending:
         return None
-    raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")
+    raise BadInput(f"--static {static}: no such folder; leave the option out to compute the fields here")

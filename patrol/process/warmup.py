@@ -154,6 +154,6 @@ def _platform() -> str:
 
 def _unwritable() -> BadInput:
     return BadInput(
-        "the compiled kernels cannot be kept: neither the installed package nor the user's cache folder can be written "
-        "to; set NUMBA_CACHE_DIR to a folder that can"
+        "the compiled kernels cannot be stored: neither the installed package nor the user's cache folder is writable; "
+        "set NUMBA_CACHE_DIR to a folder that is"
     )

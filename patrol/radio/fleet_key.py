@@ -49,8 +49,8 @@ def new_key(path: Path) -> None:
     try:
         file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
-        raise BadInput(f"{path}: is there already, and robots may be using it; name a new file") from None
+        raise BadInput(f"{path}: exists already, and robots may be using it; name a new file") from None
     except OSError as error:
-        raise BadInput(f"{path}: cannot be written ({error.strerror}); name a file in a folder that is there") from None
+        raise BadInput(f"{path}: cannot be written ({error.strerror}); name a file in an existing folder") from None
     with os.fdopen(file, "w", encoding="ascii") as text:
         text.write(f"{os.urandom(LONGEST // 2).hex()}\n")

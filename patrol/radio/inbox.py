@@ -156,7 +156,7 @@ class Inbox:
     def _check_tick(self, position: Position, now_s: float) -> None:
         # Half a step is for rounding: ticks are whole.
         if self._ahead is not None and position.sequence > now_s / self._step + self._ahead + 0.5:
-            raise Rejected(RejectReason.AHEAD, "of a tick that is still to come")
+            raise Rejected(RejectReason.AHEAD, "from a tick that is still to come")
 
     def _check_motion(self, heard: _Heard) -> None:
         """Believe what follows the last accepted frame, or `_STEADY` frames in a row that follow one another."""
@@ -165,7 +165,7 @@ class Inbox:
         window = self._windows.setdefault(robot, ReplayWindow())
         outdated = window.newest - sequence >= SPAN
         if not window.fresh(sequence) and not (outdated and self._ahead is None):
-            raise Rejected(RejectReason.OLD, "heard before, or too old to tell")
+            raise Rejected(RejectReason.OLD, "heard before, or too old to be checked")
         if last is not None:
             if sequence < last.position.sequence and not outdated:
                 self._check_late(heard.position, last.position)
@@ -202,7 +202,7 @@ class Inbox:
 
     def _check_contact(self, heard: _Heard) -> None:
         if not self._last:
-            raise Rejected(RejectReason.UNKNOWN, "a contact, and no robot has been heard that could report it")
+            raise Rejected(RejectReason.UNKNOWN, "a contact, and no robot that could report it has been heard")
         leads = [
             heard.position.sequence - last.position.sequence - (heard.at - last.at) / self._step
             for last in self._last.values()
@@ -210,7 +210,7 @@ class Inbox:
         lead = min(leads, key=abs)
         if abs(lead) > _CONTACT_SLACK:
             raise Rejected(
-                RejectReason.AHEAD if lead > 0.0 else RejectReason.OLD, "nobody reports contacts of then now"
+                RejectReason.AHEAD if lead > 0.0 else RejectReason.OLD, "no robot would report a contact of then"
             )
 
     def _follows(self, before: _Heard, after: _Heard) -> bool:

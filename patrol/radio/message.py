@@ -260,9 +260,9 @@ def _unpack(frame: bytes) -> list[Any]:
     try:
         values = msgpack.unpackb(frame, raw=False, strict_map_key=True, ext_hook=_no_extension)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Rejected(RejectReason.MALFORMED, f"no msgpack ({type(error).__name__})") from None
+        raise Rejected(RejectReason.MALFORMED, f"not msgpack ({type(error).__name__})") from None
     if type(values) is not list or not values or type(values[0]) is not int:
-        raise Rejected(RejectReason.MALFORMED, "no array that begins with a version")
+        raise Rejected(RejectReason.MALFORMED, "not an array that begins with a version")
     return values
 
 
@@ -278,7 +278,7 @@ def _trail(flat: object) -> tuple[tuple[int, int], ...]:
 
 def _check(name: str, value: object, low: int, high: int) -> None:
     if type(value) is not int:
-        raise ValueError(f"{name} is no integer")
+        raise ValueError(f"{name} is not an integer")
     if not low <= value <= high:
         raise ValueError(f"{name} is {value}, outside {low}..{high}")
 

@@ -124,8 +124,8 @@ def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit
     corners = sum(len(ring.corners) for ring in rings) or 3 * len(loops)
     if corners > MOST_CORNERS:
         raise BadInput(
-            f"patrol.paths = regions: {terrain.name} is too broken up, its outline has {corners} corners or more and "
-            f"the most is {MOST_CORNERS}; choose wave, or a larger point"
+            f"patrol.paths = regions: the outline of {terrain.name} has {corners} corners or more, and at most "
+            f"{MOST_CORNERS} are allowed; choose wave, or a larger point"
         )
     polygons = merged(made_convex(convex_pieces(rings)))
     bare = np.argwhere(terrain.free & (_laid(terrain, polygons) < 0))

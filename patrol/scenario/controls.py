@@ -274,7 +274,7 @@ def described(event: Event) -> str:
 
 def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario, str]:
     if len(scenario.faults) >= MOST_FAULTS:
-        raise BadInput(f"control: fault: this run has had {MOST_FAULTS} faults already; it takes no more")
+        raise BadInput(f"control: fault: this run has {MOST_FAULTS} faults already and takes no more")
     if control.instead is not None and not _is_over(scenario, k, control.instead):
         scenario = _healed(scenario, k, control.instead)
     entry = dict(control.fault)
@@ -298,9 +298,9 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
         raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")
     begin = tick_of(fault.at, scenario.step)
     if begin > k:
-        raise BadInput(f"control: id = {name}: it has not begun yet; it does at {fault.at:g} s")
+        raise BadInput(f"control: id = {name}: it has not begun yet; it begins at {fault.at:g} s")
     if _is_over(scenario, k, name):
-        raise BadInput(f"control: id = {name}: it is over already")
+        raise BadInput(f"control: id = {name}: it has ended already")
     mapping = _mapping(scenario)
     if begin == k:
         mapping["faults"][place] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
@@ -324,7 +324,7 @@ def _find(scenario: Scenario, name: str) -> tuple[int, Any]:
         if fault.id == name:
             return place, fault
     known = ", ".join(str(fault.id) for fault in scenario.faults[-8:]) or "none"
-    raise BadInput(f"control: id = {name}: there is no such fault; the latest are {known}")
+    raise BadInput(f"control: id = {name}: no such fault; the latest are {known}")
 
 
 def _fresh(taken: Iterable[str | None]) -> str:
@@ -378,10 +378,10 @@ def read_request(payload: bytes, token: str) -> Control:
     try:
         says = json.loads(payload)
     except (ValueError, RecursionError):
-        raise BadInput("control: is no JSON") from None
+        raise BadInput("control: the request is not JSON") from None
     given = says.get("token") if isinstance(says, dict) else None
     if not isinstance(given, str) or not hmac.compare_digest(_utf8(given), _utf8(token)):
-        raise BadInput("control: refused; whoever controls this fleet needs the token that its launcher made")
+        raise BadInput("control: refused; controlling this fleet needs the token that its launcher made")
     return read_control(says.get("control"))
 
 
@@ -405,7 +405,7 @@ def read_answer(payload: bytes) -> Answer:
     """
     says = json.loads(payload)
     if not isinstance(says, dict) or type(says.get("done")) is not bool or not isinstance(says.get("text"), str):
-        raise ValueError("no answer")
+        raise ValueError("not an answer")
     return Answer(says["done"], says["text"][:2000])
 
 

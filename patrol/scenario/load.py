@@ -280,7 +280,7 @@ def _override(raw: dict[str, Any], field: str, value: object) -> None:
         value = parse_yaml(value, f"override {field}")
     parts = field.split(".")
     if not all(parts):
-        raise BadInput(f"override {field!r}: names no field; write for example patrol.dilatation")
+        raise BadInput(f"override {field!r}: is not a field; write for example patrol.dilatation")
     top = parts[0]
     if top in _ENTRIES and parts[1:] and parts[1].isdecimal() and not raw.get(top):
         raise BadInput(f"override {field}: {top} is an empty list; give entries: {top}=[{_ENTRIES[top]}]")
@@ -291,7 +291,7 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
     head, rest = parts[0], parts[1:]
     if isinstance(node, dict):
         if head.isdecimal():
-            raise BadInput(f"override {field}: there is no list to take entry {head} of; leave .{head} out")
+            raise BadInput(f"override {field}: not a list, so there is no entry {head}; leave .{head} out")
         if not rest:
             node[head] = value
             return

@@ -84,14 +84,14 @@ class Body(Section):
 class RobotGroup(Body):
     """Robots of one kind."""
 
-    count: Count = Field(5, description="how many")
-    spare: Spares | None = Field(None, description="how many more there are that may join; null: none")
+    count: Count = Field(5, description="number of robots")
+    spare: Spares | None = Field(None, description="number of spare robots, which may join later; null: none")
     starts: Starts = Field("random", description="random, or [x, y] or [x, y, heading] (m, rad) of the first robots")
 
     @model_validator(mode="after")
     def _no_more_starts_than_robots(self) -> Self:
         if self.starts != "random" and len(self.starts) > self.whole:
-            raise wrong("starts", f"{len(self.starts)} starts for {self.whole} robots; raise count or drop some")
+            raise wrong("starts", f"{len(self.starts)} starts for {self.whole} robots; raise count or remove some")
         return self
 
     @model_validator(mode="after")
@@ -110,9 +110,9 @@ class RobotGroup(Body):
 class RobotEntry(Body):
     """One robot of a list."""
 
-    name: RobotName | None = Field(None, description="r1, r2, ... unless given")
-    start: Start = Field("random", description="random, [x, y] or [x, y, heading] (m, rad; heading 0 unless given)")
-    spare: Flag | None = Field(None, description="true: not there until it joins")
+    name: RobotName | None = Field(None, description="default: r1, r2, ... by place in the list")
+    start: Start = Field("random", description="random, [x, y] or [x, y, heading] (m, rad; default heading: 0)")
+    spare: Flag | None = Field(None, description="true: absent until it joins")
 
 
 RobotList = Annotated[
@@ -120,7 +120,7 @@ RobotList = Annotated[
     Field(max_length=MAX_ROBOTS, json_schema_extra={"minItems": 1}),
     at_least(1, "robots"),
 ]
-_GROUP_OR_LIST = "robots alike, {count: 5, model: car, ...}, or a list with one entry a robot"
+_GROUP_OR_LIST = "a group of equal robots, {count: 5, model: car, ...}, or a list with one entry per robot"
 Robots = Annotated[
     Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")],
     by_shape(_GROUP_OR_LIST),
@@ -130,8 +130,8 @@ Robots = Annotated[
 class SensorSpec(Section):
     """What a robot sees."""
 
-    range: Positive = Field(10.0, description="m")
-    angle: Degrees = Field(360.0, description="degrees, centred on the heading")
+    range: Positive = Field(10.0, description="m, range of view")
+    angle: Degrees = Field(360.0, description="degrees, angle of view, centred on the heading")
     line_of_sight: Flag = Field(True, description="obstacles block the view")
     quality: Quality = Field(1.0, description="share of a point's age that a look removes, or [[m, share], ...]")
 
@@ -202,9 +202,9 @@ class RadioSpec(Section):
         "ether",
         description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)",
     )
-    trail: Trail = Field(0, description="past positions sent along")
+    trail: Trail = Field(0, description="number of past positions in each message")
     key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
-    forget_after: Positive = Field(10.0, description="s of silence after which a robot is no longer counted on")
+    forget_after: Positive = Field(10.0, description="s of silence after which a robot's claim ends")
 
     @field_validator("key")
     @classmethod
@@ -258,15 +258,17 @@ class RobotSpec:
 class Scenario(Section):
     """Everything that decides how a run goes."""
 
-    name: Name = Field("scenario", description="the file's or the terrain's name unless given")
+    name: Name = Field("scenario", description="default: the file's or the terrain's name")
     terrain: TerrainSpec = Field(description="{builtin: open | yards | clutter | site} or {map: FILE.yaml}")
     point: Positive = Field(0.1, description="m, side of one point of the grid")
     step: Positive = Field(0.5, description="s per tick")
     duration: Positive = Field(5000.0, description="simulated s")
-    seed: Seed = Field(7, description="of all randomness")
+    seed: Seed = Field(7, description="random seed")
     pace: Pace = Field("lockstep", description="lockstep | realtime | a factor of real time")
     watchdog: Positive = Field(2.0, description="s without a command after which a robot stops")
-    robots: Robots = Field(default_factory=RobotGroup, description="robots alike, or a list with one entry a robot")
+    robots: Robots = Field(
+        default_factory=RobotGroup, description="a group of equal robots, or a list with one entry per robot"
+    )
     sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
     patrol: PatrolSpec = Field(default_factory=PatrolSpec, description="how a robot decides where to go")
     radio: RadioSpec = Field(default_factory=RadioSpec, description="what robots send")
@@ -274,7 +276,7 @@ class Scenario(Section):
         (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
     )
     faults: Faults = Field((), description="what goes wrong, and when")
-    nemesis: NemesisSpec | None = Field(None, description="random faults besides, written out when this file is loaded")
+    nemesis: NemesisSpec | None = Field(None, description="random faults, written out when this file is loaded")
 
     @property
     def roster(self) -> tuple[RobotSpec, ...]:
@@ -308,7 +310,8 @@ class Scenario(Section):
         if self.radio.via == "direct":
             self._check_direct()
         if self.step > self.duration:
-            raise wrong("duration", f"shorter than one step of {self.step:g} s; give at least that", self.duration)
+            limit = f"shorter than one step of {self.step:g} s; give at least {self.step:g}"
+            raise wrong("duration", limit, self.duration)
         if self.duration / self.step > MAX_TICKS or s_to_ms(self.duration) > MAX_TIME_MS:
             limit = f"too long: at most {int(ms_to_s(MAX_TIME_MS))} s and {MAX_TICKS} steps fit"
             raise wrong("duration", limit, self.duration)
@@ -328,21 +331,21 @@ class Scenario(Section):
 
     def _check_direct(self) -> None:
         if self.factor is None:
-            limit = "direct radio knows no ticks, and pace is lockstep; set pace to realtime or a factor of it"
+            limit = "direct radio waits for no tick, and pace is lockstep; set pace to realtime or to a factor"
             raise wrong("radio.via", limit)
         for place, fault in enumerate(self.faults):
             if fault.acts_on == "frames":
-                limit = f"{fault.kind} befalls frames of an ether, and radio.via is direct; disturb the network itself"
+                limit = f"{fault.kind} acts on frames in the ether, and radio.via is direct; disturb the network itself"
                 raise wrong(f"faults.{place}", limit)
 
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):
-            raise wrong("robots", "all of them are spare, so nobody patrols; take spare off one")
+            raise wrong("robots", "all robots are spare, so none patrols; leave spare out for one")
         names: dict[str, int] = {}
         for spec in self.roster:
             field = "robots" if isinstance(self.robots, RobotGroup) else f"robots.{spec.number - 1}"
             if names.setdefault(spec.name, spec.number) != spec.number:
-                raise wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
+                raise wrong(f"{field}.name", f"robot {names[spec.name]} has the name {spec.name} too; rename one")
             if self.radio.trail and m_to_cm(spec.speed * self.step) >= MAX_STEP_CM:
                 limit = f"a trail holds steps below {cm_to_m(MAX_STEP_CM):g} m per tick; set radio.trail to 0"
                 raise wrong(f"{field}.speed", limit, spec.speed)

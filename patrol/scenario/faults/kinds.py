@@ -31,7 +31,7 @@ from patrol.values.types import (
     expecting,
 )
 
-KIND = "what happens"
+KIND = "kind of fault"
 STRANGER = "stranger"
 """Who forges messages when it is no robot of the fleet."""
 
@@ -67,7 +67,7 @@ class Wait(Section):
             choice = "{constant: S}, {uniform: [S, S]}, {normal: [MEAN, SD]} or {exponential: MEAN}"
             raise wrong("", f"exactly one is needed: {choice}")
         if self.uniform is not None and self.uniform[0] > self.uniform[1]:
-            raise wrong("uniform", "the least comes first; swap the two")
+            raise wrong("uniform", "the least value comes first; swap the two")
         return self
 
 
@@ -95,7 +95,7 @@ class Fault(Section):
     model_config = ConfigDict(serialize_by_alias=True)
 
     kind: str = Field(description=KIND)
-    id: Name | None = Field(None, description="its name in journal and verdict; f1, f2, ... by place unless given")
+    id: Name | None = Field(None, description="name in journal and verdict; default: f1, f2, ... by place in the list")
     at: NotNegative = Field(0.0, description="s, when it happens or begins")
 
     @classmethod
@@ -107,7 +107,7 @@ class Fault(Section):
 class Lasting(Fault):
     """A fault that has an end."""
 
-    lasts: Positive | None = Field(None, alias="for", description="s, how long; null: to the end")
+    lasts: Positive | None = Field(None, alias="for", description="s, duration; null: to the end of the run")
 
 
 class OnRobots(Fault):
@@ -207,7 +207,7 @@ class Duplicate(OnLinks):
 
     kind: Literal["duplicate"] = Field(description=KIND)
     rate: Probability = Field(description="share of the frames")
-    delay: Wait | None = Field(None, description="s, of the copy, as in a delay; null: none of its own")
+    delay: Wait | None = Field(None, description="delay of the copy, as in kind delay; null: none")
 
 
 class Reorder(OnLinks):
@@ -249,7 +249,7 @@ class Range(OnRobots, OnFrames):
 
     kind: Literal["range"] = Field(description=KIND)
     who: Who = Field("all", description=f"senders: {WHO}")
-    reach: Positive = Field(description="m, between true places")
+    reach: Positive = Field(description="m, largest distance between true positions")
     through_walls: Flag = Field(True, description="false: only along a line of sight")
 
 
@@ -258,15 +258,15 @@ class Bandwidth(OnRobots, OnFrames):
 
     kind: Literal["bandwidth"] = Field(description=KIND)
     who: Who = Field("all", description=f"senders: {WHO}")
-    bytes_per_s: Positive = Field(description="bytes/s of each of them")
+    bytes_per_s: Positive = Field(description="bytes/s that each of them can send")
 
 
 class Forgery(Section):
     """What a forged message says, beyond freeze and random."""
 
     offset: Corner | None = Field(None, description="m, [dx, dy] added to the true position")
-    replay: Positive | None = Field(None, description="s, how old the victim's frame is that is sent again")
-    invented: Count | None = Field(None, description="how many robots that do not exist are made up")
+    replay: Positive | None = Field(None, description="s, age of the victim's frame that is sent again")
+    invented: Count | None = Field(None, description="number of invented robots")
     ahead: Ticks | None = Field(None, description="ticks by which the sequence is ahead; the position is the true one")
 
     @model_validator(mode="after")
@@ -288,7 +288,7 @@ class Spoof(OnFrames):
 
     kind: Literal["spoof"] = Field(description=KIND)
     by: RobotName = Field(STRANGER, description="stranger (has no key) or a robot's name (has the fleet's key)")
-    victims: Who = Field("one", alias="as", description=f"in whose name: {WHO}")
+    victims: Who = Field("one", alias="as", description=f"victims, in whose name frames are sent: {WHO}")
     payload: Payload = Field(description=_PAYLOAD)
 
 
@@ -301,15 +301,15 @@ class OnSenses(OnRobots, Lasting):
 class Jump(Section):
     """A localisation that jumps from time to time."""
 
-    every: Positive = Field(description="s, from one jump to the next")
-    size: NotNegative = Field(description="m, of each jump, in a direction that is drawn")
+    every: Positive = Field(description="s, between jumps")
+    size: NotNegative = Field(description="m, of each jump, in a random direction")
 
 
 class Drift(OnSenses):
     """Robots mistake their own position."""
 
     kind: Literal["drift"] = Field(description=KIND)
-    bias: Corner = Field((0.0, 0.0), description="m, [dx, dy] from the beginning on")
+    bias: Corner = Field((0.0, 0.0), description="m, [dx, dy], from the beginning")
     growth: Corner = Field((0.0, 0.0), description="m/s, [dx, dy] by which the bias grows")
     noise: NotNegative = Field(0.0, description="m, standard deviation in x and in y, new in each tick")
     jump: Jump | None = Field(None, description="{every: s, size: m}, jumps that add up")
@@ -320,7 +320,7 @@ class Clock(OnSenses):
 
     kind: Literal["clock"] = Field(description=KIND)
     offset: Number = Field(0.0, description="s, by which the clock is ahead")
-    rate: Growth = Field(0.0, description="s/s, by which it gains")
+    rate: Growth = Field(0.0, description="s/s, by which the clock gains")
 
 
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
@@ -367,7 +367,7 @@ def _has_a_kind(fault: Any) -> Any:
     if kind is None:
         raise wrong("kind", f"missing; give one of {known}")
     if not isinstance(kind, str) or kind not in KINDS:
-        raise wrong("kind", f"{kind} is no kind of fault; {did_you_mean(str(kind), tuple(KINDS))}")
+        raise wrong("kind", f"{kind} is not a kind of fault; {did_you_mean(str(kind), tuple(KINDS))}")
     if kind in INSTANT and "for" in fault:
         raise wrong("for", f"a {kind} happens at once; leave 'for' out")
     return fault
@@ -383,7 +383,7 @@ def _named(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     places: dict[str | None, int] = {}
     for place, fault in enumerate(named):
         if (other := places.setdefault(fault.id, place)) != place:
-            raise wrong(f"{place}.id", f"faults.{other} is called {fault.id} too; rename one")
+            raise wrong(f"{place}.id", f"faults.{other} has the id {fault.id} too; rename one")
     return tuple(named)
 
 

@@ -37,8 +37,8 @@ class NemesisSpec(Section):
     """Random faults, written out as concrete ones when the scenario is loaded."""
 
     kinds: Kinds = Field("all", description="all, or a list of kinds of faults")
-    interval: Positive = Field(description="s, in each of which one fault begins")
-    seed: Seed | None = Field(None, description="of the faults; null: the scenario's")
+    interval: Positive = Field(description="s, length of an interval; one fault begins in each")
+    seed: Seed | None = Field(None, description="random seed of the faults; null: the scenario's")
     quiet: NotNegative | None = Field(None, description="s without faults at the end; null: a third of the run")
 
 

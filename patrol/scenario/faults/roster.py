@@ -53,7 +53,7 @@ def check_faults(
     for place, fault in enumerate(faults):
         where = f"faults.{place}"
         if tick_of(fault.at, step) >= ticks:
-            ends = f"the run ends at {ticks * step:g} s, so it would never happen; give less"
+            ends = f"the run ends at {ticks * step:g} s, so it would never happen; give an earlier time"
             raise wrong(f"{where}.at", ends, fault.at)
         for name, field in type(fault).model_fields.items():
             if name in ("who", "sources", "targets", "victims"):
@@ -83,13 +83,11 @@ def _check_links(fault: OnLinks, names: Sequence[str], spares: frozenset[int], s
         and len(sources) == 1
     ):
         name = names[sources[0] - 1]
-        raise wrong(
-            f"faults.{place}.to", f"with seed {seed} both ends are {name}, which hears nothing from itself; name one"
-        )
+        raise wrong(f"faults.{place}.to", f"with seed {seed} sender and receiver are both {name}; name one of them")
 
 
 def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], drawing: Drawing) -> None:
-    """Who forges is a robot, and not in its own name alone. Robots that are made up are in nobody's name."""
+    """Raise unless a robot forges in another's name; invented robots have names of their own."""
     seed, place, _ = drawing
     where = f"faults.{place}"
     check_name(fault.by, names, f"{where}.by")
@@ -99,8 +97,8 @@ def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], d
     if meant(fault.victims, numbers, spares, drawing) != (numbers[fault.by],):
         return
     drawn = len(names) > 1 and fault.victims not in (fault.by, (fault.by,))
-    chance = f"with seed {seed} that is {fault.by} itself, which " if drawn else f"{fault.by} "
-    raise wrong(f"{where}.as", f"{chance}would forge in nobody's name but its own; name another, or another by")
+    victim = f"with seed {seed} the only victim" if drawn else "the only victim"
+    raise wrong(f"{where}.as", f"{victim} is {fault.by}, which forges; name another victim, or change by")
 
 
 def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], where: str) -> None:
@@ -109,8 +107,8 @@ def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], whe
         for place, name in enumerate(group):
             check_name(name, names, f"{where}.{index}.{place}")
             if name in homes:
-                twice = "twice" if homes[name] == index else f"in group {homes[name]} too"
+                twice = "listed twice" if homes[name] == index else f"in group {homes[name]} too"
                 raise wrong(f"{where}.{index}.{place}", f"{name} is {twice}; a robot is in one group")
             homes[name] = index
     if len(groups) == 1 and len(homes) == len(names):
-        raise wrong(where, "one group holds every robot, so nothing is cut; leave some out")
+        raise wrong(where, "one group holds all robots, so nobody is cut off; leave some out")

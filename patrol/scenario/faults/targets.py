@@ -74,17 +74,17 @@ def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], fleet: in
     """
     if isinstance(who, Some):
         if who.count is not None and who.count > fleet:
-            raise wrong(f"{where}.count", f"there are {fleet} robots; give at most that", who.count)
+            raise wrong(f"{where}.count", f"there are {fleet} robots; give at most {fleet}", who.count)
     elif isinstance(who, str):
         if who not in WORDS:
             check_name(who, names, where)
         elif who == "minority" and fleet == 1:
-            raise wrong(where, "there is one robot, and a minority of one is nobody; write one or all")
+            raise wrong(where, "there is one robot, so a minority is nobody; write one or all")
     else:
         for index, name in enumerate(who):
             check_name(name, names, f"{where}.{index}")
             if name in who[:index]:
-                raise wrong(f"{where}.{index}", f"{name} stands in the list twice; leave one out")
+                raise wrong(f"{where}.{index}", f"{name} is in the list twice; remove one")
 
 
 def check_name(name: str, names: Sequence[str], where: str) -> None:

@@ -26,7 +26,7 @@ def test_a_key_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "fleet.key"
     new_key(path)
     before = path.read_bytes()
-    with pytest.raises(BadInput, match="is there already"):
+    with pytest.raises(BadInput, match="exists already"):
         new_key(path)
     assert path.read_bytes() == before
     with pytest.raises(BadInput, match="is a folder; name a new file in it"):

@@ -94,7 +94,7 @@ def test_the_written_scenario_replays(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("nemesis", "expected"),
     [
-        ({}, "nemesis.interval: missing; give s, in each of which one fault begins"),
+        ({}, "nemesis.interval: missing; give s, length of an interval; one fault begins in each"),
         ({"interval": 0.1}, "nemesis.interval = 0.1: shorter than one step of 0.5 s; give more"),
         ({"interval": 1}, "nemesis.interval = 1: makes 3333 faults, at most 1000 fit; give more"),
         ({"interval": 60, "quiet": 5000}, "nemesis.quiet = 5000: leaves no room for faults in a run of 5000 s"),
