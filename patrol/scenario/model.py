@@ -75,10 +75,10 @@ class TerrainSpec(Section):
 class Body(Section):
     """The body of a robot."""
 
-    model: Kind = Field("car", description="car | holonomic")
+    model: Kind = Field("car", description="body model: car | holonomic")
     speed: Positive = Field(4.4, description="m/s, top speed")
-    radius: Positive = Field(1.0, description="m, of the circle that a body is")
-    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (holonomic robots have none)")
+    radius: Positive = Field(1.0, description="m, of the round body")
+    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by holonomic robots)")
 
 
 class RobotGroup(Body):
@@ -143,14 +143,14 @@ class PatrolSpec(Section):
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
     alpha: Exponent = Field(40.0, description="weight of staleness in f")
-    beta: Positive = Field(4000.0, description="spread of g4, in points of 0.1 m (squared) whatever the point is")
-    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m whatever the point is")
+    beta: Positive = Field(4000.0, description="spread of g4, in squared points of 0.1 m for any `point`")
+    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m for any `point`")
     paths: Literal["wave", "straight", "regions"] = Field(
         "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
     )
-    regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: the ground is split")
+    regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: found automatically")
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
-    sectors: Sectors = Field(8, description="sectors that mode chooses from")
+    sectors: Sectors = Field(8, description="number of sectors that mode chooses from")
     dilatation: NotNegative = Field(5.0, description="m, half-width of the window that spreads staleness; 0: none")
     avoidance: Literal["none", "goal-refinement", "fuzzy"] = Field(
         "goal-refinement", description="none | goal-refinement | fuzzy (mode only)"
@@ -158,22 +158,22 @@ class PatrolSpec(Section):
     separation: Separation = Field("none", description=SEPARATIONS)
     random_move: Probability = Field(0.1, description="probability of a random step (holonomic robots only)")
     give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
-    claim_width: Positive = Field(0.3, description="m, s of the claims")
+    claim_width: Positive = Field(0.3, description="m, width s of the claims")
     obstacle_radius: Positive = Field(5.0, description="m, of the artificial obstacle at each other robot")
-    critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages, found")
-    critical_width: Positive = Field(8.0, description="m, below which a passage is a critical area when found")
-    repulsion: NotNegative = Field(0.5, description="push of a robot close by, as a share of all attraction")
-    repulsion_reach: Positive = Field(10.0, description="m, over which the push falls")
+    critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages")
+    critical_width: Positive = Field(8.0, description="m, passages narrower than this are critical areas")
+    repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
+    repulsion_reach: Positive = Field(10.0, description="m, distance over which the repulsion falls")
     fuzzy_distance: Positive = Field(5.5, description="m, R_0: nearer obstacles weaken their sector")
     goal_distance: Positive = Field(5.5, description="m, from the robot to its goal")
     refine_side: Positive = Field(2.0, description="m, side of the square in which the goal is refined")
     refine_reach: Positive = Field(10.0, description="m, reach of the obstacle field psi that refines the goal")
     surround_distance: Positive = Field(8.0, description="m, from an intruder to the robots that surround it")
-    surround_repulsion: NotNegative = Field(0.3, description="push of a robot close by, as a share of the attraction")
+    surround_repulsion: NotNegative = Field(0.3, description="repulsion of a robot nearby, as a share of attraction")
     contact_memory: NotNegative = Field(
-        5.0, description="s after the last report of an intruder until patrolling goes on"
+        5.0, description="s after the last report of an intruder until patrolling resumes"
     )
-    tolerance: Tolerance = Field(1e-16, description="relative error at which far points are left out; 0: none are")
+    tolerance: Tolerance = Field(1e-16, description="relative error by leaving out far points; 0: none left out")
 
     @property
     def separations(self) -> tuple[str, ...]:
