@@ -1,4 +1,4 @@
-"""Where the robots of a scenario start: where they are told to, or at random places that make sense.
+"""Where the robots of a scenario start: at given places, or at random ones in a part of the ground worth patrolling.
 
 Random starts all lie in one part of the free space, the largest. Free space outside a building is no place to patrol
 although it is often the largest, so a part that the map's border bounds gives way to an enclosed one, unless that is

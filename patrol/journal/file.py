@@ -113,7 +113,7 @@ class JournalWriter:
 
 
 class _Rest(NamedTuple):
-    """What only a pass over the whole file tells."""
+    """What takes a pass over the whole file to find out."""
 
     events: tuple[Event, ...]
     end: End | None
@@ -184,7 +184,7 @@ def read_journal(path: Path) -> Journal:
 
 
 class _Records:
-    """One pass over a file's whole records; afterwards `truncated` tells whether something else follows them."""
+    """One pass over a file's whole records; afterwards `truncated` says whether anything else follows them."""
 
     def __init__(self, path: Path, skip_ticks: bool = False) -> None:
         self.path = path

@@ -242,7 +242,7 @@ def _grid(packed: bytes, height: int, width: int) -> NDArray[np.bool_]:
 
 
 def _inflated(packed: bytes, size: int) -> bytes:
-    """What was compressed to so many bytes, and no more."""
+    """Decompress to at most `size` bytes; Garbled when there are fewer."""
     inflater = zlib.decompressobj()
     data = inflater.decompress(packed, size)
     if len(data) != size:

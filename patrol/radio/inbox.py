@@ -34,7 +34,7 @@ _TICKS_APART = 4
 # Who does not know the ticks can only hold a sender's frames against each other: how much further than its clock
 # can have run a sequence may be, in steps. Covers stalls of the network.
 _AHEAD = 64
-# How many steps a contact may be off what some robot would send now: a replayed one ends after so many.
+# By how many steps a contact's sequence may differ from what some robot would send now; older replays are refused.
 _CONTACT_SLACK = 4
 
 

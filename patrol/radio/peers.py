@@ -65,6 +65,6 @@ class PeerTracker:
         places = [(position.pose.x, position.pose.y), *position.past]
         looks = self._looks.setdefault(position.robot, ReplayWindow())
         for ago, (x, y) in enumerate(places):
-            # One look counts once, however often it is told of: with a quality below 1 it leaves a rest of age.
+            # An observation counts once, however often it is reported: with a quality below 1 a second would lower ages more.
             if ago <= min(tick, position.sequence) and looks.use(position.sequence - ago):
                 yield tick - ago, Pose(x, y, position.pose.heading)

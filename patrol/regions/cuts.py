@@ -31,7 +31,7 @@ MARGIN = 0.5
 """Least distance, in points, of a cut from corners that it passes, and of its end from one that it might end in."""
 
 LONGEST = 2.0
-"""A cut that serves two corners may be so many times as long as the two cuts that it saves."""
+"""Factor by which a cut that serves two corners may be longer than the two cuts that it saves."""
 
 
 @dataclass(slots=True)

@@ -37,7 +37,7 @@ Polygon = tuple[tuple[float, float], ...]
 """Corners (x, y) in m, counter-clockwise."""
 
 FILL = 1.5
-"""Steps, thin walls' ends and poles of up to so many points are drawn into the free ground."""
+"""Points: steps, ends of thin walls and poles of up to this size count as free ground."""
 
 BY_HAND = 0.25
 """By so much (m), or a point where that is more, may polygons given by hand overlap, miss the walls and be dented."""

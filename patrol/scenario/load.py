@@ -3,7 +3,7 @@
 `load_scenario` reads a file or a mapping, applies overrides and checks every value; `open_scenario` also takes a map
 or the name of a built-in terrain. A loaded scenario is resolved: defaults are filled in, paths are absolute and a
 nemesis is written out as the faults that it drew, so it dumps to YAML that means the same anywhere on this machine.
-`scenario_hash` tells whether two scenarios mean the same.
+Two scenarios that mean the same have the same `scenario_hash`.
 """
 
 from __future__ import annotations

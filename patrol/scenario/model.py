@@ -1,8 +1,7 @@
 """The scenario's sections and fields, their units and defaults.
 
 Frozen pydantic models that refuse unknown keys. `patrol.scenario.load` reads and writes scenario files and is what
-other
-modules import.
+other modules import.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from patrol.values.types import NotNegative, Positive, Seed, at_least, by_shape,
 MOST_FAULTS = 1000
 """A nemesis of more intervals than this is refused."""
 QUIET = 1.0 / 3.0
-"""Share of the run that is quiet at its end unless told."""
+"""Share of the run that is quiet at its end by default."""
 
 if TYPE_CHECKING:
     KindName = str
