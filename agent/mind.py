@@ -18,7 +18,7 @@ from agent.routes.routes import Routes
 from agent.view import Draw, FogView, View
 from patrol.exchange import Sensed
 from patrol.pose import Pose
-from patrol.radio.message import MAX_CONTACTS, Position, encode
+from patrol.radio.message import MAX_CONTACTS, Position, as_received, encode
 from patrol.radio.peers import Peer
 from patrol.scenario import RobotSpec
 
@@ -115,7 +115,7 @@ class Mind:
     def _look(self, sensed: Sensed, heard: Sequence[bytes]) -> View:
         """Take in what was sensed and heard, and see what the robot knows now."""
         facts, k, pose = self.facts, sensed.k, sensed.pose
-        reported = Position.of(facts.spec.number, k, k * facts.step, pose).pose
+        reported = as_received(pose)
         self.belief.update(k, reported, heard, facts.step)
         for place in sensed.contacts[:MAX_CONTACTS]:
             self.belief.contacts.report(Position.of_contact(k, k * facts.step, *place), k)

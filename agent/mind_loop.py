@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from agent.ports import PolicyFailed, Telemetry, policy_failure
 from patrol.net.telemetry import Telemetry as TelemetryView
-from patrol.net.telemetry import Traffic, show
+from patrol.net.telemetry import Traffic, pack_view
 from patrol.process.deadline import Late, deadline
 
 if TYPE_CHECKING:
@@ -92,9 +92,9 @@ class TelemetrySender:
         )
         if now >= self._due:
             self._due = now + TELEMETRY_S
-            self._post(show(replace(view, traffic=self.traffic(False))))
+            self._post(pack_view(replace(view, traffic=self.traffic(False))))
 
     def close(self) -> None:
         """Show the last decision once more, with all that the radio has carried."""
         if self._last is not None and (traffic := self.traffic(True)) is not None:
-            self._post(show(replace(self._last, traffic=traffic)))
+            self._post(pack_view(replace(self._last, traffic=traffic)))

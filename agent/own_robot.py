@@ -119,7 +119,7 @@ def _drive(
     step_s = loaded.step / loaded.factor
     warm(("patrol", "agent"), say)
     prepared = prepare(loaded)
-    mind = build_mind(prepared, spec.number, FIRST_INCARNATION, fleet_key(loaded))
+    mind = build_mind(prepared, spec.number, FIRST_INCARNATION, fleet_key(loaded.radio.key))
     links = open_links(router, on_air, wait_s, say, lambda: bool(ending))
     if links is None:
         return INTERRUPTED
@@ -133,7 +133,7 @@ def _drive(
             return INTERRUPTED
         clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait)
         robot = make(Site(spec, prepared.starts[spec.number - 1], prepared.terrain, clock, loaded.step))
-        telemetry = TelemetrySender(link.show(keys.telemetry(name)))
+        telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(FIRST_INCARNATION, final=final)
         skew = Skew({number: other for other, number in names.items() if other != name})
         limit_s = None if policy_of(loaded).ours else DECISION_LIMIT_S

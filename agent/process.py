@@ -77,7 +77,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
     robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model)
-    telemetry = TelemetrySender(link.show(keys.telemetry(spec.name)))
+    telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
     radio: Radio = robot
     if scenario.radio.via == "direct":
         numbers = {one.name: one.number for one in scenario.roster}
@@ -126,7 +126,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
     else:
         shared = Shared(sensor_footprint(scenario, prepared.terrain), load_psi(scenario, static))
     try:
-        return build_mind(prepared, spec.number, options.incarnation, fleet_key(scenario), shared)
+        return build_mind(prepared, spec.number, options.incarnation, fleet_key(scenario.radio.key), shared)
     except PolicyFailed as failed:
         if failed.__cause__ is not None:
             traceback.print_exception(failed.__cause__)

@@ -21,9 +21,8 @@ import numpy as np
 from experiments.inprocess import Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.ground.builtins import builtin_terrain
-from patrol.random import Purpose
+from patrol.random import Draws, Purpose
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
-from patrol.scenario.faults.delays import Dice
 from patrol.scenario.faults.kinds import nothing
 from worldsim.output.record import COMPLETED, DESERTED
 from worldsim.verdict.judge import Verdict
@@ -100,7 +99,7 @@ def random_scenario(seed: int, key: Path) -> Scenario:
 
     key: the file that a fleet's key is in, where it has one.
     """
-    dice = Dice(seed, Purpose.CHAOS)
+    dice = Draws(seed, Purpose.CHAOS)
     step = dice.choice(0.5, 0.5, 0.5, 0.25, 1.0)
     ticks = dice.whole(60, 140)
     quiet = ticks // 4
@@ -135,7 +134,7 @@ def random_scenario(seed: int, key: Path) -> Scenario:
     )
 
 
-def _robot(dice: Dice, kinds: Sequence[str]) -> dict[str, Any]:
+def _robot(dice: Draws, kinds: Sequence[str]) -> dict[str, Any]:
     return {
         "model": dice.choice(*kinds),
         "speed": dice.between(1.0, 5.0),
@@ -144,7 +143,7 @@ def _robot(dice: Dice, kinds: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _sensor(dice: Dice) -> dict[str, Any]:
+def _sensor(dice: Draws) -> dict[str, Any]:
     return {
         "range": dice.between(4.0, 20.0),
         "angle": dice.choice(360, 360, 180, 90),
@@ -153,7 +152,7 @@ def _sensor(dice: Dice) -> dict[str, Any]:
     }
 
 
-def _patrol(dice: Dice) -> dict[str, Any]:
+def _patrol(dice: Draws) -> dict[str, Any]:
     direction = dice.choice("mode", "mode", "vector")
     mechanisms = ["claims", "artificial-obstacles", "semaphores", "repulsion"]
     return {
@@ -170,7 +169,7 @@ def _patrol(dice: Dice) -> dict[str, Any]:
     }
 
 
-def _intruder(dice: Dice, terrain: str, point: float) -> dict[str, Any]:
+def _intruder(dice: Draws, terrain: str, point: float) -> dict[str, Any]:
     free = np.argwhere(builtin_terrain(terrain, point).free)
     row, col = (int(value) for value in free[dice.whole(0, len(free) - 1)])
     return {"place": [(col + 0.5) * point, (row + 0.5) * point], "at": dice.between(0.0, 20.0)}

@@ -152,7 +152,7 @@ class InProcessFleet:
 
 def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
     """The first minds of a scenario's whole roster."""
-    make = mind_maker(prepared, fleet_key(prepared.scenario), shared or shared_by(prepared))
+    make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared or shared_by(prepared))
     return {spec.number: make(spec.number, FIRST_INCARNATION) for spec in prepared.scenario.roster}
 
 
@@ -192,7 +192,7 @@ def run_in_process(
     if not kind.ours:
         threads = 1  # so that one which hangs can be stopped
     shared = shared_by(prepared, footprint, together=threads == 1)
-    make = mind_maker(prepared, fleet_key(prepared.scenario), shared)
+    make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared)
     minds = {number: make(number, FIRST_INCARNATION) for number in world.living}
     fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S)
     header = header_of(world, started)

@@ -136,7 +136,7 @@ def execute(scenario: Scenario, wishes: Wishes) -> Result:
     folder = create(scenario, wishes.out, datetime.now().astimezone())
     try:
         resolved = folder.load()
-        fleet_key(resolved)  # whether it can be read is better known before there are processes
+        fleet_key(resolved.radio.key)  # whether it can be read is better known before there are processes
         return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
     except (BadInput, KeyboardInterrupt):
         if not folder.journal.exists():  # what has run is kept, whatever is wrong with it

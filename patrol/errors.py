@@ -1,10 +1,17 @@
-"""The one exception for input that cannot be used."""
+"""The one exception for input that cannot be used, and how its message spells values and near misses."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import Any
+
+_LONGEST = 60
+
 
 class BadInput(Exception):
-    """Something the user gave cannot be used.
+    """Input from the user that cannot be used.
 
     ``str(error)`` is one line that names the file or field, the value, what is wrong with it and what to do instead.
     The command line prints that line and ends with exit code 2.
@@ -12,3 +19,33 @@ class BadInput(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(" ".join(message.splitlines()))
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """'did you mean X?' for the known word nearest to a misspelt one, or the list of known words if none is near.
+
+    Args:
+        word: what the user wrote.
+        known: the words that would have been right.
+
+    Returns:
+        The end of an error message.
+    """
+    near = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+
+
+def quoted(value: Any) -> str:
+    """A value as a scenario file would spell it, cut to a readable length.
+
+    Args:
+        value: anything that a file or a message may hold.
+
+    Returns:
+        the value as JSON where it has a JSON form, otherwise as Python writes it; at most 60 characters.
+    """
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=repr)
+    except (ValueError, TypeError, RecursionError):
+        text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."

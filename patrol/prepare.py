@@ -32,10 +32,16 @@ REGIONS = "regions"
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A scenario with its terrain, the robots' starts in roster order and the static fields by robot number.
+    """A scenario with its terrain, the robots' starts and the static fields of each robot's body.
 
-    Robots of one radius share one StaticFields object, and one RegionSplit where paths lead through regions; regions
-    is None otherwise.
+    Robots of one radius share one StaticFields object, and one RegionSplit where paths lead through regions.
+
+    Attributes:
+        scenario: as loaded.
+        terrain: the ground.
+        starts: in roster order.
+        fields: by robot number.
+        regions: by robot number, or None where paths do not lead through regions.
     """
 
     scenario: Scenario
@@ -45,7 +51,11 @@ class Prepared:
     regions: Mapping[int, RegionSplit] | None = None
 
     def regions_of(self, number: int) -> RegionSplit | None:
-        """The split for a robot's body, where paths lead through regions."""
+        """The split for a robot's body, or None where paths do not lead through regions.
+
+        Args:
+            number: of the robot.
+        """
         return None if self.regions is None else self.regions[number]
 
     @cached_property
@@ -55,7 +65,11 @@ class Prepared:
         return frozen_grid(np.logical_or.reduce([fields.patrolled for fields in distinct]))
 
     def save(self, folder: Path) -> None:
-        """Write the arrays as .npy files and the rest as JSON into `folder`, which is made when missing."""
+        """Write the arrays as .npy files and the rest as JSON.
+
+        Args:
+            folder: where to write; it is made when missing.
+        """
         folder.mkdir(parents=True, exist_ok=True)
         np.save(folder / "passable.npy", self.terrain.passable)
         np.save(folder / "keep_out.npy", self.terrain.keep_out)
@@ -79,7 +93,15 @@ class Prepared:
 
     @staticmethod
     def load(scenario: Scenario, folder: Path) -> Prepared:
-        """What save() wrote for this scenario, memory-mapped and read-only."""
+        """Load what `save` wrote for a scenario.
+
+        Args:
+            scenario: the one that was prepared.
+            folder: the folder that `save` wrote into.
+
+        Returns:
+            the prepared scenario, memory-mapped and read-only.
+        """
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         x, y = facts["origin"]
         terrain = Terrain(
@@ -102,8 +124,12 @@ class Prepared:
 def prepare(scenario: Scenario) -> Prepared:
     """Load the terrain, place the robots and compute each body's fields.
 
-    Raises BadInput for an unusable map, for intruders and critical areas that are not on passable ground, for starts
-    that do not fit, for bodies too wide for the terrain and for regions that do not make a split.
+    Args:
+        scenario: as loaded.
+
+    Raises:
+        BadInput: for an unusable map, for intruders and critical areas that are not on passable ground, for starts that
+            do not fit, for bodies too wide for the terrain and for regions that do not make a split.
     """
     terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
     _check_intruders(scenario, terrain)

@@ -12,9 +12,12 @@ so that ``mix(s)`` is the first output of the reference generator seeded with ``
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import IntEnum
 from operator import index
-from typing import SupportsIndex
+from typing import SupportsIndex, TypeVar
+
+T = TypeVar("T")
 
 _MASK = (1 << 64) - 1
 _GOLDEN = 0x9E3779B97F4A7C15
@@ -37,7 +40,14 @@ class Purpose(IntEnum):
 
 
 def mix(*values: SupportsIndex) -> int:
-    """A well mixed 64-bit integer from one or more integers (any sign and size, taken modulo 2^64)."""
+    """A well mixed 64-bit integer.
+
+    Args:
+        values: one or more integers, any sign and size, taken modulo 2^64.
+
+    Raises:
+        TypeError: without any value.
+    """
     if not values:
         raise TypeError("mix needs at least one value")
     state = 0
@@ -47,17 +57,83 @@ def mix(*values: SupportsIndex) -> int:
 
 
 def draw(*values: SupportsIndex) -> float:
-    """A float in [0, 1), uniform over the multiples of 2^-53, from one or more integers.
+    """A float in [0, 1), uniform over the multiples of 2^-53.
 
-    By convention the first value is the scenario's seed and the second a `Purpose`.
+    Args:
+        values: one or more integers; by convention the first is the scenario's seed and the second a `Purpose`.
     """
     return (mix(*values) >> 11) * 2.0**-53
 
 
 def gauss(*values: SupportsIndex) -> float:
-    """A draw from the standard normal distribution (Box and Muller), from one or more integers."""
+    """A draw from the standard normal distribution (Box and Muller).
+
+    Args:
+        values: as in `draw`.
+    """
     radius = math.sqrt(-2.0 * math.log(1.0 - draw(*values, 0)))
     return radius * math.cos(2.0 * math.pi * draw(*values, 1))
+
+
+class Draws:
+    """A sequence of draws for one thing, such as the faults that begin in one interval."""
+
+    def __init__(self, *what: int) -> None:
+        """Begin at the first draw.
+
+        Args:
+            what: the arguments of `draw` but for the last, which counts the draws.
+        """
+        self._what = what
+        self._count = 0
+
+    def share(self) -> float:
+        """A float in [0, 1)."""
+        self._count += 1
+        return draw(*self._what, self._count)
+
+    def between(self, least: float, most: float) -> float:
+        """A float, to three significant digits.
+
+        Args:
+            least: lower bound.
+            most: upper bound.
+        """
+        return float(f"{least + (most - least) * self.share():.3g}")
+
+    def whole(self, least: int, most: int) -> int:
+        """An integer.
+
+        Args:
+            least: lower bound, included.
+            most: upper bound, included.
+        """
+        return least + int((most - least + 1) * self.share())
+
+    def choice(self, *what: T) -> T:
+        """One of several values.
+
+        Args:
+            what: the values.
+        """
+        return what[self.whole(0, len(what) - 1)]
+
+    def shuffled(self, what: Sequence[T]) -> list[T]:
+        """All values, in a drawn order.
+
+        Args:
+            what: the values.
+        """
+        return [what[place] for _, place in sorted((self.share(), place) for place in range(len(what)))]
+
+    def some(self, names: Sequence[str], most: int) -> list[str]:
+        """Some of the names, sorted.
+
+        Args:
+            names: to choose from.
+            most: how many at most; at least one is chosen.
+        """
+        return sorted(self.shuffled(names)[: self.whole(1, most)])
 
 
 def _finalise(z: int) -> int:

@@ -1,4 +1,4 @@
-"""Where the robots of a scenario start: where they are told to, or at random places that make sense.
+"""Where the robots of a scenario start: at given places, or at random ones in a part of the ground worth patrolling.
 
 Random starts all lie in one part of the free space, the largest. Free space outside a building is no place to patrol
 although it is often the largest, so a part that the map's border bounds gives way to an enclosed one, unless that is
@@ -44,10 +44,20 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
 
     Explicit starts are checked: the body on the terrain, clear of walls and of the other bodies. The others are drawn,
     headings too, from one part of the widest body's C-space, with two points to spare between bodies: the part that
-    holds the first explicit start, or else the preferred one. A draw depends on the seed and the robot's number.
-    Spare robots are placed last, so that the others start where they would without spare ones that are no wider; one
-    for which there is no room left gets a drawn place all the same, for it waits until nobody stands there.
-    Raises BadInput for an explicit start that does not fit and where no place is left.
+    holds the first explicit start, or else the preferred one. A draw depends on the seed and the robot's number. Spare
+    robots are placed last, so that the others start where they would without spare ones that are no wider. A spare
+    robot for which there is no room left gets a drawn place all the same, because it waits until nobody stands there.
+
+    Args:
+        terrain: the ground.
+        roster: all robots.
+        seed: the scenario's.
+
+    Returns:
+        one pose for each robot.
+
+    Raises:
+        BadInput: for an explicit start that does not fit, and where no place is left.
     """
     placed: dict[int, tuple[Pose, float]] = {}
     for spec in roster:
@@ -75,9 +85,18 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
 
 
 def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) -> BoolGrid:
-    """bool (height, width): the part of the C-space of a body of `radius` m that random starts are drawn from.
+    """The part of a body's C-space that random starts are drawn from.
 
-    first: a place whose part it is to be, where the body has one there. Raises BadInput where the body fits nowhere.
+    Args:
+        terrain: the ground.
+        radius: of the body, m.
+        first: a place whose part it is to be, where the body has one there.
+
+    Returns:
+        bool (height, width).
+
+    Raises:
+        BadInput: where the body fits nowhere.
     """
     cspace = cspace_of(terrain, radius)
     if not cspace.any():
@@ -92,7 +111,17 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
 
 
 def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radius: float) -> int:
-    """The part, of `count` numbered from 1 in `labels`, where robots start if nobody says otherwise."""
+    """The part where robots start unless the scenario says otherwise.
+
+    Args:
+        terrain: the ground.
+        labels: int32 (h, w), parts numbered from 1.
+        count: the number of parts.
+        radius: of the body, m.
+
+    Returns:
+        the part's number.
+    """
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0
     bounded = np.zeros(count + 1, dtype=np.bool_)
@@ -124,7 +153,14 @@ def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: dict
 
 
 def clearance_at(terrain: Terrain, x: float, y: float, limit: float) -> float:
-    """Distance in m from (x, y) to the nearest blocked square or the terrain's edge, or `limit` where that is less."""
+    """Distance in m from a place to the nearest blocked square or the terrain's edge.
+
+    Args:
+        terrain: the ground.
+        x: m.
+        y: m.
+        limit: m; a larger distance reads as that.
+    """
     xmin, ymin, xmax, ymax = terrain.bounds
     clear = max(min(limit, x - xmin, y - ymin, xmax - x, ymax - y), 0.0)
     row0, col0 = terrain.point_at(x - clear, y - clear)
@@ -162,7 +198,7 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
     raise BadInput(
         f"robots.radius = {radius:g}: too wide for every door of {terrain.name}; the widest, at ({widest.x:.2f}, "
         f"{widest.y:.2f}), is {widest.width:.2f} m wide and lets a radius of {passing:g} m pass; use a smaller radius, "
-        "or say where to start to patrol one room"
+        "or give starts to patrol one room"
     )
 
 

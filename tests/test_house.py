@@ -97,6 +97,7 @@ def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
         "__main__.py",
         "lifeline.py",
         "link.py",
+        "mailbox.py",
         "multicast.py",
         "warmup.py",
         "deadline.py",

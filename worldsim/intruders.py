@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from patrol.radio.message import MAX_CONTACTS
-from worldsim.truth import as_sent
+from patrol.radio.message import MAX_CONTACTS, as_received
 
 if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint
@@ -25,12 +24,12 @@ class Intruders:
         self._step = scenario.step
         self._footprint = footprint
 
-    def seen_by(self, number: int, tick: int, pose: Pose) -> tuple[Place, ...]:
+    def seen_by(self, tick: int, pose: Pose) -> tuple[Place, ...]:
         """Where a robot sees intruders: on points of its footprint; at most `MAX_CONTACTS`, nearest first."""
         here = [intruder.place for intruder in self._intruders if intruder.is_there(tick * self._step)]
         if not here:
             return ()
-        sent = as_sent(number, tick, self._step, pose)
+        sent = as_received(pose)
         view = self._footprint.visible(sent)
         seen = [place for place in here if view.shows(*self._footprint.terrain.point_at(*place))]
         return tuple(sorted(seen, key=lambda place: (math.dist(place, (sent.x, sent.y)), place))[:MAX_CONTACTS])

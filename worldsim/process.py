@@ -24,7 +24,8 @@ from patrol.process.options import TOGETHER, fleet_parser, prepared_as_told
 if TYPE_CHECKING:
     from patrol.journal import Event, Header, JournalWriter, TickRecord
     from patrol.net.keys import FleetKeys
-    from patrol.net.link import Air, Link, Question
+    from patrol.net.link import Link
+    from patrol.net.mailbox import Air, Question
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
     from worldsim.fleet.lockstep import LockstepFleet
@@ -113,7 +114,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
 def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, ending: Ending) -> Seats:
     """Listen to the robots, say that there is a world, and wait until somebody has come for each robot."""
     from patrol.net.keys import WORLD
-    from patrol.net.link import Mailbox, Presence
+    from patrol.net.mailbox import Mailbox, Presence
     from patrol.net.phases import MAX_REPLY, ToWorld, decode_to_world
     from patrol.scenario import scenario_hash
     from worldsim.fleet.sessions import Seats, Wire
@@ -140,7 +141,7 @@ def _gather(link: Link, keys: FleetKeys, scenario: Scenario, wait_s: float, endi
 
 def _ear(link: Link, air: Air, keys: FleetKeys, scenario: Scenario) -> Ear:
     """Overhear what robots tell each other on the air, and what they say of it over the fleet's link."""
-    from patrol.net.link import Mailbox
+    from patrol.net.mailbox import Mailbox
     from patrol.net.telemetry import read_traffic
     from patrol.radio.message import MAX_FRAME
     from worldsim.radio.overheard import MAX_TRAFFIC, ROOM, Ear
@@ -217,7 +218,7 @@ def _operator(
     options: argparse.Namespace, world: World, fleet: LockstepFleet | PacedFleet, link: Link, keys: FleetKeys
 ) -> Operator:
     """Does what whoever has the fleet's token asks for, and keeps the scenario that it comes to."""
-    from patrol.net.link import Mailbox
+    from patrol.net.mailbox import Mailbox
     from patrol.scenario.controls import ASK, MAX_CONTROL
     from worldsim.operator import Operator
     from worldsim.requests import FrontDesk, keep_timeline
@@ -249,7 +250,7 @@ def _feed(
 ) -> Feed:
     """Shows the journal to whoever watches, and tells who comes late what was before."""
     from patrol.net.feed import FOG, TICKS
-    from patrol.net.link import Mailbox
+    from patrol.net.mailbox import Mailbox
     from worldsim.output.feed_publisher import Feed
 
     key = keys.truth(FOG)
@@ -258,7 +259,7 @@ def _feed(
     def later(work: Callable[[], None]) -> None:
         threading.Thread(target=work, name="fog", daemon=True).start()
 
-    feed = Feed(world, journal, header, link.show(keys.truth(TICKS)), questions, later, time.monotonic, manner)
+    feed = Feed(world, journal, header, link.publisher(keys.truth(TICKS)), questions, later, time.monotonic, manner)
     link.attend(key, 0, questions)
     return feed
 
@@ -308,25 +309,25 @@ def _sinks(
     between: Callable[[], None],
 ) -> tuple[Callable[[TickRecord], None], Callable[[Event], None]]:
     """Where ticks and events go: into the files, and before the eyes of whoever looks."""
-    from patrol.net.telemetry import EVENTS, METRICS, Watcher, show
+    from patrol.net.telemetry import EVENTS, METRICS, Watcher, pack_view
 
     scenario = world.scenario
     names = {spec.number: spec.name for spec in scenario.roster}
     watcher = Watcher(names, world.truth.fog.points, scenario.step, scenario.ticks, time.monotonic)
-    to_metrics, to_events = link.show(keys.truth(METRICS)), link.show(keys.truth(EVENTS))
+    to_metrics, to_events = link.publisher(keys.truth(METRICS)), link.publisher(keys.truth(EVENTS))
 
     def on_tick(record: TickRecord) -> None:
         recorder.tick(record)
         table.tick(record)
         metrics = watcher.take(record)
         if metrics is not None:
-            to_metrics(show(metrics))
+            to_metrics(pack_view(metrics))
         between()
 
     def on_event(event: Event) -> None:
         recorder.event(event)
         notice = watcher.notice(event)
-        to_events(show(notice))
+        to_events(pack_view(notice))
         _say(" ".join(part for part in (f"tick {event.k}:", notice.robot, f"{event.kind}:", event.detail) if part))
 
     return on_tick, on_event

@@ -20,7 +20,7 @@ TIMELINE = "timeline.yaml"
 
 
 class Question(Protocol):
-    """What a `patrol.net.link.Question` offers here."""
+    """What a `patrol.net.mailbox.Question` offers here."""
 
     @property
     def payload(self) -> bytes:
@@ -34,7 +34,7 @@ class Question(Protocol):
 
 
 class Mailbox(Protocol):
-    """What a `patrol.net.link.Mailbox` of questions offers here."""
+    """What a `patrol.net.mailbox.Mailbox` of questions offers here."""
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, Question] | None:
         """The next question and its key, or None when none came in time."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from patrol.pose import TAU, Pose
 from patrol.radio.message import MAX_TIME_MS
+from patrol.radio.units import ms_to_s
 from patrol.random import Purpose, draw, gauss
 from patrol.scenario.faults.kinds import Clock, Drift
 
@@ -56,7 +57,7 @@ class Senses:
         for entry in self.timeline.at(k):
             if isinstance(entry.fault, Clock) and number in entry.who:
                 ahead += entry.fault.offset + entry.fault.rate * (k - entry.begin) * self._step
-        return _within(time_s + ahead, (0.0, MAX_TIME_MS / 1000.0)) if ahead else time_s
+        return _within(time_s + ahead, (0.0, ms_to_s(MAX_TIME_MS))) if ahead else time_s
 
     def _error(self, entry: Entry, fault: Drift, number: int, k: int) -> tuple[float, float]:
         elapsed = (k - entry.begin) * self._step

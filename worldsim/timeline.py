@@ -17,12 +17,13 @@ from patrol.scenario import Scenario
 from patrol.scenario.faults.kinds import (
     PROCESS_KINDS,
     STRANGER,
-    AnyFault,
+    Fault,
     Join,
     Kill,
     Lasting,
     Leave,
     OnLinks,
+    OnRobots,
     Partition,
     Pause,
     Spoof,
@@ -47,7 +48,7 @@ class Entry:
     """
 
     index: int
-    fault: AnyFault
+    fault: Fault
     begin: int
     end: int | None
     who: tuple[int, ...] = ()
@@ -74,7 +75,7 @@ class Act:
 class Timeline:
     """A scenario's faults in ticks and robot numbers; it has no state and looks at nothing but the scenario."""
 
-    def __init__(self, scenario: Scenario, extra: Sequence[tuple[int, AnyFault]] = ()) -> None:
+    def __init__(self, scenario: Scenario, extra: Sequence[tuple[int, Fault]] = ()) -> None:
         """Resolve the scenario's faults.
 
         extra: faults asked for later, each with the tick from which its `at` counts; their indices follow on.
@@ -149,7 +150,7 @@ class Timeline:
             return "all"
         return " ".join(self._of_number[number] for number in numbers) or "nobody"
 
-    def _entry(self, index: int, k: int, fault: AnyFault) -> Entry:
+    def _entry(self, index: int, k: int, fault: Fault) -> Entry:
         begin = k + tick_of(fault.at, self._step)
         end: int | None = begin
         if isinstance(fault, Lasting):
@@ -162,6 +163,7 @@ class Timeline:
         if isinstance(fault, Spoof):
             forger = 0 if fault.by == STRANGER else self._names[fault.by]
             return Entry(index, fault, begin, end, self._resolve(fault.victims, index, Target.AS), (forger,))
+        assert isinstance(fault, OnRobots)
         return Entry(index, fault, begin, end, self._resolve(fault.who, index, Target.WHO))
 
     def _resolve(self, who: str | tuple[str, ...] | Some, index: int, field: Target) -> tuple[int, ...]:

@@ -59,7 +59,7 @@ class World:
         for number in self.timeline.starts_absent:
             body = self.bodies[number]
             body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
-        self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled, self.step)
+        self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
         self.ether = ether_of(scenario, self.timeline, self.terrain, self.senses, operated=operated)
@@ -78,7 +78,7 @@ class World:
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
         self.truth.observe(self.tick, ((number, body.pose) for number, body in living.items()))
-        seen = {number: self._intruders.seen_by(number, self.tick, body.pose) for number, body in living.items()}
+        seen = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
         k, senses = self.tick, self.senses
         return {
             number: Sensed(k, senses.pose(number, k, body.pose), body.bumped, seen[number], senses.clock(number, k))

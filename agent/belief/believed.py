@@ -16,7 +16,7 @@ from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
 from patrol.radio.message import CONTACT
-from patrol.radio.peers import Hearsay
+from patrol.radio.peers import PeerTracker
 
 AGELESS = 2**31 - 1
 """Dilated last-seen tick of what is no ground: nothing there has an age."""
@@ -45,8 +45,8 @@ class Belief:
         """
         self.fog = Fog(patrolled)
         self.inbox = inbox
-        self._hearsay = Hearsay()
-        self.peers = self._hearsay.peers
+        self._tracker = PeerTracker()
+        self.peers = self._tracker.peers
         self.contacts = Contacts()
         self._footprint = footprint
         self._posts = posts
@@ -73,7 +73,7 @@ class Belief:
             if position is not None and position.robot == CONTACT:
                 self.contacts.report(position, tick)
             elif position is not None:
-                looks = self._hearsay.hear(position, tick)
+                looks = self._tracker.hear(position, tick)
                 boxes += [self._look(pose, at) for at, pose in looks]
         for box in boxes:
             if box is not None and self._spreads:

@@ -21,8 +21,7 @@ from pydantic import BaseModel, ValidationError
 
 from agent.policies.potential_field.policy import PotentialField
 from agent.ports import Policy, PolicySetup
-from patrol.errors import BadInput
-from patrol.scenario.explain import did_you_mean
+from patrol.errors import BadInput, did_you_mean
 from patrol.scenario.policy_file import PAPER, policy_digest, policy_file
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from agent.ports import FleetClock
 from patrol.net.keys import FleetKeys, robot_of
-from patrol.net.link import Air, Mailbox, Post
+from patrol.net.mailbox import Air, Mailbox, Post
 from patrol.net.telemetry import Traffic
 from patrol.radio.message import MAX_FRAME, MAX_FRAMES
 

@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 from agent.ports import Decision, State
 from patrol.exchange import Reply, Sensed
 from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.link import TELL_S, Link, Mailbox, Post, Presence
+from patrol.net.link import TELL_S, Link
+from patrol.net.mailbox import Mailbox, Post, Presence
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,

@@ -14,9 +14,8 @@ from typing import Any
 from experiments.sweeps.plan import Base, Case, Plan, make_plan
 from experiments.sweeps.runner import Outcome
 from experiments.sweeps.stats import Estimate, estimate
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean
 from patrol.radio.message import MAX_TRAIL
-from patrol.scenario.explain import did_you_mean
 
 CALLED = "the faults experiment"
 QUIET = "no faults"

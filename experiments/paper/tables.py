@@ -17,8 +17,7 @@ from typing import Any
 from experiments.sweeps.plan import Base, Case, Plan, make_plan
 from experiments.sweeps.runner import Outcome
 from experiments.sweeps.stats import Estimate, Fit, estimate, fit
-from patrol.errors import BadInput
-from patrol.scenario.explain import did_you_mean
+from patrol.errors import BadInput, did_you_mean
 
 CALLED = "the paper's tables"
 FAR_OFF = 1.5

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from experiments.paper.orderings import Judged
 from experiments.paper.tables import FAR_OFF, Cell, Comparison, Remark, Setup, fit_of, paper
 from experiments.sweeps.stats import Estimate, Fit
-from patrol.scenario.explain import show
+from patrol.errors import quoted
 
 UNEXPLAINED = "not explained"
 
@@ -52,10 +52,10 @@ def _head(setup: Setup, command: str, wall_s: float) -> Iterator[str]:
     if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):
         radius += f" ({calibrated.found})"
     yield f"Points of {setup.point:g} m, {radius}, seeds {', '.join(map(str, setup.seeds))}."
-    fixed = (f"`{field}: {show(value)}`" for field, value in paper().settings.items() if field not in setup.settings)
+    fixed = (f"`{field}: {quoted(value)}`" for field, value in paper().settings.items() if field not in setup.settings)
     yield f"Every cell has {', '.join(fixed)}."
     for field, value in setup.settings.items():
-        yield f"Set everywhere: `{field}: {show(value)}`."
+        yield f"Set everywhere: `{field}: {quoted(value)}`."
     yield (
         "MFoW depends on the size of the points, as it is a maximum: compare only like with like. Each cell reads: our "
         "mean over the seeds ± its 95 % interval, the printed value in brackets, and the ratio of the two. What the "

@@ -13,8 +13,7 @@ from typing import Any
 from experiments.sweeps.runner import Outcome
 from experiments.sweeps.stats import Estimate, estimate
 from experiments.sweeps.worker import software
-from patrol.errors import BadInput
-from patrol.scenario.explain import show
+from patrol.errors import BadInput, quoted
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +122,7 @@ def _csv_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
 
 
 def _csv_value(value: object) -> object:
-    return value if value is None or isinstance(value, str | int | float) else show(value)
+    return value if value is None or isinstance(value, str | int | float) else quoted(value)
 
 
 def _json_row(row: CaseRow) -> dict[str, Any]:

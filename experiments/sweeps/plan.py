@@ -24,10 +24,9 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.scenario import Scenario, load_scenario, scenario_hash
-from patrol.scenario.explain import did_you_mean, show
-from patrol.scenario.yaml_text import parse_yaml, read_text
+from patrol.yaml_text import parse_yaml, read_text
 
 MAX_RUNS = 100_000
 
@@ -99,7 +98,7 @@ def make_plan(
     plan = Plan(name, cases, tuple(seeds), tuple(runs), against or {})
     if plan.against and not any(plan.partner(case) for case in cases):
         raise BadInput(
-            f"{base.called}: against = {show(against)}: no two cases differ in just that; vary it in the grid"
+            f"{base.called}: against = {quoted(against)}: no two cases differ in just that; vary it in the grid"
         )
     return plan
 
@@ -115,13 +114,13 @@ def read_plan(path: Path, seeds: int | None = None) -> Plan:
     base = _base(raw["base"], path)
     name = raw.get("name", path.stem)
     if not isinstance(name, str) or not name:
-        raise BadInput(f"{path}: name = {show(name)}: expected a text")
+        raise BadInput(f"{path}: name = {quoted(name)}: expected a text")
     numbers = count_of_seeds(seeds, "--seeds") if seeds is not None else _seeds(raw.get("seeds"), base, path)
     against = raw.get("against")
     if not (
         against is None or (isinstance(against, dict) and against and all(isinstance(key, str) for key in against))
     ):
-        raise BadInput(f"{path}: against = {show(against)}: expected {{FIELD: VALUE, ...}}")
+        raise BadInput(f"{path}: against = {quoted(against)}: expected {{FIELD: VALUE, ...}}")
     return make_plan(name, base, _cases(raw, path), numbers, against)
 
 
@@ -147,7 +146,7 @@ def _base(given: object, path: Path) -> Base:
     if isinstance(given, dict):
         return Base({"name": path.stem, **given}, path.parent, f"{path}: base")
     if not isinstance(given, str):
-        raise BadInput(f"{path}: base = {show(given)}: expected a scenario's keys and values, or its file")
+        raise BadInput(f"{path}: base = {quoted(given)}: expected a scenario's keys and values, or its file")
     file = path.parent / given
     raw = parse_yaml(read_text(file), str(file))
     if not isinstance(raw, dict):
@@ -167,7 +166,7 @@ def _seeds(given: object, base: Base, path: Path) -> tuple[int, ...]:
         if not twice:
             return tuple(given)
         raise BadInput(f"{path}: seeds: {twice[0]} occurs twice; give each seed once")
-    raise BadInput(f"{path}: seeds = {show(given)}: expected a count such as 3, or a list of seeds such as [1, 2, 3]")
+    raise BadInput(f"{path}: seeds = {quoted(given)}: expected a count such as 3, or a list of seeds such as [1, 2, 3]")
 
 
 def _cases(raw: Mapping[str, Any], path: Path) -> list[Case]:
@@ -194,17 +193,17 @@ def _named(given: object, path: Path) -> Iterator[Case]:
         yield Case("", {})
         return
     if not isinstance(given, list) or not given:
-        raise BadInput(f"{path}: cases = {show(given)}: expected a list such as [{{name: a, set: {{FIELD: VALUE}}}}]")
+        raise BadInput(f"{path}: cases = {quoted(given)}: expected a list such as [{{name: a, set: {{FIELD: VALUE}}}}]")
     for index, entry in enumerate(given):
         where = f"{path}: cases.{index}"
         if not isinstance(entry, dict) or not isinstance(entry.get("name"), str) or not entry["name"]:
-            raise BadInput(f"{where} = {show(entry)}: expected {{name: NAME, set: {{FIELD: VALUE, ...}}}}")
+            raise BadInput(f"{where} = {quoted(entry)}: expected {{name: NAME, set: {{FIELD: VALUE, ...}}}}")
         for key in entry:
             if key not in _CASE_KEYS:
                 raise BadInput(f"{where}: {key}: unknown key; {did_you_mean(str(key), _CASE_KEYS)}")
         settings = entry.get("set") or {}
         if not isinstance(settings, dict) or not all(isinstance(field, str) for field in settings):
-            raise BadInput(f"{where}.set = {show(settings)}: expected {{FIELD: VALUE, ...}}")
+            raise BadInput(f"{where}.set = {quoted(settings)}: expected {{FIELD: VALUE, ...}}")
         yield Case(entry["name"], settings)
 
 
@@ -212,12 +211,12 @@ def _grid(given: object, path: Path) -> dict[str, list[object]]:
     if given is None:
         return {}
     if not isinstance(given, dict):
-        raise BadInput(f"{path}: grid = {show(given)}: expected {{FIELD: [VALUE, ...], ...}}")
+        raise BadInput(f"{path}: grid = {quoted(given)}: expected {{FIELD: [VALUE, ...], ...}}")
     for field, values in given.items():
         if not isinstance(field, str):
-            raise BadInput(f"{path}: grid: {show(field)}: expected a field such as patrol.dilatation")
+            raise BadInput(f"{path}: grid: {quoted(field)}: expected a field such as patrol.dilatation")
         if not isinstance(values, list) or not values:
-            raise BadInput(f"{path}: grid.{field} = {show(values)}: expected a list of values such as [0, 2, 5]")
+            raise BadInput(f"{path}: grid.{field} = {quoted(values)}: expected a list of values such as [0, 2, 5]")
     return given
 
 
@@ -234,4 +233,4 @@ def _short_names(fields: Sequence[str]) -> dict[str, str]:
 
 
 def _plain(value: object) -> str:
-    return value if isinstance(value, str) else show(value)
+    return value if isinstance(value, str) else quoted(value)

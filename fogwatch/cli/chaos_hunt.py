@@ -10,7 +10,7 @@ from rich.console import Console
 
 from patrol.errors import BadInput
 from patrol.process.lifeline import heed
-from patrol.scenario.values import MAX_SEED
+from patrol.values.types import MAX_SEED
 
 
 def chaos(

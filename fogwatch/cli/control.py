@@ -66,7 +66,7 @@ def control(
 
 def control_of(do: str, value: str | None) -> dict[str, Any]:
     """The control that a command line's words mean; its values are not looked at yet."""
-    from patrol.scenario.yaml_text import parse_yaml
+    from patrol.yaml_text import parse_yaml
 
     field, example = VALUES.get(do, (None, ""))
     if value is None:

@@ -12,12 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from fogwatch.cli.map_regions import regions
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean
 from patrol.ground.builtins import LAYOUTS, builtin_terrain
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.process.warmup import warm
-from patrol.scenario.explain import did_you_mean
 
 if TYPE_CHECKING:
     from fogwatch.map_check import MapReport, SealedPart

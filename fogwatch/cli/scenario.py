@@ -36,7 +36,7 @@ def check(what: What, settings: Settings = None) -> None:
     """Say whether the scenario can run: values, terrain, the fleet's key, room for all; and what goes wrong when."""
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
-    fleet_key(scenario)
+    fleet_key(scenario.radio.key)
     from patrol.prepare import prepare  # here: needs the simulator's libraries, which `show` does without
 
     prepared = prepare(scenario)

@@ -29,7 +29,8 @@ from monitor.process import READY as ADDRESS
 from patrol.errors import BadInput
 from patrol.net.access import Access, write_access
 from patrol.net.keys import fleet_keys
-from patrol.net.link import Link, LinkDown, Mailbox, open_link
+from patrol.net.link import Link, LinkDown, open_link
+from patrol.net.mailbox import Mailbox
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.net.telemetry import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
 from worldsim.fleet.process_control import process_name

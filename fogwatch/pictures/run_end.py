@@ -166,7 +166,7 @@ def replay(journal: Journal, prepared: Prepared) -> FinalFog:
     if record is None:
         raise BadInput(f"{journal.path}: holds no whole tick; there is nothing to draw")
     poses = np.array(places, dtype=np.float64)
-    truth = Truth(sensor_footprint(scenario, prepared.terrain), prepared.patrolled, scenario.step)
+    truth = Truth(sensor_footprint(scenario, prepared.terrain), prepared.patrolled)
     # Where one look makes a point fresh, nothing older than the MFoW shows in the end.
     begin = 0 if scenario.sensor.quality != 1.0 else len(poses) - 1 - record.mfow
     for index in range(max(begin, 0), len(poses)):

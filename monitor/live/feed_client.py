@@ -9,7 +9,7 @@ from monitor.observation.source import Answer
 from patrol.errors import BadInput
 from patrol.net.feed import FOG, MAX_BATCH, TICKS, Batch, Garbled, SoFar, read_batch, read_so_far
 from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.link import Mailbox, Presence
+from patrol.net.mailbox import Mailbox, Presence
 from patrol.scenario.controls import ASK, read_answer, request
 
 if TYPE_CHECKING:

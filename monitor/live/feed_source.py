@@ -34,7 +34,7 @@ from patrol.net.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.controls import CONTROLS, OPERATOR, amended, in_force, read_control, told
+from patrol.scenario.controls import CONTROLS, OPERATOR, amended, described, in_force, read_control
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -318,7 +318,7 @@ class FeedSource:
 
     def _tracker(self, layer: Layer) -> FogTracker:
         try:
-            key = fleet_key(self._scenario)
+            key = fleet_key(self._scenario.radio.key)
         except BadInput:
             key = None
         number = layer if isinstance(layer, int) else None
@@ -407,4 +407,4 @@ def _events(packed: Sequence[bytes]) -> list[Event]:
 
 def _shown(event: Event) -> Event:
     """An event with its details as text for operators."""
-    return replace(event, detail=told(event)) if event.kind == OPERATOR else event
+    return replace(event, detail=described(event)) if event.kind == OPERATOR else event

@@ -18,7 +18,7 @@ from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Se
 from patrol.errors import BadInput
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import Event, Status
-from patrol.net.link import Mailbox, Presence
+from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.telemetry import Telemetry, read_telemetry
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.inbox import inbox_of
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patrol.net.keys import FleetKeys
-    from patrol.net.link import Air, Link
+    from patrol.net.link import Link
+    from patrol.net.mailbox import Air
     from patrol.prepare import Prepared
 
 MAX_TELEMETRY = 1 << 16
@@ -61,7 +62,7 @@ class PositionsSource:
         self._roster = scenario.roster
         self._names = {spec.name: spec.number for spec in self._roster}
         try:
-            key = fleet_key(scenario)
+            key = fleet_key(scenario.radio.key)
             self._unchecked = ""
         except BadInput:
             key = None

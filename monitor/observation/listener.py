@@ -14,7 +14,7 @@ from patrol.ground.fog import Fog
 from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
 from patrol.radio.message import CONTACT, Position
-from patrol.radio.peers import Hearsay
+from patrol.radio.peers import PeerTracker
 
 if TYPE_CHECKING:
     import numpy as np
@@ -75,8 +75,8 @@ class Listener:
         """
         self.fog = Fog(patrolled)
         self.inbox = inbox
-        self._hearsay = Hearsay()
-        self.peers = self._hearsay.peers
+        self._tracker = PeerTracker()
+        self.peers = self._tracker.peers
         self._footprint = footprint
         self._step = step
 
@@ -100,5 +100,5 @@ class Listener:
             position = self.inbox.accept(frame, tick * self._step)
             if position is None or position.robot == CONTACT:
                 continue
-            for at, pose in self._hearsay.hear(position, tick):
+            for at, pose in self._tracker.hear(position, tick):
                 self.look(at, pose)

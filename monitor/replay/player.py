@@ -267,6 +267,6 @@ def _since(tick: int, k: int, step: float) -> float | None:
 def _key_of(run: Run) -> bytes | None:
     """The fleet's key; None if it cannot be read."""
     try:
-        return fleet_key(run.prepared.scenario)
+        return fleet_key(run.prepared.scenario.radio.key)
     except BadInput:
         return None

@@ -56,7 +56,7 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
     beliefs, untested = None, False
     if not run.direct and not exact_by_construction(run):
         try:
-            key = fleet_key(run.prepared.scenario)
+            key = fleet_key(run.prepared.scenario.radio.key)
         except BadInput:
             key, untested = None, True
         beliefs = BeliefWatcher(run, footprint, key)

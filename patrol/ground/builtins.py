@@ -30,9 +30,17 @@ class Layout:
 
 
 def builtin_terrain(name: str, point: float) -> Terrain:
-    """A built-in terrain on points of `point` m; a point that shares some area with an obstacle is impassable.
+    """A built-in terrain as a grid; a point that shares some area with an obstacle is impassable.
 
-    Raises BadInput for an unknown name and for points so large or small that no terrain is left.
+    Args:
+        name: a key of `LAYOUTS`.
+        point: side of one point, m.
+
+    Returns:
+        the terrain, with its lower left corner at (0, 0).
+
+    Raises:
+        BadInput: for an unknown name, and for points so large or small that no terrain is left.
     """
     if name not in LAYOUTS:
         raise BadInput(f"terrain.builtin = {name}: no such terrain; known are {', '.join(LAYOUTS)}")
@@ -40,7 +48,7 @@ def builtin_terrain(name: str, point: float) -> Terrain:
     height = whole_points(layout.height, point)
     width = whole_points(layout.width, point)
     if height * width > MAX_POINTS:
-        raise BadInput(f"point = {point:g}: makes more than {MAX_POINTS} points of {name}; choose a larger point")
+        raise BadInput(f"point = {point:g}: gives {name} more than {MAX_POINTS} points; choose a larger point")
     passable = np.ones((height, width), dtype=np.bool_)
     for obstacle in layout.obstacles:
         passable &= ~cover(obstacle, passable.shape, point, (0.0, 0.0))

@@ -34,13 +34,14 @@ MARGIN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class StaticFields:
-    """What one kind of robot can do on one terrain. All arrays are (height, width) and read-only.
+    """What robots of one radius can do on one terrain. All arrays are (height, width) and read-only.
 
-    cspace: bool, the body fits with its centre at the point's centre.
-    reach: bool, the parts of cspace that hold a start.
-    patrolled: bool, points that are seen from some place in reach.
-    proxy: int32, for a patrolled point outside reach the flat index of the nearest point of reach that sees it
-    (paper/NOTES 4: such points pull through it), else -1.
+    Attributes:
+        cspace: bool, the body fits with its centre at the point's centre.
+        reach: bool, the connected parts of `cspace` that hold a start.
+        patrolled: bool, points that are seen from some place in `reach`.
+        proxy: int32, for a patrolled point outside `reach` the flat index of the nearest point of `reach` that sees it
+            (paper/NOTES 4: such points pull through it), else -1.
     """
 
     cspace: BoolGrid
@@ -49,33 +50,57 @@ class StaticFields:
     proxy: IntGrid
 
     def save(self, folder: Path) -> None:
-        """Write the four arrays as .npy files into `folder`, which is made when missing."""
+        """Write the four arrays as .npy files.
+
+        Args:
+            folder: where to write; it is made when missing.
+        """
         folder.mkdir(parents=True, exist_ok=True)
         for name in GRIDS:
             np.save(folder / f"{name}.npy", getattr(self, name))
 
     @staticmethod
     def load(folder: Path) -> StaticFields:
-        """What save() wrote, memory-mapped and read-only."""
+        """Load what `save` wrote.
+
+        Args:
+            folder: the folder that `save` wrote into.
+
+        Returns:
+            the fields, memory-mapped and read-only.
+        """
         cspace, reach, patrolled, proxy = (load_grid(folder / f"{name}.npy") for name in GRIDS)
         return StaticFields(cspace, reach, patrolled, proxy)
 
 
 def load_grid(path: Path) -> NDArray[Any]:
-    """An array of a .npy file, memory-mapped and read-only."""
+    """An array of a .npy file, memory-mapped and read-only.
+
+    Args:
+        path: the file.
+    """
     return np.asarray(np.load(path, mmap_mode="r"))
 
 
 def planning_radius(radius: float, point: float) -> float:
-    """Clearance in m that a body of `radius` m needs at the centres of points.
+    """Clearance in m that a body needs at the centres of points.
 
     Half a point more than the body, so that a straight drive between neighbouring C-space points touches no wall.
+
+    Args:
+        radius: of the body, m.
+        point: side of one point, m.
     """
     return radius + 0.5 * point
 
 
 def needed_level(radius: float, point: float) -> int:
-    """Least squared clearance, in half points, at which a body of `radius` m has its planning radius."""
+    """Least squared clearance, in half points, at which a body has its planning radius.
+
+    Args:
+        radius: of the body, m.
+        point: side of one point, m.
+    """
     halves = min(2.0 * (planning_radius(radius, point) - TOLERANCE) / point, 46_000.0)  # its square fits int32
     return max(math.ceil(halves * halves), 1)
 
@@ -83,8 +108,12 @@ def needed_level(radius: float, point: float) -> int:
 def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
     """Squared distance, in half points, from each point's centre to the nearest blocked point or the grid's edge.
 
-    free: bool (h, w). cap: whole points beyond which a distance is not told apart; the cost grows with it.
-    Returns int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2.
+    Args:
+        free: bool (h, w).
+        cap: whole points beyond which distances are not told apart; the cost grows with it.
+
+    Returns:
+        int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2.
     """
     cap = min(cap, min(free.shape) // 2 + 2)  # the edge is never further
     along = np.empty(free.shape, dtype=np.int32)
@@ -94,9 +123,16 @@ def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
 
 
 def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
-    """bool (height, width), read-only: a body of `radius` m keeps its planning radius at the point's centre.
+    """The C-space of a body: where its centre keeps the planning radius to every wall.
 
-    Distances are exact, from the centre to the nearest blocked or keep-out square and to the terrain's edge.
+    Distances are exact, from a point's centre to the nearest blocked or keep-out square and to the terrain's edge.
+
+    Args:
+        terrain: the ground.
+        radius: of the body, m.
+
+    Returns:
+        bool (height, width), read-only.
     """
     needed = needed_level(radius, terrain.point)
     cap = math.ceil(math.sqrt(needed)) // 2 + 2
@@ -104,17 +140,33 @@ def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
 
 
 def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
-    """The connected parts of a mask (8 neighbours, no corner cutting): int32 (h, w) labels from 1, and how many."""
+    """The connected parts of a mask (8 neighbours, no corner cutting).
+
+    Args:
+        mask: bool (h, w).
+
+    Returns:
+        int32 (h, w) labels from 1 (0 outside the mask), and the number of parts.
+    """
     labels = np.empty(mask.shape, dtype=np.int32)
     work = np.empty(mask.size, dtype=np.int32)
     return labels, int(label_parts(np.ascontiguousarray(mask).view(np.uint8), labels, work))
 
 
 def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int, int] | None:
-    """(row, col) of the C-space point through which a body at (x, y) in m joins the C-space, or None.
+    """The C-space point through which a body joins the C-space.
 
-    The nearest within two points and a half (the lowest index of several) that a straight line over free points leads
-    to, so that no start joins a room behind a wall.
+    The nearest point within two points and a half (the lowest index of several) that a straight line over free points
+    leads to, so that no start joins a room behind a wall.
+
+    Args:
+        terrain: the ground.
+        cspace: bool (h, w), from `cspace_of`.
+        x: of the body's centre, m.
+        y: of the body's centre, m.
+
+    Returns:
+        (row, col), or None when there is no such point.
     """
     row, col = terrain.point_at(x, y)
     span = math.ceil(MARGIN + 0.5) + 1
@@ -145,10 +197,22 @@ def _open_line(terrain: Terrain, x0: float, y0: float, x1: float, y1: float) -> 
 def compute_fields(
     terrain: Terrain, radius: float, sensor_range: float, line_of_sight: bool, starts: Sequence[Pose]
 ) -> StaticFields:
-    """The static fields of a body of `radius` m with a sensor of `sensor_range` m, for robots that start at `starts`.
+    """The static fields of a body and a sensor, for robots that begin at given places.
 
     Patrolled is what the whole disc around some place in reach sees, whatever the sensor's angle: a robot may turn.
-    Raises BadInput where a start lies in no part of the C-space.
+
+    Args:
+        terrain: the ground.
+        radius: of the body, m.
+        sensor_range: m.
+        line_of_sight: whether obstacles block the view.
+        starts: the poses at which robots of this radius begin.
+
+    Returns:
+        the fields of this radius.
+
+    Raises:
+        BadInput: where a start lies in no part of the C-space.
     """
     cspace = cspace_of(terrain, radius)
     labels, _ = parts_of(cspace)

@@ -18,14 +18,15 @@ Box = tuple[int, int, int, int]
 class Fog:
     """Last-seen ticks of the points of a patrolled area, with MFoW and mean in constant time.
 
-    An observation costs its footprint, not the map: a histogram of last-seen ticks follows each change, and its
-    oldest bin that is not empty is the MFoW. All ages are in ticks.
+    The cost of an observation depends on its footprint, not on the map: a histogram of last-seen ticks follows each
+    change, and its oldest bin that is not empty is the MFoW. All ages are in ticks.
     """
 
     def __init__(self, patrolled: NDArray[np.bool_]) -> None:
         """Start with every point unseen.
 
-        patrolled: bool (h, w), the points that count; there must be at least one.
+        Args:
+            patrolled: bool (h, w), the points that count; there must be at least one.
         """
         self.patrolled = np.ascontiguousarray(patrolled).view(np.uint8)
         self.points = int(np.count_nonzero(patrolled))
@@ -40,7 +41,15 @@ class Fog:
 
     @classmethod
     def resumed(cls, patrolled: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Fog:
-        """A fog that goes on from a copy of another one's ``last_seen``, int32 (h, w), of the same patrolled area."""
+        """A fog that goes on from a copy of another one's last-seen ticks.
+
+        Args:
+            patrolled: bool (h, w), the same as of the other fog.
+            last_seen: int32 (h, w), of the other fog.
+
+        Returns:
+            an independent fog.
+        """
         fog = cls(patrolled)
         fog.last_seen = np.array(last_seen, dtype=np.int32, order="C")
         counted = fog.last_seen[fog.patrolled.view(np.bool_)]
@@ -49,7 +58,15 @@ class Fog:
         return fog
 
     def observe(self, view: View, tick: int) -> Box | None:
-        """Take in one robot's footprint at ``tick``; return the box of the points that changed, if any did."""
+        """Take in one robot's footprint.
+
+        Args:
+            view: the footprint.
+            tick: at which it was observed.
+
+        Returns:
+            the box of the points that changed, or None when none did.
+        """
         if tick + 2 > self._histogram.size:
             grown = np.zeros(2 * (tick + 2), dtype=np.int64)
             grown[: self._histogram.size] = self._histogram
@@ -60,17 +77,32 @@ class Fog:
         return (first_row, last_row, first_col, last_col) if first_row <= last_row else None
 
     def mfow(self, tick: int) -> int:
-        """The age of the stalest patrolled point at ``tick``."""
+        """The age of the stalest patrolled point (MFoW), in ticks.
+
+        Args:
+            tick: now.
+        """
         while self._histogram[self._oldest] == 0:
             self._oldest += 1
         return tick - max(self._oldest - 1, 0)
 
     def mean(self, tick: int) -> float:
-        """The patrolled points' mean age at ``tick``."""
+        """The patrolled points' mean age, in ticks.
+
+        Args:
+            tick: now.
+        """
         return tick - self._sum / self.points
 
     def age(self, tick: int) -> NDArray[np.int32]:
-        """The age of every point at ``tick``, int32 (h, w); points outside the patrolled area read as never seen."""
+        """The age of every point, in ticks.
+
+        Args:
+            tick: now.
+
+        Returns:
+            int32 (h, w); points outside the patrolled area read as never seen.
+        """
         return np.int32(tick) - np.maximum(self.last_seen, np.int32(0))
 
     @property

@@ -28,11 +28,14 @@ straight lines between them and the nearest corner's share beyond the first and 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is seen from one pose.
+    """The points seen from one pose.
 
-    row0, col0: the point under the window's element (0, 0); may lie outside the terrain.
-    mask: uint8 (m, m), 1 where the point is seen; read-only.
-    quality: float64 (m, m) share of the age taken away, or None where a look makes a point fresh; read-only.
+    Attributes:
+        row0: the terrain's row under the window's row 0; may lie outside the terrain.
+        col0: the terrain's column under the window's column 0; may lie outside the terrain.
+        mask: uint8 (m, m), 1 where the point is seen; read-only.
+        quality: float64 (m, m), share of the age that an observation removes, or None where it makes a point fresh;
+            read-only.
     """
 
     row0: int
@@ -54,7 +57,12 @@ class View:
         part[seen] = np.maximum(part[seen], tick)
 
     def shows(self, row: int, col: int) -> bool:
-        """Whether the terrain's point (row, col) is seen."""
+        """Whether the terrain's point (row, col) is seen.
+
+        Args:
+            row: of the terrain.
+            col: of the terrain.
+        """
         up, across = row - self.row0, col - self.col0
         rows, cols = self.mask.shape
         return 0 <= up < rows and 0 <= across < cols and bool(self.mask[up, across])
@@ -63,10 +71,16 @@ class View:
 class Footprint:
     """A sensor on a terrain: from a pose to the points it observes.
 
-    The sensor sits at the centre of the point that holds the pose; a disc of ``range_m``, or the sector of
-    ``angle_deg`` around the heading, in sight by symmetric shadow casting unless ``line_of_sight`` is False (the
-    paper does not say whether its sensor sees through obstacles). Only impassable points block sight; keep-out zones
-    do not.
+    The sensor sits at the centre of the point that holds the pose. It sees a disc, or a sector around the heading, by
+    symmetric shadow casting. Only impassable points block sight; keep-out zones do not. The paper does not say whether
+    its sensor sees through obstacles, so that is an option.
+
+    Args:
+        terrain: the ground.
+        range_m: radius of the disc, m.
+        angle_deg: of the sector, degrees; 360 for the disc.
+        line_of_sight: False for a sensor that sees through obstacles.
+        quality: see `Quality`.
     """
 
     def __init__(
@@ -94,7 +108,15 @@ class Footprint:
         return self._quality is not None
 
     def visible(self, pose: Pose) -> View:
-        """The points seen from ``pose``; pass the pose as encoded on the wire, so that all who hear it agree."""
+        """The points seen from a pose.
+
+        Args:
+            pose: as receivers of its frame compute with it (`patrol.radio.message.as_received`), so that all who hear
+                it agree on the points.
+
+        Returns:
+            the footprint, shared and read-only.
+        """
         row, col = self.terrain.point_at(pose.x, pose.y)
         return self._remembered(row, col, 0.0 if self._whole else pose.heading)
 
@@ -109,7 +131,12 @@ class Footprint:
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
-    """The scenario's sensor on its terrain."""
+    """The footprint of a scenario's sensor.
+
+    Args:
+        scenario: its `sensor` section is used.
+        terrain: the ground.
+    """
     sensor = scenario.sensor
     return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
 

@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.ground.builtins import builtin_terrain
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
-from patrol.scenario.explain import did_you_mean, show
-from patrol.scenario.yaml_text import parse_yaml, read_text
+from patrol.yaml_text import parse_yaml, read_text
 
 if TYPE_CHECKING:
     from patrol.scenario.model import TerrainSpec
@@ -44,7 +43,18 @@ BLOCK = 256
 
 @dataclass(frozen=True, slots=True)
 class MapFile:
-    """What a map's YAML says. resolution: m per cell. origin: (x, y) in m of the lower left corner."""
+    """What a map's YAML file says.
+
+    Attributes:
+        path: the YAML file.
+        image: the image that it names.
+        resolution: m per cell.
+        origin: (x, y) in m of the lower left corner.
+        negate: whether dark pixels are free.
+        occupied_thresh: occupancy from which a cell is occupied, 0 to 1.
+        free_thresh: occupancy below which a cell is free, 0 to 1.
+        mode: how pixels are read; see `free_cells`.
+    """
 
     path: Path
     image: Path
@@ -57,9 +67,15 @@ class MapFile:
 
 
 def load_terrain(spec: TerrainSpec, point: float, base: Path) -> Terrain:
-    """The terrain that a scenario asks for, on points of `point` m; its map's path is relative to `base`.
+    """The terrain that a scenario asks for.
 
-    Raises BadInput when there is no such map or no free space.
+    Args:
+        spec: the scenario's `terrain` section.
+        point: side of one point, m.
+        base: the folder that the map's path is relative to.
+
+    Raises:
+        BadInput: when there is no such map, it cannot be used, or no free space is left.
     """
     if spec.builtin is not None:
         terrain = builtin_terrain(spec.builtin, point)
@@ -77,25 +93,32 @@ def load_terrain(spec: TerrainSpec, point: float, base: Path) -> Terrain:
 
 
 def read_terrain(path: Path, point: float) -> Terrain:
-    """The terrain of a map's YAML file on points of `point` m.
+    """The terrain of a map.
 
     The grid begins at the map's origin; what is left of the map beyond the last whole point is dropped.
-    Raises BadInput for whatever is wrong with the two files or leaves no free space.
+
+    Args:
+        path: the map's YAML file.
+        point: side of one point, m.
+
+    Raises:
+        BadInput: for anything wrong with the two files, and when no free space is left.
     """
     says = read_map_file(path)
     cells = free_cells(says)
     if not cells.any():
         raise BadInput(
-            f"{path}: free_thresh = {says.free_thresh:g}: no cell of {says.image.name} is free by it; check "
+            f"{path}: free_thresh = {says.free_thresh:g}: leaves no free cell in {says.image.name}; check "
             f"free_thresh, negate ({str(says.negate).lower()}) and mode ({says.mode})"
         )
     shape = tuple(whole_points(count * says.resolution, point) for count in cells.shape)
     extent = f"{cells.shape[1] * says.resolution:g} x {cells.shape[0] * says.resolution:g} m"
+    where = f"{path}: resolution = {says.resolution:g}"
     if min(shape) < 1:
-        raise BadInput(f"{path}: resolution = {says.resolution:g}: makes {extent}, less than one point of {point:g} m")
+        raise BadInput(f"{where}: makes the map {extent}, less than one point of {point:g} m; correct it")
     if shape[0] * shape[1] > MAX_POINTS:
         raise BadInput(
-            f"{path}: resolution = {says.resolution:g}: makes {extent}, more than {MAX_POINTS} points of {point:g} m; "
+            f"{where}: makes the map {extent}, more than {MAX_POINTS} points of {point:g} m; "
             "correct it or choose a larger point"
         )
     passable = resample(cells, says.resolution, point)
@@ -105,19 +128,26 @@ def read_terrain(path: Path, point: float) -> Terrain:
 
 
 def read_map_file(path: Path) -> MapFile:
-    """What a map's YAML file says; BadInput names the key, its value and what is wrong with it."""
+    """Read a map's YAML file.
+
+    Args:
+        path: the YAML file.
+
+    Raises:
+        BadInput: one line that names the key, its value and what is wrong with it.
+    """
     says = parse_yaml(read_text(path), str(path))
     if not isinstance(says, dict):
-        raise BadInput(f"{path}: is no map; expected keys and values such as 'image: map.pgm'")
+        raise BadInput(f"{path}: is not a map; expected keys and values such as 'image: map.pgm'")
     image = _value(path, says, "image", "the image's file name")
     if not isinstance(image, str) or not image or "\0" in image:
-        raise BadInput(f"{path}: image = {show(image)}: expected the image's file name")
+        raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
     resolution = _number(path, says, "resolution", "a finite number above 0 (m per cell)")
     if resolution <= 0.0:
         raise BadInput(f"{path}: resolution = {resolution:g}: expected a finite number above 0 (m per cell)")
     mode = says.get("mode", "trinary")
     if mode not in MODES:
-        raise BadInput(f"{path}: mode = {show(mode)}: unknown; {did_you_mean(str(mode), MODES)}")
+        raise BadInput(f"{path}: mode = {quoted(mode)}: unknown; {did_you_mean(str(mode), MODES)}")
     occupied, free = (_number(path, says, f"{name}_thresh", "a number from 0 to 1") for name in ("occupied", "free"))
     if not 0.0 <= free < occupied <= 1.0:
         raise BadInput(
@@ -137,11 +167,20 @@ def read_map_file(path: Path) -> MapFile:
 
 
 def free_cells(says: MapFile) -> BoolGrid:
-    """bool (rows, columns), the lowest y first: the cells that are free, that is neither occupied nor unknown.
+    """The cells of a map that are free, that is neither occupied nor unknown.
 
     As nav2: a pixel's shade is the mean of its channels (with alpha in mode trinary) and its occupancy 1 - shade, or
     shade where negate is set; free is what lies below free_thresh. In mode scale a pixel that is not opaque is unknown.
     In mode raw the pixel itself, 0 to 100, is the occupancy in percent, and more is unknown.
+
+    Args:
+        says: the map's YAML file.
+
+    Returns:
+        bool (rows, columns), the lowest y first.
+
+    Raises:
+        BadInput: when the image cannot be read.
     """
     levels, has_alpha = _pixels(says)
     free = np.empty(levels.shape[:2], dtype=np.bool_)
@@ -161,9 +200,15 @@ def free_cells(says: MapFile) -> BoolGrid:
 
 
 def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
-    """bool (height, width): the points of `point` m on which every cell that they share some area with is free.
+    """The points on which every cell that they share some area with is free.
 
-    cells: bool (rows, columns) of `resolution` m, from the same corner. Finer and coarser points both work.
+    Args:
+        cells: bool (rows, columns), free cells.
+        resolution: side of one cell, m.
+        point: side of one point, m; it may be smaller or larger than a cell.
+
+    Returns:
+        bool (height, width), from the same corner as the cells.
     """
     # blocked[r, c] counts the blocked cells below row r and left of column c.
     blocked = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)
@@ -200,21 +245,21 @@ def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
     except FileNotFoundError:
         raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
     except UnidentifiedImageError:
-        raise BadInput(f"{where}: is no PGM, PNG, BMP or JPEG image; give one") from None
+        raise BadInput(f"{where}: is not a PGM, PNG, BMP or JPEG image; give one") from None
     except Image.DecompressionBombError:
         raise BadInput(f"{where}: more than {MAX_CELLS} pixels; crop it") from None
     except BadInput:
         raise
     except Exception as error:  # noqa: BLE001 - a broken file can make an image decoder raise anything
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise BadInput(f"{where}: cannot be read ({reason}); give a whole PGM, PNG, BMP or JPEG image") from None
+        raise BadInput(f"{where}: cannot be read ({reason}); give an undamaged PGM, PNG, BMP or JPEG image") from None
 
 
 def _channels(image: Image.Image, where: str) -> tuple[NDArray[np.uint16], bool]:
     if image.mode.startswith("I"):
         return np.clip(np.asarray(image), 0, QUANTA).astype(np.uint16)[..., None], False
     if image.mode == "F":
-        raise BadInput(f"{where}: holds fractions; give a grey or colour image of 8 or 16 bits")
+        raise BadInput(f"{where}: has floating-point pixels; give a grey or colour image of 8 or 16 bits")
     has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
     if has_alpha:
         image = image.convert("RGBA")
@@ -242,7 +287,7 @@ def _finite(path: Path, key: str, value: Any, what: str) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise BadInput(f"{path}: {key} = {show(value)}: expected {what}")
+        raise BadInput(f"{path}: {key} = {quoted(value)}: expected {what}")
     return number
 
 
@@ -250,10 +295,10 @@ def _origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
     what = "[x, y, yaw] in m and rad of the lower left corner"
     value = _value(path, says, "origin", what)
     if not isinstance(value, list) or len(value) != 3:
-        raise BadInput(f"{path}: origin = {show(value)}: expected {what}")
+        raise BadInput(f"{path}: origin = {quoted(value)}: expected {what}")
     x, y, yaw = (_finite(path, "origin", part, what) for part in value)
     if yaw != 0.0:
-        raise BadInput(f"{path}: origin = {show(value)}: yaw must be 0; turn the image instead")
+        raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; rotate the image instead")
     return x, y
 
 
@@ -262,5 +307,5 @@ def _negate(path: Path, says: Mapping[str, Any]) -> bool:
     words = {"0": False, "false": False, "no": False, "1": True, "true": True, "yes": True}
     word = str(value).lower()
     if word not in words:
-        raise BadInput(f"{path}: negate = {show(value)}: expected 0, 1, true or false")
+        raise BadInput(f"{path}: negate = {quoted(value)}: expected 0, 1, true or false")
     return words[word]

@@ -32,10 +32,15 @@ LISTED_AREA = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """A narrowest place between two parts of the free space. Lengths in m, area in m2.
+    """A narrowest place between two parts of the free space. Lengths are in m, areas in m2.
 
-    x, y: its middle. width: between the walls, as whole free points have it. radius: of the widest body that passes.
-    behind: area of the part that it leads to: the unreached one, or the smaller. passes: whether the body fits through.
+    Attributes:
+        x: of its middle.
+        y: of its middle.
+        width: between the walls, in whole free points.
+        radius: of the widest body that passes.
+        behind: area of the part that it leads to: the one not reached, or the smaller one.
+        passes: whether the body fits through.
     """
 
     x: float
@@ -47,15 +52,28 @@ class Door:
 
 
 class Rooms:
-    """The trees of rooms and doors of a terrain, for a body of `radius` m that reaches `reach`, bool (h, w).
+    """The rooms and doors of a terrain for one body, as binary trees (see kernels/doors.py).
 
-    nodes: int32 (n, 4), see kernels/doors.py: rooms (leaves) and doors, each after those that it joins.
-    labels: int32 (h, w), 1 + the node of the room that a point belongs to, or 0. levels: int32 (h, w), squared
-    clearance in half points. By node: areas in m2, leaves (the rooms in it), reached, is_root.
-    crumbs: bool (h, w), free points in no room, and crumb_count, the number of parts that they are.
+    Attributes:
+        nodes: int32 (n, 4), rooms (leaves) and doors (inner nodes), each after those that it joins.
+        labels: int32 (h, w), 1 + the node of the room that a point belongs to, or 0.
+        levels: int32 (h, w), squared clearance in half points.
+        areas: by node, m2.
+        leaves: by node, the rooms in it.
+        reached: by node, whether the body gets there.
+        is_root: by node.
+        crumbs: bool (h, w), free points in no room.
+        crumb_count: the number of connected parts in `crumbs`.
     """
 
     def __init__(self, terrain: Terrain, radius: float, reach: BoolGrid) -> None:
+        """Split the terrain.
+
+        Args:
+            terrain: the ground.
+            radius: of the body, m.
+            reach: bool (h, w), where the body gets to.
+        """
         self.terrain = terrain
         self.body = needed_level(radius, terrain.point)
         self.levels, self.nodes, self.labels = _split(terrain, radius)
@@ -80,18 +98,34 @@ class Rooms:
         self.crumb_count = parts_of(self.crumbs)[1]
 
     def points_of(self, leaves: Sequence[int]) -> BoolGrid:
-        """bool (h, w): the points of some rooms."""
+        """The points of some rooms.
+
+        Args:
+            leaves: the rooms' nodes.
+
+        Returns:
+            bool (h, w).
+        """
         chosen = np.zeros(len(self.nodes) + 1, dtype=np.bool_)
         chosen[[leaf + 1 for leaf in leaves]] = True
         points: BoolGrid = chosen[self.labels]
         return points
 
     def takes_body(self, leaves: Sequence[int]) -> bool:
-        """Whether the body fits into one of some rooms."""
+        """Whether the body fits into at least one of some rooms.
+
+        Args:
+            leaves: the rooms' nodes.
+        """
         return any(self.levels.flat[self.nodes[leaf, ROOM]] >= self.body for leaf in leaves)
 
     def door(self, number: int, behind: float) -> Door:
-        """The door that an inner node stands for."""
+        """The door that an inner node stands for.
+
+        Args:
+            number: of the node.
+            behind: area of the part that it leads to, m2.
+        """
         at = int(self.nodes[number, SADDLE])
         x, y = self.terrain.centre(*divmod(at, self.terrain.width))
         level = int(self.levels.flat[at])
@@ -99,7 +133,7 @@ class Rooms:
         return Door(x, y, width, max(0.5 * width - 0.5 * self.terrain.point, 0.0), behind, level >= self.body)
 
     def doors(self) -> list[Door]:
-        """The doors between parts worth telling, one of which is reached; narrowest first."""
+        """The doors between parts large enough to list, at least one of them reached; narrowest first."""
         found = []
         for root in np.flatnonzero(self.is_root & self.reached):
             waiting = [int(root)]

@@ -18,9 +18,16 @@ TOLERANCE = 1e-6
 
 
 def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[float, float]) -> BoolGrid:
-    """bool `shape`: the points that share some area with the polygon, whose inside is by the even-odd rule.
+    """The points that share some area with a polygon, whose inside is by the even-odd rule.
 
-    point: side of a point in m. origin: (x, y) in m of the outer corner of point (0, 0).
+    Args:
+        polygon: corners in m.
+        shape: (height, width) of the grid, points.
+        point: side of one point, m.
+        origin: (x, y) in m of the outer corner of point (0, 0).
+
+    Returns:
+        bool (height, width).
     """
     covered = np.zeros(shape, dtype=np.bool_)
     corners = [((x - origin[0]) / point, (y - origin[1]) / point) for x, y in polygon]

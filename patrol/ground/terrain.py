@@ -22,12 +22,24 @@ MAX_POINTS = 50_000_000
 
 
 def whole_points(length: float, point: float) -> int:
-    """How many whole points of `point` m lie along `length` m (MAX_POINTS + 1 at most); a millionth may be missing."""
+    """The number of whole points that lie along a length; a millionth of a point may be missing.
+
+    Args:
+        length: m.
+        point: side of one point, m.
+
+    Returns:
+        at most MAX_POINTS + 1.
+    """
     return math.floor(min(length / point + 1e-6, MAX_POINTS + 1.0))
 
 
 def frozen_grid(mask: BoolGrid) -> BoolGrid:
-    """A read-only, row-major bool view of `mask`; copies only where its memory is laid out otherwise."""
+    """A read-only, row-major bool view of a mask; copies only where its memory is laid out otherwise.
+
+    Args:
+        mask: bool (h, w).
+    """
     grid = np.ascontiguousarray(mask, dtype=np.bool_).view()
     grid.flags.writeable = False
     return grid
@@ -37,11 +49,13 @@ def frozen_grid(mask: BoolGrid) -> BoolGrid:
 class Terrain:
     """The ground of one scenario.
 
-    passable: bool (height, width); False is an obstacle, which stops bodies and sight alike.
-    point: side of one point in m.
-    origin: x and y in m of the outer corner of point (0, 0).
-    keep_out: bool (height, width); True where bodies may not go although a sensor sees across. All False when omitted.
-    Both grids are read-only.
+    Attributes:
+        name: what errors and reports call it.
+        passable: bool (height, width), read-only; False is an obstacle, which stops bodies and sight alike.
+        point: side of one point, m.
+        origin: x and y in m of the outer corner of point (0, 0).
+        keep_out: bool (height, width), read-only; True where bodies may not go although a sensor sees across. All False
+            when omitted.
     """
 
     name: str
@@ -97,19 +111,39 @@ class Terrain:
         return frozen_grid(~self.free).view(np.uint8)
 
     def point_at(self, x: float, y: float) -> tuple[int, int]:
-        """(row, col) of the point that covers (x, y) in m; it may lie outside the grid."""
+        """(row, col) of the point that covers a place; it may lie outside the grid.
+
+        Args:
+            x: m.
+            y: m.
+        """
         ox, oy = self.origin
         return math.floor((y - oy) / self.point), math.floor((x - ox) / self.point)
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
-        """(x, y) in m of the centre of point (row, col)."""
+        """(x, y) in m of the centre of a point.
+
+        Args:
+            row: from the lowest y.
+            col: from the lowest x.
+        """
         ox, oy = self.origin
         return ox + (col + 0.5) * self.point, oy + (row + 0.5) * self.point
 
     def inside(self, row: int, col: int) -> bool:
-        """Whether (row, col) is a point of this grid."""
+        """Whether (row, col) is a point of this grid.
+
+        Args:
+            row: from the lowest y.
+            col: from the lowest x.
+        """
         return 0 <= row < self.height and 0 <= col < self.width
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether (x, y) in m lies on the terrain; False for NaN and infinities."""
+        """Whether a place lies on the terrain; False for NaN and infinities.
+
+        Args:
+            x: m.
+            y: m.
+        """
         return math.isfinite(x) and math.isfinite(y) and self.inside(*self.point_at(x, y))

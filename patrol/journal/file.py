@@ -54,7 +54,15 @@ _FRAME = struct.Struct("<II")
 
 
 class JournalWriter:
-    """Writes a new journal; OSError (FileExistsError for a file that is there) when it cannot."""
+    """Writes a new journal.
+
+    Args:
+        path: the new file.
+        header: the first record.
+
+    Raises:
+        OSError: when the file cannot be written; FileExistsError when it exists.
+    """
 
     def __init__(self, path: Path, header: Header) -> None:
         self._file = io.FileIO(path, "xb")
@@ -62,11 +70,26 @@ class JournalWriter:
         self.write(header)
 
     def write(self, record: Record) -> None:
-        """Append one record; when this returns the operating system has it."""
+        """Append one record; when this returns the operating system has it.
+
+        Args:
+            record: any record but the header.
+
+        Raises:
+            OSError: when the file cannot be written.
+        """
         self.append(pack(record))
 
     def append(self, payload: bytes) -> None:
-        """Append one record that `pack` has packed."""
+        """Append one record that is packed already; when this returns the operating system has it.
+
+        Args:
+            payload: from `pack`.
+
+        Raises:
+            OSError: when the file cannot be written.
+            ValueError: for a record longer than MAX_RECORD.
+        """
         if len(payload) > MAX_RECORD:
             raise ValueError(f"a record of {len(payload)} bytes is longer than {MAX_RECORD}")
         self._put(_FRAME.pack(len(payload), zlib.crc32(payload)) + payload)
@@ -90,7 +113,7 @@ class JournalWriter:
 
 
 class _Rest(NamedTuple):
-    """What only a pass over the whole file tells."""
+    """What takes a pass over the whole file to find out."""
 
     events: tuple[Event, ...]
     end: End | None
@@ -98,16 +121,21 @@ class _Rest(NamedTuple):
 
 
 class Journal:
-    """A journal on disk. Ticks are streamed from the file on each pass; the rest is read once, when first asked for.
+    """A journal on disk. Ticks are streamed from the file on each pass; the rest is read once, when first needed.
 
-    Reading raises BadInput when an undamaged record is not what a journal holds.
+    Attributes:
+        path: the file.
+        header: its first record.
+
+    Raises:
+        BadInput: on opening and on reading, when an undamaged record is not what a journal holds.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         first = next(iter(_Records(path)), None)
         if not isinstance(first, Header):
-            raise BadInput(f"{path}: holds no whole header; the run was ended before it began, so run it again")
+            raise BadInput(f"{path}: has no complete header, so the run ended before it began; run it again")
         self.header = first
 
     @property
@@ -144,12 +172,19 @@ class Journal:
 
 
 def read_journal(path: Path) -> Journal:
-    """Open a journal, which may be cut off anywhere or still be growing; BadInput for any other file."""
+    """Open a journal, which may be cut off anywhere or still be growing.
+
+    Args:
+        path: the file.
+
+    Raises:
+        BadInput: for any other file.
+    """
     return Journal(path)
 
 
 class _Records:
-    """One pass over a file's whole records; afterwards `truncated` tells whether something else follows them."""
+    """One pass over a file's whole records; afterwards `truncated` says whether anything else follows them."""
 
     def __init__(self, path: Path, skip_ticks: bool = False) -> None:
         self.path = path
@@ -167,11 +202,11 @@ class _Records:
 
     def _check_magic(self, magic: bytes) -> None:
         if not magic:
-            raise BadInput(f"{self.path}: is empty; the run was ended before it began, so run it again")
+            raise BadInput(f"{self.path}: is empty, so the run ended before it began; run it again")
         if not magic.startswith(_KIND):
-            raise BadInput(f"{self.path}: is no fogwatch journal; name a folder that fogwatch run has made")
+            raise BadInput(f"{self.path}: is not a fogwatch journal; give the folder of a run")
         if magic != MAGIC:
-            raise BadInput(f"{self.path}: is a journal of another format, and this version reads format 1; {REMEDY}")
+            raise BadInput(f"{self.path}: is a journal of another format, while this version reads format 1; {REMEDY}")
 
     def _payloads(self, file: io.BufferedReader) -> Iterator[bytes]:
         while frame := file.read(_FRAME.size):
@@ -191,22 +226,33 @@ class _Records:
             if not (self._skip_ticks and value["type"] == "tick"):
                 yield _typed(value)
         except (ValueError, TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
-            what = f"record {number} is not a journal's, or not one of this version's ({type(error).__name__})"
+            what = f"record {number} is damaged or of another version ({type(error).__name__})"
             raise BadInput(f"{self.path}: {what}; {REMEDY}") from None
 
 
 def pack(record: Record) -> bytes:
-    """A record as a journal holds it."""
+    """A record as a journal holds it.
+
+    Args:
+        record: any record.
+    """
     packed: bytes = msgpack.packb(_plain(record))
     return packed
 
 
 def unpack(payload: bytes) -> Record:
-    """The record that was packed; ValueError for anything else."""
+    """The record that was packed.
+
+    Args:
+        payload: from `pack`.
+
+    Raises:
+        ValueError: for anything else.
+    """
     try:
         return _typed(msgpack.unpackb(payload, strict_map_key=False))
     except (TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
-        raise ValueError(f"no record of a journal ({type(error).__name__})") from None
+        raise ValueError(f"not a record of a journal ({type(error).__name__})") from None
 
 
 def _plain(record: Record) -> dict[str, Any]:

@@ -19,21 +19,29 @@ DEAD_END = "dead-end"
 
 
 def frame_sequence(k: int, place: int) -> int:
-    """The number that tells a frame of tick k from all others of its sender; 32 bits for those that robots send.
+    """The number that distinguishes a frame from all others of its sender; 32 bits for frames that robots send.
 
-    place: 0 for the position, 1 and up for the contacts. So a robot that reports no contacts has its ticks as sequence.
-    Forged frames are counted through a tick, however many there are.
+    A robot that reports no contacts has its ticks as sequence. Forged frames are counted through a tick, however many
+    there are.
+
+    Args:
+        k: the tick in which the frame was sent.
+        place: 0 for the position, 1 and up for the contacts.
     """
     return k + (MAX_TICKS + 1) * place
 
 
 def sent_at(sequence: int) -> int:
-    """The tick in which a frame was sent, from its sequence."""
+    """The tick in which a frame was sent.
+
+    Args:
+        sequence: from `frame_sequence`.
+    """
     return sequence % (MAX_TICKS + 1)
 
 
 class Status(IntEnum):
-    """A robot's standing in a run. Only ALIVE robots take part in a tick; a body stays where it is in all others."""
+    """A robot's status in a run. Only ALIVE robots take part in a tick; a body stays where it is in all others."""
 
     ABSENT = 0
     ALIVE = 1
@@ -44,7 +52,14 @@ class Status(IntEnum):
 
 
 def standing_after(kind: str) -> Status | None:
-    """The standing in which an event of this kind leaves its robot; None where it changes none."""
+    """The status in which an event leaves its robot.
+
+    Args:
+        kind: of the event.
+
+    Returns:
+        the status, or None for an event that changes none.
+    """
     return Status.__members__.get(kind.upper())
 
 
@@ -52,10 +67,20 @@ def standing_after(kind: str) -> Status | None:
 class RobotTick:
     """One robot in one tick.
 
-    x, y, heading: the true pose when the tick began (m, rad). c0, c1: the command that it obeyed, speed (m/s) and
-    curvature (1/m) of a car, velocity along x and y (m/s) of a holonomic robot. bumped: that move was cancelled.
-    state, goal (m), decision_ms, rejected (frames so far): what its mind reported, empty or None without a report.
-    refused: its mind's command made no sense and stopped it.
+    Attributes:
+        number: of the robot.
+        status: in this tick.
+        x: m, of the true pose when the tick began.
+        y: m, of the same.
+        heading: rad, of the same.
+        c0: of the command that it obeyed: a car's speed (m/s), a holonomic robot's velocity along x (m/s).
+        c1: of the command that it obeyed: a car's curvature (1/m), a holonomic robot's velocity along y (m/s).
+        bumped: whether that move was cancelled.
+        state: what its mind reported that it is doing, empty without a report.
+        goal: m, or None without a report.
+        decision_ms: wall time of the decision, or None without a report.
+        rejected: frames that it has rejected so far, or None without a report.
+        refused: whether the world refused its command as not finite, and stopped it.
     """
 
     number: int
@@ -77,13 +102,20 @@ class RobotTick:
 class TickRecord:
     """One tick of the world.
 
-    robots: in roster order. frames: (source, bytes) of what was sent, each source's position before its contacts; the
-    source of forged ones is `FORGED`. deliveries: (source, destination, sequence) of the frames that arrived, with the
-    sequence of `frame_sequence`, once for each copy. dropped: the same and the cause, which for a fault is
-    ``kind:id``. copies: those that a fault added in this tick, and its id. delayed: frames of this tick that arrive in
-    a later one, once for each fault that holds them up, and its id. forged: for each forged frame, in their order, the
-    id of its fault. mfow, fog_mean: of the true fog after this tick's observations, in ticks. seen: patrolled points
-    seen so far.
+    Attributes:
+        k: the tick.
+        robots: in roster order.
+        frames: (source, bytes) of what was sent, each source's position before its contacts; the source of forged ones
+            is `FORGED`.
+        deliveries: (source, destination, sequence) of the frames that arrived, with the sequence of `frame_sequence`,
+            once for each copy.
+        dropped: the same and the cause, which for a fault is ``kind:id``.
+        mfow: of the true fog after this tick's observations, ticks.
+        fog_mean: of the same fog, ticks.
+        seen: patrolled points seen so far.
+        copies: links of the frames that a fault added in this tick, and its id.
+        delayed: frames of this tick that arrive in a later one, once for each fault that delays them, and its id.
+        forged: for each forged frame, in their order, the id of its fault.
     """
 
     k: int
@@ -111,7 +143,14 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class RobotFacts:
-    """What a reader of the journal needs to know of a robot. radius: m."""
+    """What a reader of the journal needs to know of a robot.
+
+    Attributes:
+        number: of the robot.
+        name: of the robot.
+        model: car or holonomic.
+        radius: m.
+    """
 
     number: int
     name: str
@@ -121,7 +160,15 @@ class RobotFacts:
 
 @dataclass(frozen=True, slots=True)
 class TerrainFacts:
-    """The grid that the run's fog lies on. width, height: points. point: m. origin: m, the grid's lower left corner."""
+    """The grid of the run's fog.
+
+    Attributes:
+        name: of the terrain.
+        width: points.
+        height: points.
+        point: side of one point, m.
+        origin: m, the grid's lower left corner.
+    """
 
     name: str
     width: int
@@ -134,8 +181,15 @@ class TerrainFacts:
 class Header:
     """A journal's first record.
 
-    software: version that wrote it. scenario: resolved, as a mapping. bound_s: the lower bound of MFoW, s. started:
-    wall time as ISO 8601 text, or None where nobody looked at a clock.
+    Attributes:
+        software: version that wrote it.
+        scenario: resolved, as a mapping.
+        scenario_hash: of what the scenario means.
+        robots: in roster order.
+        terrain: the grid.
+        patrolled_area_m2: area that counts for the fog.
+        bound_s: the lower bound of MFoW, s.
+        started: wall time as ISO 8601 text, or None where nobody read a clock.
     """
 
     software: str
@@ -150,7 +204,13 @@ class Header:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """A journal's last record: why the run ended, its trace hash, and what the front door should know besides."""
+    """A journal's last record.
+
+    Attributes:
+        reason: why the run ended.
+        trace_hash: of all ticks.
+        notes: what the launcher should know as well.
+    """
 
     reason: str
     trace_hash: str

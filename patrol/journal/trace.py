@@ -26,12 +26,20 @@ class TraceHash:
     """
 
     def __init__(self, spares: Collection[int] = ()) -> None:
-        """spares: numbers of the scenario's spare robots."""
+        """Begin before the first tick.
+
+        Args:
+            spares: numbers of the scenario's spare robots.
+        """
         self._hash = hashlib.sha256()
         self._spares = frozenset(spares)
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
+        """Take in the next tick.
+
+        Args:
+            record: of the tick.
+        """
         robots = [one for one in record.robots if one.status is not Status.ABSENT or one.number not in self._spares]
         parts = [_COUNTED.pack(record.k, len(robots))]
         parts += [
@@ -50,7 +58,15 @@ class TraceHash:
 
 
 def trace_hash(ticks: Iterable[TickRecord], spares: Collection[int] = ()) -> str:
-    """The trace hash of a whole run. spares: numbers of the scenario's spare robots."""
+    """The trace hash of a whole run.
+
+    Args:
+        ticks: in order.
+        spares: numbers of the scenario's spare robots.
+
+    Returns:
+        64 hex digits.
+    """
     trace = TraceHash(spares)
     for record in ticks:
         trace.tick(record)

@@ -1,6 +1,6 @@
-"""The file that says where a running fleet is met, and holds the token without which its world obeys nobody.
+"""The file with the address of a running fleet and the token without which its world refuses every control.
 
-A launcher writes one into the run's folder, readable by its user alone, and takes it away when the run is over. For
+A launcher writes one into the run's folder, readable by its user alone, and removes it when the run is over. For
 processes that are started by hand it is made by hand: a JSON object with "fleet", "router" and "token".
 """
 
@@ -21,7 +21,13 @@ LEAST = 16
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """fleet: its name. router: its locator. token: the right to control it."""
+    """How to reach a fleet and control it.
+
+    Attributes:
+        fleet: its name.
+        router: its locator.
+        token: the right to control it.
+    """
 
     fleet: str
     router: str
@@ -32,27 +38,43 @@ class Access:
 
 
 def write_access(path: Path, access: Access) -> None:
-    """Write a new file that nobody else may read; OSError where that cannot be."""
+    """Write a new file that nobody else may read.
+
+    Args:
+        path: the new file.
+        access: what it holds.
+
+    Raises:
+        OSError: when the file cannot be written.
+    """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "w", encoding="utf-8") as file:
         json.dump(asdict(access), file)
 
 
 def read_access(path: Path, option: str) -> Access:
-    """The access in a file, or in a run's folder; BadInput where there is none."""
+    """Read the access file of a fleet.
+
+    Args:
+        path: the file, or the run's folder.
+        option: what errors call the path.
+
+    Raises:
+        BadInput: when there is no such file or it holds something else.
+    """
     file = path / FILE if path.is_dir() else path
     try:
         says = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        gone = " (a run's is gone when the run is over)" if path.is_dir() else ""
+        gone = " (it is removed when the run is over)" if path.is_dir() else ""
         raise BadInput(f"{option}: {file} cannot be read: {error.strerror}{gone}") from None
     except (ValueError, RecursionError):
         says = None
     fields = [says.get(name) for name in ("fleet", "router", "token")] if isinstance(says, dict) else []
     texts = [field for field in fields if isinstance(field, str)]
     if len(texts) != 3:
-        raise BadInput(f'{option}: {file}: expected a JSON object with "fleet", "router" and "token", all texts')
+        raise BadInput(f'{option}: {file}: expected a JSON object with "fleet", "router" and "token", all strings')
     fleet, router, token = texts
     if len(token) < LEAST:
-        raise BadInput(f"{option}: {file}: the token has {len(token)} characters; give {LEAST} or more, drawn by lot")
+        raise BadInput(f"{option}: {file}: the token has {len(token)} characters; give {LEAST} or more, random ones")
     return Access(fleet_keys(fleet).fleet, check_locator(router, f"{option}: router"), token)

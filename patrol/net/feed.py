@@ -1,9 +1,9 @@
-"""What the world shows of a run while it goes on: the journal itself, in batches, and for who comes late all before.
+"""What the world publishes of a run while it goes on: the journal, in batches, and for a late viewer all before.
 
     truth/ticks    `Batch`      the journal's records as they are written, several at a time; a batch may be lost
-    truth/fog      `SoFar`      the answer to a question under this key: all that a viewer needs to begin with
+    truth/fog      `SoFar`      the answer to a query under this key: all that a viewer needs to begin with
 
-Records are numbered from 0, the header. A viewer that misses some finds a gap in the numbers, and asks for the fog
+Records are numbered from 0, the header. A viewer that misses some finds a gap in the numbers, and queries the fog
 again. Nothing that decides anything reads any of this.
 """
 
@@ -39,8 +39,13 @@ class Garbled(ValueError):
 class Batch:
     """Records of the journal, packed as it holds them (`patrol.journal.file.unpack`).
 
-    first: the number of the first of them. running: whether ticks go on by themselves. pace: the factor of real time
-    that is asked for, None for as fast as it goes. A batch may be empty, where only this has changed.
+    A batch may be empty, where only `running` or `pace` has changed.
+
+    Attributes:
+        first: the number of the first record.
+        records: in order.
+        running: whether ticks go on by themselves.
+        pace: the requested factor of real time, None for as fast as possible.
     """
 
     first: int
@@ -53,7 +58,11 @@ class Batch:
 class Ground:
     """The grids of a run, none of which ever changes: bool (h, w).
 
-    areas: what robots can see, one for each kind of body; area_of: by robot number, which of them.
+    Attributes:
+        passable: False is an obstacle.
+        keep_out: True where bodies may not go.
+        areas: what robots can see, one for each kind of body.
+        area_of: by robot number, the index of its area.
     """
 
     passable: NDArray[np.bool_]
@@ -69,11 +78,22 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class SoFar:
-    """A run up to now. number: of the next record. header, last: packed records, the newest tick among them, or None.
+    """A run up to now.
 
-    last_seen: int32 (h, w), of the true fog after that tick. events: packed records, the latest ones; event:
-    how many there were before them. asked: packed records, all events that tell of controls. mfow, fog_mean: float32,
-    in ticks, of every `every`-th tick from the first on.
+    Attributes:
+        number: of the next record.
+        header: packed record.
+        last: packed record of the newest tick, or None.
+        last_seen: int32 (h, w), of the true fog after that tick.
+        events: packed records, the latest ones.
+        event: how many events there were before those.
+        asked: packed records, all events of operators' controls.
+        every: distance in ticks between the values of the series.
+        mfow: float32, ticks, of every `every`-th tick from the first on.
+        fog_mean: float32, ticks, the same.
+        running: whether ticks go on by themselves.
+        pace: the requested factor of real time, None for as fast as possible.
+        ground: the grids.
     """
 
     number: int
@@ -92,25 +112,40 @@ class SoFar:
 
 
 def batch_bytes(batch: Batch) -> bytes:
-    """A batch as it is sent."""
+    """A batch as it is sent.
+
+    Args:
+        batch: to send.
+    """
     packed: bytes = msgpack.packb([batch.first, batch.records, batch.running, batch.pace])
     return packed
 
 
 def read_batch(payload: bytes) -> Batch:
-    """The batch in a payload; Garbled for anything else."""
+    """The batch in a payload.
+
+    Args:
+        payload: any bytes.
+
+    Raises:
+        Garbled: for anything but a batch.
+    """
     says = _unpacked(payload)
     if not isinstance(says, list) or len(says) != 4:
-        raise Garbled("no batch")
+        raise Garbled("not a batch")
     first, records, running, pace = says
     fits = isinstance(records, list) and all(isinstance(record, bytes) for record in records)
     if type(first) is not int or first < 0 or not fits or not _is_manner(running, pace):
-        raise Garbled("no batch")
+        raise Garbled("not a batch")
     return Batch(first, tuple(records), running, pace)
 
 
 def so_far_bytes(so_far: SoFar) -> bytes:
-    """An answer as it is sent; takes a while for a large terrain."""
+    """An answer as it is sent; takes a while for a large terrain.
+
+    Args:
+        so_far: to send.
+    """
     ground = so_far.ground
     patrolled = ground.patrolled
     packed: bytes = msgpack.packb(
@@ -138,10 +173,17 @@ def so_far_bytes(so_far: SoFar) -> bytes:
 
 
 def read_so_far(payload: bytes) -> SoFar:
-    """The answer in a payload; Garbled for anything else."""
+    """The answer in a payload.
+
+    Args:
+        payload: any bytes.
+
+    Raises:
+        Garbled: for anything but an answer.
+    """
     says = _unpacked(payload)
     if not isinstance(says, dict):
-        raise Garbled("no answer")
+        raise Garbled("not an answer")
     try:
         height, width = (int(side) for side in says["shape"])
         if not (height > 0 and width > 0 and height * width <= MAX_POINTS) or not _is_manner(
@@ -175,14 +217,14 @@ def read_so_far(payload: bytes) -> SoFar:
             ground=ground,
         )
     except (KeyError, TypeError, ValueError, zlib.error, MemoryError) as error:
-        raise Garbled(f"no answer ({type(error).__name__})") from None
+        raise Garbled(f"not an answer ({type(error).__name__})") from None
 
 
 def _unpacked(payload: bytes) -> Any:
     try:
         return msgpack.unpackb(payload, raw=False, strict_map_key=True)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Garbled(f"no msgpack ({type(error).__name__})") from None
+        raise Garbled(f"not msgpack ({type(error).__name__})") from None
 
 
 def _is_manner(running: object, pace: object) -> bool:
@@ -200,7 +242,7 @@ def _grid(packed: bytes, height: int, width: int) -> NDArray[np.bool_]:
 
 
 def _inflated(packed: bytes, size: int) -> bytes:
-    """What was compressed to so many bytes, and no more."""
+    """Decompress to at most `size` bytes; Garbled when there are fewer."""
     inflater = zlib.decompressobj()
     data = inflater.decompress(packed, size)
     if len(data) != size:
@@ -209,5 +251,13 @@ def _inflated(packed: bytes, size: int) -> bytes:
 
 
 def thinned(values: Sequence[float], every: int) -> NDArray[np.float32]:
-    """Every so many-th of the values, as a copy: the values may grow while somebody still looks at these."""
+    """Every n-th of the values, as a copy: the values may grow while somebody still looks at these.
+
+    Args:
+        values: the series.
+        every: n.
+
+    Returns:
+        float32.
+    """
     return np.array(values, dtype=np.float32)[::every]

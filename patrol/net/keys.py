@@ -2,8 +2,8 @@
 
     fogwatch/<fleet>/position/<robot>            positions, when robots talk directly
     fogwatch/<fleet>/robot/<robot>/tick|reply    phases A and B of a simulated robot
-    fogwatch/<fleet>/telemetry/<robot>           what a robot decided, for eyes; agents never read it
-    fogwatch/<fleet>/truth/<topic>               what the world knows, for eyes; may be dropped
+    fogwatch/<fleet>/telemetry/<robot>           what a robot decided, for observers; agents never read it
+    fogwatch/<fleet>/truth/<topic>               what the world knows, for observers; may be dropped
     fogwatch/<fleet>/control/<what>              what an operator asks of the world
     fogwatch/<fleet>/alive/<robot>               liveliness tokens
 
@@ -32,46 +32,85 @@ class FleetKeys:
     fleet: str
 
     def tick(self, robot: str) -> str:
-        """Phases A and B, world to robot."""
+        """Key of phases A and B, world to robot.
+
+        Args:
+            robot: its name.
+        """
         return f"{ROOT}/{self.fleet}/robot/{robot}/tick"
 
     def reply(self, robot: str) -> str:
-        """The answers, robot to world; ``*`` for those of all robots."""
+        """Key of a robot's answers, robot to world.
+
+        Args:
+            robot: its name, or ``*`` for all robots.
+        """
         return f"{ROOT}/{self.fleet}/robot/{robot}/reply"
 
     def position(self, robot: str) -> str:
-        """Position frames, robot to robots."""
+        """Key of position frames, robot to robots.
+
+        Args:
+            robot: its name, or ``*`` for all robots.
+        """
         return f"{ROOT}/{self.fleet}/position/{robot}"
 
     def telemetry(self, robot: str) -> str:
-        """Diagnostics, robot to eyes."""
+        """Key of diagnostics, robot to observers.
+
+        Args:
+            robot: its name, or ``*`` for all robots.
+        """
         return f"{ROOT}/{self.fleet}/telemetry/{robot}"
 
     def truth(self, topic: str) -> str:
-        """What the world knows, world to eyes."""
+        """Key of what the world publishes, world to observers.
+
+        Args:
+            topic: such as `patrol.net.telemetry.METRICS`.
+        """
         return f"{ROOT}/{self.fleet}/truth/{topic}"
 
     def control(self, what: str) -> str:
-        """What an operator asks for, and the world answers."""
+        """Key of operators' requests, which the world answers.
+
+        Args:
+            what: such as `patrol.scenario.controls.ASK`.
+        """
         return f"{ROOT}/{self.fleet}/control/{what}"
 
     def alive(self, who: str) -> str:
-        """The liveliness token of a robot or of `WORLD`; ``*`` for all of them."""
+        """Key of a liveliness token.
+
+        Args:
+            who: a robot's name, `WORLD`, or ``*`` for all of them.
+        """
         return f"{ROOT}/{self.fleet}/alive/{who}"
 
 
 def fleet_keys(fleet: str) -> FleetKeys:
-    """The keys of the fleet of that name; BadInput when it cannot be a part of a key."""
+    """The keys of a fleet.
+
+    Args:
+        fleet: its name.
+
+    Raises:
+        BadInput: when the name cannot be a part of a key.
+    """
     if not _FLEET.fullmatch(fleet):
         raise BadInput(
-            f"--fleet {fleet!r}: no name of a fleet; give at most 128 letters, digits, '.', '_' and '-', "
+            f"--fleet {fleet!r}: not a name for a fleet; give at most 128 letters, digits, '.', '_' and '-', "
             "the first a letter or digit"
         )
     return FleetKeys(fleet)
 
 
 def robot_of(key: str) -> str:
-    """The name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key."""
+    """The robot's name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key.
+
+    Args:
+        key: any key.
+    """
     parts = key.split("/")
     if len(parts) == 5 and parts[2] == "robot":
         return parts[3]
@@ -79,15 +118,30 @@ def robot_of(key: str) -> str:
 
 
 def check_locator(locator: str, option: str) -> str:
-    """A router's address as Zenoh writes it, ``tcp/HOST:PORT``; BadInput for anything else."""
+    """Check a router's address as Zenoh writes it, ``tcp/HOST:PORT``.
+
+    Args:
+        locator: the address.
+        option: what errors call it.
+
+    Returns:
+        the locator.
+
+    Raises:
+        BadInput: for anything else.
+    """
     port = locator.rpartition(":")[2]
     if not _LOCATOR.fullmatch(locator) or not 0 < int(port) < 65536:
-        raise BadInput(f"{option} {locator!r}: no address of a router; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
+        raise BadInput(f"{option} {locator!r}: not a router's address; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
     return locator
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this machine alone."""
+    """Whether a host is this machine alone.
+
+    Args:
+        host: a name or an address.
+    """
     try:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
@@ -95,12 +149,20 @@ def is_loopback(host: str) -> bool:
 
 
 def is_local(locator: str) -> bool:
-    """Whether a router's address is on this machine alone."""
+    """Whether a router's address is on this machine alone.
+
+    Args:
+        locator: such as ``tcp/127.0.0.1:7447``.
+    """
     return is_loopback(locator.partition("/")[2].rpartition(":")[0])
 
 
 def is_group(locator: str) -> bool:
-    """Whether a locator is an IPv4 multicast group, ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``."""
+    """Whether a locator is an IPv4 multicast group.
+
+    Args:
+        locator: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``.
+    """
     found = _GROUP.fullmatch(locator)
     try:
         return found is not None and ipaddress.IPv4Address(found[1]).is_multicast
@@ -109,23 +171,32 @@ def is_group(locator: str) -> bool:
 
 
 def check_radio(locator: str | None, option: str, via: str) -> str | None:
-    """Where robots hear each other: a multicast group or a router's address, or None; BadInput for anything else.
+    """Check where robots hear each other: a multicast group or a router's address.
 
-    A router is not to be reached over udp: who listens to what is said once, and where that is lost, a robot is never
-    heard. In a group nobody needs to be told.
+    A router cannot be reached over udp: subscriptions are announced once, and where an announcement is lost, a robot is
+    never heard. A group needs no announcements.
 
-    via: the scenario's radio.via.
+    Args:
+        locator: the address, or None.
+        option: what errors call it.
+        via: the scenario's radio.via.
+
+    Returns:
+        the locator.
+
+    Raises:
+        BadInput: for anything else, and for a locator where radio.via is not direct.
     """
     if locator is None:
         return None
     if via != "direct":
-        raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or drop the option")
+        raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or omit the option")
     address = locator.partition("#")[0]
     port = address.rpartition(":")[2]
     reliable = _LOCATOR.fullmatch(locator) and not locator.startswith("udp/")
     if not (is_group(locator) or reliable) or not 0 < int(port) < 65536:
         raise BadInput(
-            f"{option} {locator!r}: nothing that robots could hear each other by; write a multicast group, such as "
+            f"{option} {locator!r}: not an address for direct radio; write a multicast group, such as "
             "udp/224.0.0.225:7448#iface=wlan0, or the address of a router, tcp/HOST:PORT"
         )
     return locator

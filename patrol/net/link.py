@@ -1,28 +1,26 @@
-"""The one link to Zenoh: a client of a router, with mailboxes that any number of subscriptions fill.
+"""The one link to Zenoh: a client of a router, whose subscriptions fill mailboxes.
 
-Messages arrive on Zenoh's own thread, which decodes them and puts them into a `Mailbox`; whoever owns the mailbox takes
-them out with a time limit. What is too long, malformed, unknown or more than there is room for is dropped there and
-counted, so that it never wakes the owner. Room is per key, so that a flood on one takes nothing from the others.
+Messages arrive on Zenoh's own thread, which puts them into a `patrol.net.mailbox.Mailbox`.
 
 Socket buffers are small: with the system's, a flood of a million tiny messages a second left 300 000 of them between a
-tick and its reader, who then heard it seconds late; so it is a tenth of a second.
+tick and its reader, which received the tick seconds late; with small ones the delay is a tenth of a second.
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from collections.abc import Callable
+from typing import Any
 
 import zenoh
 
 from patrol.errors import BadInput
 from patrol.net.keys import is_group
+from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
 
 LEASE_S = 60.0
@@ -41,126 +39,24 @@ RADIO_LEASE_S = 2.0
 """The same for a link that carries nothing but positions."""
 
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
-_ROOM = 256
 _SOCKET = 65536
 _QUEUE = 16
 """Messages that may wait to be sent, the most that Zenoh allows. With its 2 a busy machine dropped, of what may be, one
-in seven from the third of a burst on: at a pace only the first two robots of a fleet were told every pose."""
+in seven from the third of a burst on: at a pace, only the first two robots of a fleet received every pose."""
 _DROP_US = 100
 """How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
-
-T = TypeVar("T")
-
-Post = Callable[[bytes], None]
-"""Sends one payload under the key it was made for."""
 
 
 class LinkDown(Exception):
     """No router answered in time, or none can be here; one line says which."""
 
 
-@dataclass(frozen=True, slots=True)
-class Presence:
-    """The news that a liveliness token has come or gone."""
-
-    present: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """Something that somebody asks for. answer: sends the answer, once; a long one waits for who takes it in."""
-
-    payload: bytes
-    answer: Post
-
-
-class Payload(Protocol):
-    """What a message holds before it is copied out of Zenoh."""
-
-    def __len__(self) -> int:
-        """How many bytes."""
-        ...
-
-    def to_bytes(self) -> bytes:
-        """The bytes."""
-        ...
-
-
-class Mailbox(Generic[T]):
-    """Messages that have arrived and wait to be taken, in order within a key and fairly between keys.
-
-    keys: those it accepts. decode: turns a payload into a message, or raises ValueError. longest: bytes of the longest
-    payload that it looks at. room: messages that wait per key; when there are more the oldest is dropped. `refused`
-    counts what was dropped: unknown, oversized, malformed, overflow. One thread puts, another gets.
-    """
-
-    def __init__(self, keys: Collection[str], decode: Callable[[bytes], T], longest: int, room: int = _ROOM) -> None:
-        self.refused: Counter[str] = Counter()
-        self._decode = decode
-        self._longest = longest
-        self._waiting: dict[str, deque[T]] = {key: deque(maxlen=room) for key in keys}
-        self._ready: deque[str] = deque()
-        self._changed = threading.Condition()
-
-    def deliver(self, key: str, payload: Payload) -> None:
-        """Decode one message and let it in; called on Zenoh's thread."""
-        if len(payload) > self._longest:
-            self.refused["oversized"] += 1
-            return
-        try:
-            message = self._decode(payload.to_bytes())
-        except ValueError:
-            self.refused["malformed"] += 1
-            return
-        self.put(key, message)
-
-    def put(self, key: str, message: T) -> None:
-        """Let one message in; called from any thread."""
-        waiting = self._waiting.get(key)
-        if waiting is None:
-            self.refused["unknown"] += 1
-            return
-        with self._changed:
-            if not waiting:
-                self._ready.append(key)
-                self._changed.notify()
-            elif len(waiting) == waiting.maxlen:
-                self.refused["overflow"] += 1
-            waiting.append(message)
-
-    def get(self, timeout_s: float = 0.0) -> tuple[str, T] | None:
-        """The next message and its key, or None when none came in time."""
-        with self._changed:
-            if not self._ready and timeout_s > 0.0:
-                self._changed.wait(timeout_s)
-            if not self._ready:
-                return None
-            key = self._ready.popleft()
-            waiting = self._waiting[key]
-            message = waiting.popleft()
-            if waiting:
-                self._ready.append(key)
-            return key, message
-
-
-class Air(Protocol):
-    """What positions travel by: a `Link`, or a `patrol.net.multicast.Group`."""
-
-    def broadcast(self, key: str) -> Post:
-        """What a direct radio sends with: at once, to all others, and lost rather than late."""
-        ...
-
-    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Let messages under a key expression into a mailbox."""
-        ...
-
-    def close(self) -> bool:
-        """Close it; False when that takes too long."""
-        ...
-
-
 class Link:
-    """A session with a router. Everything declared on it lives until `close`."""
+    """A session with a router. Everything declared on it lives until `close`.
+
+    Args:
+        session: an open Zenoh session.
+    """
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -172,10 +68,12 @@ class Link:
         return bool(self._session.info.routers_zid())
 
     def post(self, key: str, *, waits: bool = True) -> Post:
-        """What ticks and answers are sent with: at once, ahead of all else.
+        """A publisher for ticks and answers: sends at once, ahead of all else.
 
-        waits: whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds up
-        its router, and with it everything that this link sends to anybody.
+        Args:
+            key: to publish under.
+            waits: whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds
+                up its router, and with it everything that this link sends to anybody.
         """
         control = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
         publisher = self._session.declare_publisher(
@@ -188,7 +86,11 @@ class Link:
         return publisher.put
 
     def broadcast(self, key: str) -> Post:
-        """What a direct radio sends with: at once, to all others, and lost rather than late."""
+        """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
+
+        Args:
+            key: to publish under.
+        """
         publisher = self._session.declare_publisher(
             key,
             congestion_control=zenoh.CongestionControl.DROP,
@@ -200,8 +102,12 @@ class Link:
         self._declared.append(publisher)
         return publisher.put
 
-    def show(self, key: str) -> Post:
-        """What eyes are shown: dropped where a queue is full, so that it never holds up a tick."""
+    def publisher(self, key: str) -> Post:
+        """A publisher for observers: drops a message where a queue is full, so that it never holds up a tick.
+
+        Args:
+            key: to publish under.
+        """
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.DATA_LOW
         )
@@ -209,7 +115,12 @@ class Link:
         return publisher.put
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Let messages under a key expression into a mailbox."""
+        """Put messages into a mailbox.
+
+        Args:
+            key: a key expression.
+            mailbox: where they wait.
+        """
 
         def receive(sample: zenoh.Sample) -> None:
             mailbox.deliver(str(sample.key_expr), sample.payload)
@@ -218,7 +129,12 @@ class Link:
         self._declared.append(self._session.declare_subscriber(key, handler))
 
     def watch(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Let the liveliness tokens under a key expression into a mailbox: those there are, and every change."""
+        """Put liveliness tokens into a mailbox: those that exist now, and every change.
+
+        Args:
+            key: a key expression.
+            mailbox: where `Presence` messages wait.
+        """
 
         def receive(sample: zenoh.Sample) -> None:
             mailbox.put(str(sample.key_expr), Presence(sample.kind == zenoh.SampleKind.PUT))
@@ -227,11 +143,21 @@ class Link:
         self._declared.append(self._session.liveliness().declare_subscriber(key, handler, history=True))
 
     def sees(self, key: str) -> bool:
-        """Whether anybody holds the liveliness token of a key now."""
+        """Whether anybody holds the liveliness token of a key now.
+
+        Args:
+            key: a key expression.
+        """
         return any(reply.ok is not None for reply in self._session.liveliness().get(key, timeout=SEE_S))
 
     def attend(self, key: str, longest: int, mailbox: Mailbox[Question]) -> None:
-        """Let the questions under a key into a mailbox, to be answered at leisure."""
+        """Put queries into a mailbox, to be answered later.
+
+        Args:
+            key: the key that is queried.
+            longest: bytes of the longest payload that is accepted.
+            mailbox: where they wait.
+        """
 
         def receive(query: zenoh.Query) -> None:
             payload = query.payload
@@ -244,18 +170,35 @@ class Link:
         self._declared.append(self._session.declare_queryable(key, handler))
 
     def ask(self, key: str, payload: bytes, wait_s: float) -> bytes | None:
-        """The first answer to a question, or None when nobody has one in time."""
+        """The first answer to a query.
+
+        Args:
+            key: to query.
+            payload: of the query.
+            wait_s: how long to wait.
+
+        Returns:
+            the answer, or None when none came in time.
+        """
         replies = self._session.get(key, payload=payload, timeout=wait_s, priority=zenoh.Priority.DATA_HIGH)
         return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
 
     def live(self, key: str) -> None:
-        """Declare a liveliness token, which ends with this process or its link."""
+        """Declare a liveliness token, which ends with this process or its link.
+
+        Args:
+            key: of the token.
+        """
         self._declared.append(self._session.liveliness().declare_token(key))
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
-        """Close the session; False when that takes longer than the limit, after which only ending the process helps.
+        """Close the session; what is closed already stays so.
 
-        What is closed already stays so.
+        Args:
+            limit_s: how long to wait.
+
+        Returns:
+            False when closing takes longer than the limit, after which only ending the process helps.
         """
         if self._session.is_closed():
             return True
@@ -285,10 +228,16 @@ def open_link(
     waiting: Callable[[float], None] = lambda _waited: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Link:
-    """Join the router at a locator such as ``tcp/127.0.0.1:7447``.
+    """Join a router.
 
-    waiting: called as `TELL_S` says, with the seconds waited, while no router answers. Raises LinkDown when none has
-    after wait_s, or when `stopped` says so.
+    Args:
+        router: its locator, such as ``tcp/127.0.0.1:7447``.
+        wait_s: how long to wait for it.
+        waiting: called as `TELL_S` says, with the seconds waited, while no router answers.
+        stopped: whether to give up.
+
+    Raises:
+        LinkDown: when no router has answered after `wait_s`, or `stopped` says so.
     """
     return _open(client_config(router, LEASE_S), router, wait_s, waiting, stopped)
 
@@ -296,9 +245,20 @@ def open_link(
 def open_links(
     router: str, radio: str | None, wait_s: float, say: Callable[[str], None], stopped: Callable[[], bool]
 ) -> tuple[Link, Air] | None:
-    """The link to the router and the one for positions, the same unless `radio` says where; None when told to stop.
+    """Open the link to the router and the one for positions.
 
-    say: takes a line now and then while somebody is waited for. Raises BadInput when nobody has answered after wait_s.
+    Args:
+        router: the router's locator.
+        radio: where robots hear each other, or None for the same router.
+        wait_s: how long to wait for each.
+        say: takes a line now and then while the process waits.
+        stopped: whether to give up.
+
+    Returns:
+        both links, which may be the same; None when `stopped` says so.
+
+    Raises:
+        BadInput: when nobody has answered after `wait_s`.
     """
 
     def waiting_for(what: str) -> Callable[[float], None]:
@@ -350,18 +310,31 @@ def _open(
             waiting(waited)
     opened = box[0]
     if isinstance(opened, Exception):
-        raise LinkDown(f"no router at {router} ({_first_line(opened)})")
+        raise LinkDown(f"cannot reach a router at {router} ({_first_line(opened)})")
     return Link(opened)
 
 
 def open_router(listen: str) -> Link:
-    """Be a router at a locator; LinkDown, in one line, when that is not to be had."""
+    """Be a router.
+
+    Args:
+        listen: the locator to listen at.
+
+    Raises:
+        LinkDown: in one line, when it cannot listen there.
+    """
     try:
         return Link(zenoh.open(router_config(listen)))
     except zenoh.ZError as error:
-        busy = "in use" in str(error)
+        busy = _system_error(error) == errno.EADDRINUSE
         problem = "the port is busy; choose another" if busy else f"cannot listen there ({_first_line(error)})"
         raise LinkDown(f"{listen}: {problem}") from None
+
+
+def _system_error(error: Exception) -> int | None:
+    """The number of the system's error behind one of Zenoh's, which says it in its text alone; None without one."""
+    found = re.search(r"\(os error (\d+)\)", str(error))
+    return None if found is None else int(found[1])
 
 
 def _first_line(error: Exception) -> str:
@@ -372,7 +345,12 @@ def _first_line(error: Exception) -> str:
 
 
 def client_config(router: str, lease_s: float) -> zenoh.Config:
-    """A client of one router, that waits for it and finds back to it."""
+    """A client of one router, which waits for it and reconnects to it.
+
+    Args:
+        router: its locator.
+        lease_s: how long the client may be silent before the router drops it.
+    """
     return _config(
         {
             "mode": "client",
@@ -387,7 +365,11 @@ def client_config(router: str, lease_s: float) -> zenoh.Config:
 
 
 def router_config(listen: str) -> zenoh.Config:
-    """A router that listens at one locator."""
+    """A router that listens at one locator.
+
+    Args:
+        listen: the locator.
+    """
     return _config({"mode": "router", "listen/endpoints": [listen], "connect/endpoints": []})
 
 

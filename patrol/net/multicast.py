@@ -1,8 +1,9 @@
 """Positions by multicast, without Zenoh: one datagram each, to all who can hear it.
 
-A datagram is the key, a zero byte, and the frame. Nobody is told who listens, so nothing needs to arrive before a frame
-does, and nothing but frames is ever sent. Zenoh's own multicast needs no router either, but its members pass on to each
-other who listens to what: where four of them started on a busy machine, that filled the network for ten seconds.
+A datagram is the key, a zero byte, and the frame. Subscriptions are not announced, so nothing needs to arrive before a
+frame does, and nothing but frames is ever sent. Zenoh's own multicast needs no router either, but its members pass
+their subscriptions on to each other: where four of them started on a busy machine, that filled the network for ten
+seconds.
 """
 
 from __future__ import annotations
@@ -11,21 +12,26 @@ import contextlib
 import socket
 import struct
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
+
+from patrol.net.mailbox import Mailbox, Post
 
 _LONGEST = 2048
 _POLL_S = 0.2
 
 
 class GroupDown(Exception):
-    """There can be no such group here; one line says why."""
+    """A multicast group cannot be joined here; one line says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """A payload that is there already (`patrol.net.link.Payload`)."""
+    """A payload that has been copied already (`patrol.net.mailbox.Payload`).
+
+    Attributes:
+        data: the bytes.
+    """
 
     data: bytes
 
@@ -37,18 +43,13 @@ class Datagram:
         return self.data
 
 
-class Taker(Protocol):
-    """What takes what arrives: a `patrol.net.link.Mailbox`."""
-
-    def deliver(self, key: str, payload: Datagram) -> None:
-        """Take one message."""
-        ...
-
-
 class Group:
-    """A member of a multicast group (`patrol.net.link.Air`). What it sends it does not hear itself.
+    """A member of a multicast group (`patrol.net.mailbox.Air`). It does not hear what it sends itself.
 
-    out: sends to the group. into: hears it. address: the group's, and the port.
+    Args:
+        out: sends to the group.
+        into: receives from it.
+        address: the group's, and the port.
     """
 
     def __init__(self, out: socket.socket, into: socket.socket, address: tuple[str, int]) -> None:
@@ -56,13 +57,17 @@ class Group:
         self._into = into
         self._address = address
         self._own: set[str] = set()
-        self._takers: list[tuple[str, Taker]] = []
+        self._subscriptions: list[tuple[str, Mailbox[Any]]] = []
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._hear, daemon=True)
         self._thread.start()
 
-    def broadcast(self, key: str) -> Callable[[bytes], None]:
-        """What sends under a key; what the network does not take at once is lost."""
+    def broadcast(self, key: str) -> Post:
+        """What sends under a key; a frame that the network does not take at once is lost.
+
+        Args:
+            key: to send under.
+        """
         self._own.add(key)
         head = key.encode() + b"\0"
 
@@ -72,9 +77,14 @@ class Group:
 
         return post
 
-    def subscribe(self, key: str, mailbox: Taker) -> None:
-        """Let messages under a key, or under all that begin alike with ``*`` for the end, into a mailbox."""
-        self._takers.append((key, mailbox))
+    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
+        """Put messages into a mailbox.
+
+        Args:
+            key: one key, or the beginning of several with ``*`` for the rest.
+            mailbox: where they wait.
+        """
+        self._subscriptions.append((key, mailbox))
 
     def close(self) -> bool:
         """Leave the group."""
@@ -95,13 +105,20 @@ class Group:
             key = head.decode(errors="replace")
             if key in self._own:
                 continue
-            for wanted, mailbox in list(self._takers):
+            for wanted, mailbox in list(self._subscriptions):
                 if key == wanted or (wanted.endswith("*") and key.startswith(wanted[:-1])):
                     mailbox.deliver(key, Datagram(frame))
 
 
 def open_group(locator: str) -> Group:
-    """Join a group at ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``; GroupDown, in one line, when it cannot be."""
+    """Join a group.
+
+    Args:
+        locator: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``.
+
+    Raises:
+        GroupDown: in one line, when it cannot be joined.
+    """
     address, _, iface = locator.removeprefix("udp/").partition("#iface=")
     group, _, port = address.partition(":")
     out, into = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
@@ -118,5 +135,5 @@ def open_group(locator: str) -> Group:
     except OSError as error:
         out.close()
         into.close()
-        raise GroupDown(f"no group at {locator} ({error.strerror or error})") from None
+        raise GroupDown(f"cannot join the group at {locator} ({error.strerror or error})") from None
     return Group(out, into, (group, int(port)))

@@ -1,4 +1,4 @@
-"""What is shown to eyes while a run goes on: live tables, pages, recordings. Nothing that decides anything reads it.
+"""What observers of a run receive: live tables, pages, recordings. Nothing that decides anything reads it.
 
     truth/metrics        `Metrics`    the world, at most about ten times a second
     truth/events         `Notice`     the world, when something happens
@@ -18,7 +18,7 @@ from typing import Any
 import msgpack
 
 from patrol.journal import Event, Status, TickRecord
-from patrol.scenario.controls import told
+from patrol.scenario.controls import described
 
 METRICS = "metrics"
 EVENTS = "events"
@@ -34,12 +34,21 @@ _STATUSES = frozenset(int(status) for status in Status)
 
 
 class Unreadable(ValueError):
-    """Bytes that are no such view."""
+    """Bytes that are none of these views."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotView:
-    """One robot: where it truly is (m, rad), its standing, and what its mind says it is doing."""
+    """One robot.
+
+    Attributes:
+        name: of the robot.
+        status: a `patrol.journal.Status`.
+        state: what its mind reports that it is doing.
+        x: m, of its true pose.
+        y: m, of the same.
+        heading: rad, of the same.
+    """
 
     name: str
     status: int
@@ -53,8 +62,16 @@ class RobotView:
 class Metrics:
     """The run so far.
 
-    k: ticks done, of `ticks`. time_s: simulated. mfow_s: now; mfow_mean_s, mfow_max_s: over all ticks. seen_share: of
-    the patrolled area. ticks_per_s: by the wall clock, lately.
+    Attributes:
+        k: ticks done.
+        ticks: of the whole run.
+        time_s: simulated.
+        mfow_s: now.
+        mfow_mean_s: over all ticks.
+        mfow_max_s: over all ticks.
+        seen_share: of the patrolled area.
+        ticks_per_s: by the wall clock, over the last seconds.
+        robots: in roster order.
     """
 
     k: int
@@ -70,7 +87,14 @@ class Metrics:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """Something that happened before tick k, to a robot (or empty) or to the run."""
+    """An event of the run.
+
+    Attributes:
+        k: it happened before this tick.
+        kind: of the event.
+        robot: its name, or empty for the whole run.
+        detail: one line.
+    """
 
     k: int
     kind: str
@@ -80,9 +104,14 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """What one process of a robot, its incarnation, has sent and heard by direct radio so far, in frames.
+    """Frames that one process of a robot has sent and heard by direct radio so far.
 
-    heard: by the sender's name. refused: dropped unread. final: this process is about to leave.
+    Attributes:
+        incarnation: which of the robot's processes.
+        sent: frames.
+        heard: frames by the sender's name.
+        refused: frames dropped unread.
+        final: whether this process is about to leave.
     """
 
     incarnation: int
@@ -94,9 +123,18 @@ class Traffic:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What a robot decided at tick k: goals before and after refinement (m), believed MFoW (ticks), times (ms).
+    """What a robot decided in one tick.
 
-    traffic: of a direct radio, or None.
+    Attributes:
+        k: the tick.
+        state: what it is doing.
+        goal: m, before refinement.
+        refined: m, after refinement.
+        direction: rad, or None.
+        mfow: believed, ticks.
+        decision_ms: wall time.
+        rejected: frames so far.
+        traffic: of a direct radio, or None.
     """
 
     k: int
@@ -113,7 +151,12 @@ class Telemetry:
 class Watcher:
     """Turns tick records into metrics, at most one each `SHOW_S` of wall time.
 
-    names: by robot number. points: of the patrolled area. step: s. ticks: of the whole run. now: wall clock, s.
+    Args:
+        names: by robot number.
+        points: of the patrolled area.
+        step: s.
+        ticks: of the whole run.
+        now: wall clock, s.
     """
 
     def __init__(
@@ -130,7 +173,14 @@ class Watcher:
         self._shown: deque[tuple[float, int]] = deque([(now(), 0)])
 
     def take(self, record: TickRecord) -> Metrics | None:
-        """The next tick is done; the metrics, when it is time to show them. The last tick's are always shown."""
+        """The next tick is done.
+
+        Args:
+            record: of the tick.
+
+        Returns:
+            the metrics when they are due, and after the last tick; otherwise None.
+        """
         self._sum += record.mfow
         self._max = max(self._max, record.mfow)
         now = self._now()
@@ -154,9 +204,13 @@ class Watcher:
         )
 
     def notice(self, event: Event) -> Notice:
-        """An event of the journal, for eyes."""
+        """An event of the journal as observers receive it.
+
+        Args:
+            event: of the journal.
+        """
         name = "" if event.robot is None else self._names[event.robot]
-        return Notice(event.k, event.kind, name, told(event)[:MAX_TEXT])
+        return Notice(event.k, event.kind, name, described(event)[:MAX_TEXT])
 
     def _rate(self, now: float, done: int) -> float:
         """Ticks per wall second over the last `_RATE_S`."""
@@ -167,14 +221,25 @@ class Watcher:
         return (done - before) / (now - since) if now > since else 0.0
 
 
-def show(view: Metrics | Notice | Telemetry) -> bytes:
-    """A view as bytes."""
+def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
+    """A view as bytes.
+
+    Args:
+        view: to send.
+    """
     packed: bytes = msgpack.packb(asdict(view))
     return packed
 
 
 def read_metrics(payload: bytes) -> Metrics:
-    """The metrics in a payload; Unreadable for anything else."""
+    """The metrics in a payload.
+
+    Args:
+        payload: any bytes.
+
+    Raises:
+        Unreadable: for anything else.
+    """
     says = _map(payload)
     robots = says.get("robots")
     if type(robots) is not list:
@@ -193,13 +258,27 @@ def read_metrics(payload: bytes) -> Metrics:
 
 
 def read_notice(payload: bytes) -> Notice:
-    """The notice in a payload; Unreadable for anything else."""
+    """The notice in a payload.
+
+    Args:
+        payload: any bytes.
+
+    Raises:
+        Unreadable: for anything else.
+    """
     says = _map(payload)
     return Notice(_whole(says, "k"), _text(says, "kind"), _text(says, "robot"), _text(says, "detail"))
 
 
 def read_traffic(payload: bytes) -> Traffic:
-    """The traffic in a robot's telemetry; Unreadable for anything else."""
+    """The traffic in a robot's telemetry.
+
+    Args:
+        payload: any bytes.
+
+    Raises:
+        Unreadable: for anything else.
+    """
     says = _map(payload).get("traffic")
     if type(says) is not dict:
         raise Unreadable("no traffic")
@@ -216,7 +295,14 @@ def read_traffic(payload: bytes) -> Traffic:
 
 
 def read_telemetry(payload: bytes) -> Telemetry:
-    """What a robot decided, less what its radio has carried; Unreadable for anything else."""
+    """What a robot decided, without its traffic.
+
+    Args:
+        payload: any bytes.
+
+    Raises:
+        Unreadable: for anything else.
+    """
     says = _map(payload)
     direction = says.get("direction")
     return Telemetry(
@@ -236,7 +322,7 @@ def _place(says: Mapping[str, Any], field: str) -> tuple[float, float] | None:
     if place is None:
         return None
     if type(place) is not list or len(place) != 2:
-        raise Unreadable(f"{field} is no place")
+        raise Unreadable(f"{field} is not a place")
     x, y = (_number({field: value}, field) for value in place)
     return x, y
 
@@ -261,28 +347,28 @@ def _map(payload: bytes) -> dict[str, Any]:
     try:
         says = msgpack.unpackb(payload, raw=False, strict_map_key=True)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Unreadable(f"no msgpack ({type(error).__name__})") from None
+        raise Unreadable(f"not msgpack ({type(error).__name__})") from None
     if type(says) is not dict:
-        raise Unreadable("no map")
+        raise Unreadable("not a map")
     return says
 
 
 def _whole(says: Mapping[str, Any], field: str) -> int:
     value = says.get(field)
     if type(value) is not int or not 0 <= value < 2**63:
-        raise Unreadable(f"{field} is no whole number")
+        raise Unreadable(f"{field} is not a whole number")
     return value
 
 
 def _number(says: Mapping[str, Any], field: str) -> float:
     value = says.get(field)
     if type(value) is not float or not math.isfinite(value):
-        raise Unreadable(f"{field} is no finite number")
+        raise Unreadable(f"{field} is not a finite number")
     return value
 
 
 def _text(says: Mapping[str, Any], field: str) -> str:
     value = says.get(field)
     if type(value) is not str or len(value) > MAX_TEXT or not value.isprintable():
-        raise Unreadable(f"{field} is no printable text")
+        raise Unreadable(f"{field} is not printable text")
     return value

@@ -31,10 +31,13 @@ _POLL_S = 0.02
 
 
 class Ending:
-    """Whether this process should leave, why, and how often it was told.
+    """Whether this process should leave, why, and how often it was asked to.
 
-    patience: so many signals are left to whoever asks this object; each further one raises KeyboardInterrupt wherever
-    the process is. None: all are.
+    Attributes:
+        patience: signals that are handled by whoever reads this object; each further one raises KeyboardInterrupt
+            wherever the process is. None: all are.
+        reason: of the first request.
+        times: requests so far.
     """
 
     def __init__(self, patience: int | None = None) -> None:
@@ -47,18 +50,37 @@ class Ending:
         return self._asked.is_set()
 
     def ask(self, reason: str) -> None:
-        """Leave soon; the first reason counts."""
+        """Ask the process to leave soon; the first reason counts.
+
+        Args:
+            reason: one line.
+        """
         self.times += 1
         if not self._asked.is_set():
             self.reason = reason
             self._asked.set()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until asked to leave, at most so long; whether asked."""
+        """Wait until asked to leave.
+
+        Args:
+            timeout_s: how long at most.
+
+        Returns:
+            whether asked.
+        """
         return self._asked.wait(timeout_s)
 
     def wait_for(self, path: Path, limit_s: float = math.inf) -> bool:
-        """Wait until there is something at the path, at most so long; whether there is."""
+        """Wait until a path exists or until asked to leave.
+
+        Args:
+            path: a file or folder.
+            limit_s: how long at most.
+
+        Returns:
+            whether the path exists.
+        """
         waited_s = 0.0
         while not path.exists():
             if waited_s >= limit_s or self._asked.wait(_POLL_S):
@@ -68,10 +90,12 @@ class Ending:
 
 
 def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, patience: int | None = None) -> Ending:
-    """Heed signals and the lifeline, a file descriptor, from now on; called on the main thread.
+    """Obey signals and the lifeline from now on; called on the main thread.
 
-    on_death: called when the process has not left in time after its launcher's death, right before it ends. patience:
-    see `Ending`.
+    Args:
+        lifeline: a file descriptor, or None without a launcher.
+        on_death: called when the process has not left in time after its launcher's death, right before it ends.
+        patience: see `Ending`.
     """
     ending = Ending(patience)
 
@@ -90,7 +114,11 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
 
 
 def run_process(main: Callable[[], int]) -> NoReturn:
-    """Run a process's main function and end with its exit code; what it raises is printed and ends with `CRASHED`."""
+    """Run a process's main function and end the process with its exit code.
+
+    Args:
+        main: returns the exit code; what it raises is printed and ends the process with `CRASHED`.
+    """
     try:
         code = main()
     except SystemExit as asked:
@@ -102,7 +130,11 @@ def run_process(main: Callable[[], int]) -> NoReturn:
 
 
 def leave(code: int) -> NoReturn:
-    """End the process now, whatever threads of libraries are doing."""
+    """End the process now, whatever threads of libraries are doing.
+
+    Args:
+        code: exit code.
+    """
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()

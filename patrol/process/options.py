@@ -1,4 +1,4 @@
-"""What the processes of a fleet, its world and its robots, are told alike on their command lines."""
+"""The command-line options that the processes of a fleet, its world and its robots, have in common."""
 
 from __future__ import annotations
 
@@ -25,7 +25,14 @@ name for the fleet:
 
 
 def fleet_parser(package: str, description: str, epilog: str, others: str) -> argparse.ArgumentParser:
-    """A parser of the options that all have; the caller adds its own. others: whom a process waits for."""
+    """A parser of the options that all have; the caller adds its own.
+
+    Args:
+        package: run with ``python -m``.
+        description: first lines of the help.
+        epilog: last lines of the help.
+        others: the processes that this one waits for.
+    """
     parser = argparse.ArgumentParser(
         prog=f"python -m {package}",
         description=description,
@@ -44,9 +51,18 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> ar
 
 
 def prepared_as_told(scenario: Scenario, options: argparse.Namespace, ending: Ending) -> Prepared | None:
-    """The scenario with the launcher's static fields or ones of its own making; None when told to leave.
+    """Prepare the scenario, or load what the launcher has prepared.
 
-    Raises BadInput when the launcher's do not come.
+    Args:
+        scenario: the one that all processes run.
+        options: from `fleet_parser`.
+        ending: whether to leave.
+
+    Returns:
+        the prepared scenario, or None when asked to leave.
+
+    Raises:
+        BadInput: when the launcher's static fields do not come.
     """
     from patrol.prepare import Prepared, prepare
 
@@ -58,4 +74,4 @@ def prepared_as_told(scenario: Scenario, options: argparse.Namespace, ending: En
         return Prepared.load(scenario, static)
     if ending:
         return None
-    raise BadInput(f"--static {static}: there is no such folder; leave the option out to compute the fields here")
+    raise BadInput(f"--static {static}: no such folder; leave the option out to compute the fields here")

@@ -29,9 +29,14 @@ WAITING = "another process is compiling the kernels: waiting for it ..."
 
 
 def warm(packages: Sequence[str], say: Callable[[str], None]) -> None:
-    """Make sure that the kernels of these packages are compiled, and say so when that takes time.
+    """Make sure that the kernels of some packages are compiled; returns at once when they are.
 
-    Returns at once when they are. Raises BadInput where nothing can be kept on disk.
+    Args:
+        packages: their names.
+        say: takes a line when compiling or waiting takes time.
+
+    Raises:
+        BadInput: where nothing can be kept on disk.
     """
     files = {package: kernel_files(package) for package in packages}
     home = cache_home([path for modules in files.values() for path in modules.values()])
@@ -51,7 +56,14 @@ def warm(packages: Sequence[str], say: Callable[[str], None]) -> None:
 
 
 def kernel_files(package: str) -> dict[str, Path]:
-    """A package's kernel modules by full name: every module in a folder called kernels."""
+    """A package's kernel modules: every module in a folder called kernels.
+
+    Args:
+        package: its name.
+
+    Returns:
+        files by the module's full name.
+    """
     found = {}
     spec = find_spec(package)
     for folder in (spec.submodule_search_locations if spec else None) or ():
@@ -63,7 +75,14 @@ def kernel_files(package: str) -> dict[str, Path]:
 
 
 def cache_home(kernels: Sequence[Path]) -> Path:
-    """The first folder for stamps that can be written to, in the order in which numba looks for its own."""
+    """The first folder for stamps that can be written to, in the order in which numba looks for its own.
+
+    Args:
+        kernels: the kernels' source files.
+
+    Raises:
+        BadInput: where no folder can be written to.
+    """
     given = os.environ.get("NUMBA_CACHE_DIR")
     own = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     beside = [path.parent / "__pycache__" for path in kernels[:1]]
@@ -135,6 +154,6 @@ def _platform() -> str:
 
 def _unwritable() -> BadInput:
     return BadInput(
-        "the compiled kernels cannot be kept: neither the installed package nor the user's cache folder can be written "
-        "to; set NUMBA_CACHE_DIR to a folder that can"
+        "the compiled kernels cannot be stored: neither the installed package nor the user's cache folder is writable; "
+        "set NUMBA_CACHE_DIR to a folder that is"
     )

@@ -6,20 +6,26 @@ import os
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.scenario import Scenario
 
 SHORTEST = 16
 LONGEST = 64
 
 
-def fleet_key(scenario: Scenario) -> bytes | None:
-    """The key that ``radio.key`` names, or None without one.
+def fleet_key(file: str | Path | None) -> bytes | None:
+    """The key in a file, which is the file's bytes less white space at either end.
 
-    The file's bytes are the key, less white space at either end; 16 to 64 of them. Raises BadInput otherwise.
+    Args:
+        file: as the scenario's ``radio.key`` names it, or None without a key.
+
+    Returns:
+        16 to 64 bytes, or None without a key.
+
+    Raises:
+        BadInput: for a file that cannot be read or holds fewer or more bytes.
     """
-    if scenario.radio.key is None:
+    if file is None:
         return None
-    path = Path(scenario.radio.key)
+    path = Path(file)
     try:
         key = path.read_bytes().strip()
     except OSError as error:
@@ -30,14 +36,21 @@ def fleet_key(scenario: Scenario) -> bytes | None:
 
 
 def new_key(path: Path) -> None:
-    """Write a new random key, as text, to a file that nobody else can read. BadInput when the file is there already."""
+    """Write a new random key, as text, to a file that nobody else can read.
+
+    Args:
+        path: the new file.
+
+    Raises:
+        BadInput: when the file exists or cannot be written.
+    """
     if path.is_dir():
         raise BadInput(f"{path}: is a folder; name a new file in it, such as {path / 'fleet.key'}")
     try:
         file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
-        raise BadInput(f"{path}: is there already, and robots may be using it; name a new file") from None
+        raise BadInput(f"{path}: exists already, and robots may be using it; name a new file") from None
     except OSError as error:
-        raise BadInput(f"{path}: cannot be written ({error.strerror}); name a file in a folder that is there") from None
+        raise BadInput(f"{path}: cannot be written ({error.strerror}); name a file in an existing folder") from None
     with os.fdopen(file, "w", encoding="ascii") as text:
         text.write(f"{os.urandom(LONGEST // 2).hex()}\n")

@@ -3,13 +3,12 @@
 Pure: the caller says what time its own clock shows. Senders' clocks may disagree with it, so a frame's age and a
 sender's speed are judged by the receiver's clock at arrival; the sequence orders a sender's frames.
 
-A sequence is the tick in which a frame was sent, and a fleet counts its ticks together. So none can be of a tick that
-is still to come, and whatever was forged or repeated, a robot's next frame is never out of date.
+A sequence is the tick in which a frame was sent, and all robots of a fleet count the same ticks. So no frame can be of
+a tick that is still to come, and whatever was forged or repeated, a robot's next frame is never out of date.
 
-A radio may hold frames up, repeat them and let them overtake each other. A frame that is older than the newest of its
-sender's is *late*: it is accepted once, if it comes within a window of `patrol.radio.replay_window.SPAN` sequences,
-and tells only
-where the sender was then.
+A radio may delay frames, repeat them and let them overtake each other. A frame that is older than the newest of its
+sender's is *late*: it is accepted once, if it comes within a window of `patrol.radio.replay_window.SPAN` sequences, and
+says only where the sender was then.
 """
 
 from __future__ import annotations
@@ -20,7 +19,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode
-from patrol.radio.replay_window import SPAN, Window
+from patrol.radio.replay_window import SPAN, ReplayWindow
+from patrol.radio.units import cm_to_m, m_to_cm
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
@@ -34,7 +34,7 @@ _TICKS_APART = 4
 # Who does not know the ticks can only hold a sender's frames against each other: how much further than its clock
 # can have run a sequence may be, in steps. Covers stalls of the network.
 _AHEAD = 64
-# How many steps a contact may be off what some robot would send now: a replayed one ends after so many.
+# By how many steps a contact's sequence may differ from what some robot would send now; older replays are refused.
 _CONTACT_SLACK = 4
 
 
@@ -49,22 +49,27 @@ class _Heard:
 class Inbox:
     """Decodes frames and drops, with a counted reason, what cannot be true.
 
-    own: the receiver's robot number. roster: the numbers of all robots. bounds: the terrain's (x_min, y_min, x_max,
-    y_max), m. max_speed: of the fastest robot, m/s. step: s between two frames of a sender; a frame may come one step
-    early or late. key: of the tags, or None when the fleet uses none. ahead: by how many ticks a sequence may be ahead
-    of the receiver's own, which is the time by its clock in steps; None where the two are not counted from the same
-    moment. Then frames too far ahead of their sender's last, and too old ones, are believed too, once enough of them
-    agree with each other: what a forged one has shut out comes back.
-
-    What follows on the last frame of a sender must be a place that it can have reached; where it is not, frames that
-    agree with each other are believed in the end, for localisation jumps honestly. The time that a sender had is the
-    time between the arrivals, and where the earlier frame was held up on its way, what the sequences say on top: a
-    frame's delay, beyond the least of its sender's frames so far, shows in its sequence. A trail is cut off where it
-    leads farther in a step than a robot can go.
+    What follows the last frame of a sender must be a place that it can have reached; where it is not, frames that agree
+    with each other are believed in the end, because localisation may jump honestly. The time that a sender had is the
+    time between the arrivals and, where the earlier frame was delayed, what the sequences say on top: a frame's delay,
+    beyond the least of its sender's frames so far, shows in its sequence. A trail is cut off where it leads farther in
+    a step than a robot can go.
 
     A contact, an intruder's position, does not say who reports it and may be reported by several at once. It must lie
     on the terrain, and its sequence must be one that some robot of the roster would send about now, going on from that
     robot's last accepted frame.
+
+    Args:
+        own: the receiver's robot number.
+        roster: the numbers of all robots.
+        bounds: the terrain's (x_min, y_min, x_max, y_max), m.
+        max_speed: of the fastest robot, m/s.
+        key: of the tags, or None when the fleet uses none.
+        step: s between two frames of a sender; a frame may come one step early or late.
+        ahead: by how many ticks a sequence may be ahead of the receiver's own, which is the time by its clock in steps;
+            None where the two are not counted from the same moment. Then frames too far ahead of their sender's last,
+            and too old ones, are believed too, once enough of them agree with each other: what a forged one has shut
+            out comes back.
     """
 
     def __init__(
@@ -86,7 +91,7 @@ class Inbox:
         self._step = step
         self._ahead = ahead
         self._last: dict[int, _Heard] = {}
-        self._windows: dict[int, Window] = {}
+        self._windows: dict[int, ReplayWindow] = {}
         self._starts: dict[int, float] = {}
         self._jumped: dict[int, list[_Heard]] = {}
 
@@ -96,9 +101,16 @@ class Inbox:
         return sum(self.counts.values())
 
     def accept(self, frame: bytes, now_s: float) -> Position | None:
-        """The position in a frame that came at now_s (own clock, s, never decreasing), or None when it is dropped.
+        """Decode a frame and check it.
 
-        Whether it is late the caller sees by its sequence: it is below that of an earlier one of its sender's.
+        The caller recognises a late position by its sequence, which is below that of an earlier one of its sender's.
+
+        Args:
+            frame: any bytes.
+            now_s: when it came by the receiver's clock, s; never decreasing.
+
+        Returns:
+            the position, or None when the frame is dropped.
         """
         try:
             position = decode(frame, self._key)
@@ -116,7 +128,14 @@ class Inbox:
         return self._plausible_trail(position)
 
     def last(self, robot: int) -> tuple[Position, float] | None:
-        """The newest accepted position of a robot and when it came (own clock, s), or None."""
+        """The newest accepted position of a robot.
+
+        Args:
+            robot: its number.
+
+        Returns:
+            the position and when it came (own clock, s), or None.
+        """
         heard = self._last.get(robot)
         return None if heard is None else (heard.position, heard.at)
 
@@ -137,16 +156,16 @@ class Inbox:
     def _check_tick(self, position: Position, now_s: float) -> None:
         # Half a step is for rounding: ticks are whole.
         if self._ahead is not None and position.sequence > now_s / self._step + self._ahead + 0.5:
-            raise Rejected(RejectReason.AHEAD, "of a tick that is still to come")
+            raise Rejected(RejectReason.AHEAD, "from a tick that is still to come")
 
     def _check_motion(self, heard: _Heard) -> None:
         """Believe what follows the last accepted frame, or `_STEADY` frames in a row that follow one another."""
         robot, sequence = heard.position.robot, heard.position.sequence
         last = self._last.get(robot)
-        window = self._windows.setdefault(robot, Window())
+        window = self._windows.setdefault(robot, ReplayWindow())
         outdated = window.newest - sequence >= SPAN
         if not window.fresh(sequence) and not (outdated and self._ahead is None):
-            raise Rejected(RejectReason.OLD, "heard before, or too old to tell")
+            raise Rejected(RejectReason.OLD, "heard before, or too old to be checked")
         if last is not None:
             if sequence < last.position.sequence and not outdated:
                 self._check_late(heard.position, last.position)
@@ -160,7 +179,7 @@ class Inbox:
                 if len(row) < _STEADY:
                     raise Rejected(reason, "does not follow the last one")
         if outdated:
-            self._windows[robot] = window = Window()
+            self._windows[robot] = window = ReplayWindow()
             del self._starts[robot]
         self._jumped.pop(robot, None)
         self._last[robot] = heard
@@ -175,7 +194,7 @@ class Inbox:
 
     def _plausible_trail(self, position: Position) -> Position:
         """The position with as much of its trail as a robot can have driven, a step for each sequence."""
-        limit = 100.0 * (self._max_speed * self._step + _ROUNDING)
+        limit = m_to_cm(self._max_speed * self._step + _ROUNDING)
         for place, (dx, dy) in enumerate(position.trail):
             if math.hypot(dx, dy) > limit:
                 return replace(position, trail=position.trail[:place])
@@ -183,7 +202,7 @@ class Inbox:
 
     def _check_contact(self, heard: _Heard) -> None:
         if not self._last:
-            raise Rejected(RejectReason.UNKNOWN, "a contact, and no robot has been heard that could report it")
+            raise Rejected(RejectReason.UNKNOWN, "a contact, and no robot that could report it has been heard")
         leads = [
             heard.position.sequence - last.position.sequence - (heard.at - last.at) / self._step
             for last in self._last.values()
@@ -191,7 +210,7 @@ class Inbox:
         lead = min(leads, key=abs)
         if abs(lead) > _CONTACT_SLACK:
             raise Rejected(
-                RejectReason.AHEAD if lead > 0.0 else RejectReason.OLD, "nobody reports contacts of then now"
+                RejectReason.AHEAD if lead > 0.0 else RejectReason.OLD, "no robot would report a contact of then"
             )
 
     def _follows(self, before: _Heard, after: _Heard) -> bool:
@@ -219,7 +238,7 @@ class Inbox:
 
 def _apart(a: Position, b: Position) -> float:
     """The distance between two places, m."""
-    return math.hypot(b.x_cm - a.x_cm, b.y_cm - a.y_cm) / 100.0
+    return cm_to_m(math.hypot(b.x_cm - a.x_cm, b.y_cm - a.y_cm))
 
 
 def inbox_of(
@@ -230,9 +249,14 @@ def inbox_of(
     *,
     knows_ticks: bool = True,
 ) -> Inbox:
-    """The inbox of one of a scenario's robots. bounds: of its terrain.
+    """The inbox of one of a scenario's robots.
 
-    knows_ticks: whether its clock shows the time since the fleet's first tick.
+    Args:
+        scenario: the fleet's.
+        own: the robot's number.
+        bounds: the terrain's (x_min, y_min, x_max, y_max), m.
+        key: of the tags, or None when the fleet uses none.
+        knows_ticks: whether the robot's clock shows the time since the fleet's first tick.
     """
     fastest = max(spec.speed for spec in scenario.roster)
     numbers = [spec.number for spec in scenario.roster]

@@ -25,6 +25,7 @@ from typing import Any
 import msgpack
 
 from patrol.pose import TAU, Pose, wrap
+from patrol.radio.units import cm_to_m, m_to_cm, mrad_to_rad, rad_to_mrad, s_to_ms
 
 VERSION = 1
 MAX_FRAME = 64
@@ -78,9 +79,17 @@ class Rejected(Exception):
 class Position:
     """Where a robot says it is, in the units of the wire.
 
-    robot: 1..65535, or 0 for a *contact* (an intruder's position reported by a robot). sequence: 0..2^32-1, one more
-    each step. time_ms: 0..2^32-1, ms of the sender's clock. x_cm, y_cm: cm, signed 32 bits. heading_mrad: 0..6283.
-    trail: up to `MAX_TRAIL` pairs of cm, signed 16 bits, newest first. Raises ValueError for anything else.
+    Attributes:
+        robot: 1..65535, or 0 for a *contact* (an intruder's position reported by a robot).
+        sequence: 0..2^32-1, one more each step.
+        time_ms: 0..2^32-1, ms of the sender's clock.
+        x_cm: cm, signed 32 bits.
+        y_cm: cm, signed 32 bits.
+        heading_mrad: 0..6283.
+        trail: up to `MAX_TRAIL` pairs of cm, signed 16 bits, newest first.
+
+    Raises:
+        ValueError: for anything else.
     """
 
     robot: int
@@ -108,26 +117,47 @@ class Position:
     def of(
         cls, robot: int, sequence: int, time_s: float, pose: Pose, trail: tuple[tuple[int, int], ...] = ()
     ) -> Position:
-        """The position to send for a pose (m, rad) at a time (s); raises ValueError when a number does not fit."""
+        """The position to send for a pose.
+
+        Args:
+            robot: the sender's number.
+            sequence: the tick.
+            time_s: of the sender's clock, s.
+            pose: m and rad.
+            trail: steps back to earlier positions, cm.
+
+        Raises:
+            ValueError: when a number does not fit.
+        """
         return cls(
             robot,
             sequence,
-            _units(time_s, 1000.0),
-            _units(pose.x, 100.0),
-            _units(pose.y, 100.0),
+            _rounded(s_to_ms(time_s)),
+            _rounded(m_to_cm(pose.x)),
+            _rounded(m_to_cm(pose.y)),
             _milliradians(pose.heading),
             trail,
         )
 
     @classmethod
     def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
-        """The report of an intruder seen at (x, y) in m; sequence and time (s) are those of the reporter's position."""
+        """The report of an intruder.
+
+        Args:
+            sequence: of the reporter's position.
+            time_s: of the reporter's position, s.
+            x: m.
+            y: m.
+
+        Raises:
+            ValueError: when a number does not fit.
+        """
         return cls.of(CONTACT, sequence, time_s, Pose(x, y, 0.0))
 
     @property
     def pose(self) -> Pose:
         """The pose that receivers compute with (m, rad)."""
-        return Pose(self.x_cm / 100.0, self.y_cm / 100.0, wrap(self.heading_mrad / 1000.0))
+        return Pose(cm_to_m(self.x_cm), cm_to_m(self.y_cm), wrap(mrad_to_rad(self.heading_mrad)))
 
     @property
     def past(self) -> tuple[tuple[float, float], ...]:
@@ -136,14 +166,36 @@ class Position:
         x, y = self.x_cm, self.y_cm
         for dx, dy in self.trail:
             x, y = x + dx, y + dy
-            places.append((x / 100.0, y / 100.0))
+            places.append((cm_to_m(x), cm_to_m(y)))
         return tuple(places)
+
+
+def as_received(pose: Pose) -> Pose:
+    """A pose as every receiver of its frame computes with it: rounded to centimetres and milliradians.
+
+    Every footprint is computed from such a pose, so that truth, belief and observers agree to the point.
+
+    Args:
+        pose: in m and rad.
+
+    Returns:
+        The nearest pose that a frame can hold, in m and rad.
+
+    Raises:
+        ValueError: if a frame cannot hold the pose.
+    """
+    return Position.of(CONTACT, 0, 0.0, pose).pose
 
 
 def encode(position: Position, key: bytes | None = None) -> bytes:
     """The frame for a position: at most 32 bytes bare, at most `MAX_FRAME` with trail and tag.
 
-    key: 1 to 64 bytes shared by the fleet, or None for a frame without a tag.
+    Args:
+        position: to send.
+        key: 1 to 64 bytes shared by the fleet, or None for a frame without a tag.
+
+    Raises:
+        ValueError: for a key of another length.
     """
     _check_key(key)
     body: list[object] = [
@@ -168,10 +220,17 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
 
 
 def decode(frame: bytes, key: bytes | None = None) -> Position:
-    """The position in a frame. Raises `Rejected` (malformed, version or tag), and nothing else, for any bytes at all.
+    """The position in a frame.
 
-    With a key every frame must carry its tag; without one a tag is skipped unchecked. A key of another length than 1 to
-    64 bytes is a ValueError.
+    With a key every frame must carry its tag; without one a tag is skipped unchecked.
+
+    Args:
+        frame: any bytes at all.
+        key: 1 to 64 bytes shared by the fleet, or None.
+
+    Raises:
+        Rejected: malformed, version or tag.
+        ValueError: for a key of another length.
     """
     _check_key(key)
     values = _unpack(frame)
@@ -201,9 +260,9 @@ def _unpack(frame: bytes) -> list[Any]:
     try:
         values = msgpack.unpackb(frame, raw=False, strict_map_key=True, ext_hook=_no_extension)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Rejected(RejectReason.MALFORMED, f"no msgpack ({type(error).__name__})") from None
+        raise Rejected(RejectReason.MALFORMED, f"not msgpack ({type(error).__name__})") from None
     if type(values) is not list or not values or type(values[0]) is not int:
-        raise Rejected(RejectReason.MALFORMED, "no array that begins with a version")
+        raise Rejected(RejectReason.MALFORMED, "not an array that begins with a version")
     return values
 
 
@@ -219,7 +278,7 @@ def _trail(flat: object) -> tuple[tuple[int, int], ...]:
 
 def _check(name: str, value: object, low: int, high: int) -> None:
     if type(value) is not int:
-        raise ValueError(f"{name} is no integer")
+        raise ValueError(f"{name} is not an integer")
     if not low <= value <= high:
         raise ValueError(f"{name} is {value}, outside {low}..{high}")
 
@@ -229,19 +288,18 @@ def _check_key(key: bytes | None) -> None:
         raise ValueError(f"a key has 1 to {MAX_KEY} bytes, this one {len(key)}")
 
 
-def _units(value: float, per_unit: float) -> int:
-    scaled = value * per_unit
-    if not math.isfinite(scaled):
+def _rounded(value: float) -> int:
+    if not math.isfinite(value):
         raise ValueError(f"{value} is not finite")
-    return round(scaled)
+    return round(value)
 
 
 def _milliradians(heading: float) -> int:
     """The nearest of 0..6283 mrad round the circle, whose circumference is 6283.185 mrad."""
     if not math.isfinite(heading):
         raise ValueError(f"heading {heading} is not finite")
-    mrad = (heading % TAU) * 1000.0
-    return 0 if mrad > (MAX_HEADING_MRAD + TAU * 1000.0) / 2.0 else round(mrad)
+    mrad = rad_to_mrad(heading % TAU)
+    return 0 if mrad > (MAX_HEADING_MRAD + rad_to_mrad(TAU)) / 2.0 else round(mrad)
 
 
 def _tag(body: bytes, key: bytes) -> bytes:

@@ -1,4 +1,7 @@
-"""Where others have looked from, as the positions heard of them tell: the same for all who listen."""
+"""Where the other robots are and from where they have observed, according to the positions heard of them.
+
+Every listener that hears the same positions comes to the same result.
+"""
 
 from __future__ import annotations
 
@@ -7,31 +10,48 @@ from dataclasses import dataclass
 
 from patrol.pose import Pose
 from patrol.radio.message import Position
-from patrol.radio.replay_window import SPAN, Window
+from patrol.radio.replay_window import SPAN, ReplayWindow
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Another robot: its newest sequence, its pose (m, rad) there, and the tick at which that was heard."""
+    """Another robot.
+
+    Attributes:
+        sequence: its newest.
+        pose: there, m and rad.
+        tick: at which that was heard.
+    """
 
     sequence: int
     pose: Pose
     tick: int
 
 
-class Hearsay:
-    """The looks that accepted positions tell of, each of them once. peers: by robot number, the newest heard."""
+class PeerTracker:
+    """Follows the other robots through accepted positions, and counts each of their observations once.
+
+    Attributes:
+        peers: by robot number, the newest position heard.
+    """
 
     def __init__(self) -> None:
         self.peers: dict[int, Peer] = {}
-        self._looks: dict[int, Window] = {}
+        self._looks: dict[int, ReplayWindow] = {}
 
     def hear(self, position: Position, tick: int) -> Iterator[tuple[int, Pose]]:
-        """(tick, pose) of each look that is news, from a position accepted at ``tick``.
+        """The observations that an accepted position makes known.
 
         A position counts at the tick it arrives: robots' clocks need not agree. A late one, which is older than the
         newest of its sender's, counts as many ticks before that one's as their sequences are apart, and moves nobody.
-        One that is older than any window corrects its sender's sequence, and all begins anew.
+        One that is older than any window corrects its sender's sequence, and the sender's window begins anew.
+
+        Args:
+            position: accepted by the inbox.
+            tick: at which it arrived.
+
+        Yields:
+            (tick, pose) of each observation that is new.
         """
         newest = self.peers.get(position.robot)
         ago = 0 if newest is None else newest.sequence - position.sequence
@@ -43,8 +63,8 @@ class Hearsay:
             self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
         # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
         places = [(position.pose.x, position.pose.y), *position.past]
-        looks = self._looks.setdefault(position.robot, Window())
+        looks = self._looks.setdefault(position.robot, ReplayWindow())
         for ago, (x, y) in enumerate(places):
-            # One look counts once, however often it is told of: with a quality below 1 it leaves a rest of age.
+            # An observation counts once, however often it is reported: below quality 1 a second would change ages.
             if ago <= min(tick, position.sequence) and looks.use(position.sequence - ago):
                 yield tick - ago, Pose(x, y, position.pose.heading)

@@ -8,10 +8,10 @@ SPAN = 64
 _MASK = (1 << SPAN) - 1
 
 
-class Window:
+class ReplayWindow:
     """The newest sequence used, and which of the `SPAN` - 1 before it were (RFC 4303, 3.4.3, for IPsec).
 
-    A sender's sequences go on by time, also over a restart of the sender, so that a window outlives it.
+    A sender's sequences go on with time, also over a restart of the sender, so that a window outlives it.
     """
 
     __slots__ = ("_used", "newest")
@@ -21,12 +21,23 @@ class Window:
         self._used = 0
 
     def fresh(self, sequence: int) -> bool:
-        """Whether a sequence has not been used yet; one that is older than the window counts as used."""
+        """Whether a sequence has not been used yet; one that is older than the window counts as used.
+
+        Args:
+            sequence: of a frame.
+        """
         ago = self.newest - sequence
         return ago < 0 or (ago < SPAN and not self._used >> ago & 1)
 
     def use(self, sequence: int) -> bool:
-        """Note that a sequence is used; whether it was fresh."""
+        """Mark a sequence as used.
+
+        Args:
+            sequence: of a frame.
+
+        Returns:
+            whether it was fresh.
+        """
         if not self.fresh(sequence):
             return False
         if sequence > self.newest:

@@ -17,24 +17,47 @@ DENT = 1e-6
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Cross products of vectors (..., 2)."""
+    """Cross products of vectors in the plane.
+
+    Args:
+        a: float64 (..., 2).
+        b: float64 (..., 2).
+
+    Returns:
+        float64 (...).
+    """
     product: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return product
 
 
 def area(polygon: NDArray[np.float64] | NDArray[np.int64]) -> float:
-    """Signed area of any polygon: positive where it runs counter-clockwise."""
+    """Signed area of any polygon: positive where it runs counter-clockwise.
+
+    Args:
+        polygon: (k, 2).
+    """
     ahead = np.roll(polygon, -1, axis=0)
     return 0.5 * float(np.sum(polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0]))
 
 
 def circumference(polygon: Floats) -> float:
-    """Length of a polygon's sides."""
+    """Length of a polygon's sides.
+
+    Args:
+        polygon: float64 (k, 2).
+    """
     return float(np.hypot(*(np.roll(polygon, -1, axis=0) - polygon).T).sum())
 
 
 def hull(places: Floats) -> Floats:
-    """The convex hull of places (n, 2), without corners on straight sides."""
+    """The convex hull of places, without corners on straight sides.
+
+    Args:
+        places: float64 (n, 2).
+
+    Returns:
+        float64 (k, 2), counter-clockwise.
+    """
     order = sorted(map(tuple, places.tolist()))
     chains: list[list[tuple[float, ...]]] = []
     for run in (order, order[::-1]):
@@ -52,7 +75,14 @@ def hull(places: Floats) -> Floats:
 
 
 def dents(polygon: Floats) -> Bools:
-    """bool (k,): which corners of any polygon are concave, by more than DENT at the end of the shorter side."""
+    """Which corners of any polygon are concave, by more than DENT at the end of the shorter side.
+
+    Args:
+        polygon: float64 (k, 2).
+
+    Returns:
+        bool (k,).
+    """
     to = polygon - np.roll(polygon, 1, axis=0)
     onward = np.roll(polygon, -1, axis=0) - polygon
     longest = np.maximum(np.abs(to).max(axis=1), np.abs(onward).max(axis=1))
@@ -61,7 +91,14 @@ def dents(polygon: Floats) -> Bools:
 
 
 def outward(polygon: Floats) -> tuple[Floats, Floats]:
-    """The sides' unit normals (k, 2), and how far along its normal each side lies (k,)."""
+    """The sides of a convex polygon as lines.
+
+    Args:
+        polygon: float64 (k, 2).
+
+    Returns:
+        the sides' unit normals (k, 2), and how far along its normal each side lies (k,).
+    """
     sides = np.roll(polygon, -1, axis=0) - polygon
     normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
     normals /= np.maximum(np.hypot(*sides.T), 1e-300)[:, None]
@@ -69,7 +106,15 @@ def outward(polygon: Floats) -> tuple[Floats, Floats]:
 
 
 def overlap(polygon: Floats, other: Floats) -> float:
-    """How deep two polygons reach into each other: the shortest way to part them; 0 or less when they are apart."""
+    """How deep two convex polygons reach into each other: the shortest way to part them.
+
+    Args:
+        polygon: float64 (k, 2).
+        other: float64 (m, 2).
+
+    Returns:
+        a length; 0 or less when they are apart.
+    """
     deepest = np.inf
     for one, two in ((polygon, other), (other, polygon)):
         normals, reach = outward(one)
@@ -78,14 +123,31 @@ def overlap(polygon: Floats, other: Floats) -> float:
 
 
 def depths(polygon: Floats, places: Floats) -> Floats:
-    """How deep each of some places (n, 2) lies within a polygon, float64 (n,); below 0 outside."""
+    """How deep each place lies within a convex polygon.
+
+    Args:
+        polygon: float64 (k, 2).
+        places: float64 (n, 2).
+
+    Returns:
+        float64 (n,); below 0 outside.
+    """
     normals, reach = outward(polygon)
     inside: Floats = (reach - places @ normals.T).min(axis=1)
     return inside
 
 
 def left_of(polygon: Floats, a: Floats, b: Floats) -> Floats:
-    """What of any polygon lies on the left of the line from a to b; (0, 2) when nothing does."""
+    """The part of any polygon on the left of a line.
+
+    Args:
+        polygon: float64 (k, 2).
+        a: float64 (2,), a place on the line.
+        b: float64 (2,), a place further along the line.
+
+    Returns:
+        float64 (m, 2); (0, 2) when nothing lies there.
+    """
     if len(polygon) == 0:
         return polygon
     aside = cross(b - a, polygon - a)

@@ -31,17 +31,22 @@ MARGIN = 0.5
 """Least distance, in points, of a cut from corners that it passes, and of its end from one that it might end in."""
 
 LONGEST = 2.0
-"""A cut that serves two corners may be so many times as long as the two cuts that it saves."""
+"""Factor by which a cut that serves two corners may be longer than the two cuts that it saves."""
 
 
 @dataclass(slots=True)
 class Plan:
-    """Corners and sides of the outline, and the cuts.
+    """Corners and sides of the outline, and the cuts made so far.
 
-    corners: float64 (n, 2). before, after: int64 (n,), each corner's neighbours. concave: int64 (m,), indices.
-    ends: places (x, y) where cuts end on a side or on another cut; they are numbered from n on.
-    cuts: pairs of numbers. stops: by line, the ends that lie on it, as (share of the way, number); lines are the sides,
-    numbered as their first corners, then the cuts.
+    Attributes:
+        corners: float64 (n, 2).
+        before: int64 (n,), the neighbour before each corner.
+        after: int64 (n,), the neighbour after each corner.
+        concave: int64 (m,), indices of the concave corners.
+        ends: places (x, y) where cuts end on a side or on another cut; they are numbered from n on.
+        cuts: pairs of numbers.
+        stops: by line, the ends that lie on it, as (share of the way, number); lines are the sides, numbered as their
+            first corners, then the cuts.
     """
 
     corners: Floats
@@ -53,7 +58,11 @@ class Plan:
     stops: dict[int, list[tuple[float, int]]] = field(default_factory=dict)
 
     def place(self, number: int) -> tuple[float, float]:
-        """(x, y) of a corner or of a cut's end."""
+        """(x, y) of a corner or of a cut's end.
+
+        Args:
+            number: of the corner or end.
+        """
         n = len(self.corners)
         if number >= n:
             return self.ends[number - n]
@@ -61,7 +70,15 @@ class Plan:
         return float(x), float(y)
 
     def shorten(self, concave: Ints, begin: Floats, end: Floats, first: int, ways: Floats) -> None:
-        """See `patrol.regions.kernels.cuts.shorten`."""
+        """See `patrol.regions.kernels.cuts.shorten`, which this calls with the plan's corners.
+
+        Args:
+            concave: int64 (m,).
+            begin: float64 (k, 2).
+            end: float64 (k, 2).
+            first: number of the first line.
+            ways: float64 (n, 5), changed in place.
+        """
         shorten(self.corners, self.before, self.after, concave, begin, end, first, ways)
 
     def no_ways(self) -> Floats:
@@ -72,9 +89,13 @@ class Plan:
 
 
 def convex_pieces(rings: Sequence[Ring]) -> list[Floats]:
-    """The pieces, float64 (k, 2) counter-clockwise, into which cuts divide the ground inside the rings.
+    """The pieces into which cuts divide the ground inside the rings; angles exceed 180 degrees by SLACK at most.
 
-    Angles exceed 180 degrees by no more than SLACK allows.
+    Args:
+        rings: outlines of the ground.
+
+    Returns:
+        float64 (k, 2) each, counter-clockwise, in points.
     """
     if not rings:
         return []
@@ -120,8 +141,15 @@ def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
 def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> list[tuple[int, int]]:
     """As many of the cuts as neither cross nor share a corner, and of as many the shorter ones.
 
-    cuts: pairs of corners, shortest first. first, second: float64 (k, 2), their ends. A local optimum: no cut can be
-    changed for two others, nor for a shorter one.
+    A local optimum: no cut can be changed for two others, nor for a shorter one.
+
+    Args:
+        cuts: pairs of corners, shortest first.
+        first: float64 (k, 2), the cuts' first ends.
+        second: float64 (k, 2), the cuts' second ends.
+
+    Returns:
+        the chosen cuts.
     """
     at = np.array(cuts, dtype=np.int64).reshape(-1, 2)
     rivals = [set(map(int, np.flatnonzero(_conflicts(i, at, first, second)))) for i in range(len(cuts))]

@@ -21,8 +21,12 @@ GAP = 2.0
 class Connection:
     """A place where a body passes from one region to another.
 
-    x, y: m, the centre of a point of the first region. regions: their numbers. parts: the same as parts of regions.
-    points: flat indices of the neighbouring points on either side; (x, y) is the centre of the first.
+    Attributes:
+        x: m, of the centre of a point of the first region.
+        y: m, of the same.
+        regions: the two regions' numbers.
+        parts: the numbers of the two parts of regions.
+        points: flat indices of the neighbouring points on either side; (x, y) is the centre of the first.
     """
 
     x: float
@@ -35,9 +39,14 @@ class Connection:
 def connect(terrain: Terrain, labels: Ints, body: BoolGrid) -> tuple[Ints, tuple[Connection, ...]]:
     """The parts of regions in which a body's centre may be, and the connections between them.
 
-    labels: int32 (h, w), region numbers, -1 none. body: bool (h, w). Returns int32 (h, w), each point's part, -1 where
-    the centre may not be, and a connection in the middle of each stretch of border that the body can pass, in the order
-    of the parts.
+    Args:
+        terrain: the ground.
+        labels: int32 (h, w), region numbers, -1 none.
+        body: bool (h, w), where the body's centre may be.
+
+    Returns:
+        int32 (h, w), each point's part, -1 where the centre may not be; and a connection in the middle of each stretch
+        of border that the body can pass, in the order of the parts.
     """
     parts = np.empty(labels.shape, dtype=np.int32)
     work = np.empty(labels.size, dtype=np.int32)

@@ -32,8 +32,10 @@ _NO_SIDES = np.empty((0, 2, 2))
 class Ring:
     """A closed polygon, free ground on its left.
 
-    corners: float64 (n, 2). skipped: for each side, from its corner to the next, float64 (k, 2), the corners of the
-    exact outline that it replaces.
+    Attributes:
+        corners: float64 (n, 2).
+        skipped: for each side, from its corner to the next, float64 (k, 2), the corners of the exact outline that it
+            replaces.
     """
 
     corners: list[Floats]
@@ -41,15 +43,27 @@ class Ring:
 
 
 def loops_of(free: BoolGrid, fill: float) -> list[Floats]:
-    """The exact outline of a mask, bool (h, w), as trace_loops has it, without holes whose sides are at most `fill`."""
+    """The exact outline of a mask as `trace_loops` has it, without small holes.
+
+    Args:
+        free: bool (h, w).
+        fill: points; holes whose sides are at most this long are left out.
+
+    Returns:
+        float64 (n, 2) for each loop.
+    """
     loops = trace_loops(free)
     return [loop for loop in loops if np.ptp(loop, axis=0).max() > fill or area(loop) > 0.0]
 
 
 def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
-    """An exact outline with few corners, moved by at most `fill` points outwards and SHAVE inwards.
+    """An exact outline with few corners.
 
     Outer rings run counter-clockwise, holes clockwise; rings neither cross nor touch.
+
+    Args:
+        loops: from `loops_of`.
+        fill: points by which the outline may move outwards; inwards it moves by SHAVE at most.
     """
     if not loops:
         return []
@@ -65,9 +79,15 @@ def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
 
 
 def trace_loops(mask: BoolGrid) -> list[Floats]:
-    """The exact outline of a mask, bool (h, w): float64 (n, 2) corners (x, y) of each loop, inside on the left.
+    """The exact outline of a mask.
 
     Where two points touch at a corner only, each one's corner is drawn back by NOTCH, so that loops never touch.
+
+    Args:
+        mask: bool (h, w).
+
+    Returns:
+        float64 (n, 2) corners (x, y) of each loop, inside on the left.
     """
     framed = np.pad(mask, 1)
     around = framed[:-1, :-1].astype(np.int8) + framed[1:, :-1] + framed[:-1, 1:] + framed[1:, 1:]

@@ -37,7 +37,7 @@ Polygon = tuple[tuple[float, float], ...]
 """Corners (x, y) in m, counter-clockwise."""
 
 FILL = 1.5
-"""Steps, thin walls' ends and poles of up to so many points are drawn into the free ground."""
+"""Points: steps, ends of thin walls and poles of up to this size count as free ground."""
 
 BY_HAND = 0.25
 """By so much (m), or a point where that is more, may polygons given by hand overlap, miss the walls and be dented."""
@@ -51,12 +51,14 @@ GRIDS = ("labels", "parts")
 
 @dataclass(frozen=True, eq=False)
 class RegionSplit:
-    """A terrain's regions, and how a body gets from one to another.
+    """A terrain's regions, and how a body gets from one to another. Arrays are read-only.
 
-    polygons: by region number. labels: int32 (h, w), the region of every point where bodies may be, -1 elsewhere.
-    parts: int32 (h, w), -1 where the body's centre may not be; regions that walls or the body's width divide have
-    several parts. connections: ways between parts, one for each stretch of border that the body can pass.
-    Arrays are read-only.
+    Attributes:
+        polygons: by region number, corners (x, y) in m.
+        labels: int32 (h, w), the region of every point where bodies may be, -1 elsewhere.
+        parts: int32 (h, w), -1 where the body's centre may not be; a region that walls or the body's width divide has
+            several parts.
+        connections: ways between parts, one for each stretch of border that the body can pass.
     """
 
     polygons: tuple[Polygon, ...]
@@ -65,12 +67,21 @@ class RegionSplit:
     connections: tuple[Connection, ...]
 
     def for_body(self, terrain: Terrain, body: BoolGrid) -> RegionSplit:
-        """The same regions, connected for another body, whose centre may be where bool (h, w) `body` says."""
+        """The same regions, connected for another body.
+
+        Args:
+            terrain: the ground.
+            body: bool (h, w), where the body's centre may be.
+        """
         parts, connections = connect(terrain, self.labels, body & terrain.free)
         return replace(self, parts=parts, connections=connections)
 
     def save(self, folder: Path) -> None:
-        """Write the arrays as .npy files and the rest as JSON into `folder`, which is made when missing."""
+        """Write the arrays as .npy files and the rest as JSON.
+
+        Args:
+            folder: where to write; it is made when missing.
+        """
         folder.mkdir(parents=True, exist_ok=True)
         for name in GRIDS:
             np.save(folder / f"{name}.npy", getattr(self, name))
@@ -80,7 +91,14 @@ class RegionSplit:
 
     @staticmethod
     def load(folder: Path) -> RegionSplit:
-        """What save() wrote, memory-mapped and read-only."""
+        """Load what `save` wrote.
+
+        Args:
+            folder: the folder that `save` wrote into.
+
+        Returns:
+            the split, memory-mapped and read-only.
+        """
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         labels, parts = (load_grid(folder / f"{name}.npy") for name in GRIDS)
         links = tuple(
@@ -94,16 +112,20 @@ class RegionSplit:
 def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit:
     """Split a terrain's free ground into convex regions.
 
-    body: bool (h, w), where the centre of a body may be, on which connections lie; all free points when None. Raises
-    BadInput for a terrain whose outline has more than MOST_CORNERS corners.
+    Args:
+        terrain: the ground.
+        body: bool (h, w), where the centre of a body may be, on which connections lie; all free points when None.
+
+    Raises:
+        BadInput: for a terrain whose outline has more than MOST_CORNERS corners.
     """
     loops = loops_of(terrain.free, FILL)
     rings = simplified(loops, FILL) if 3 * len(loops) <= MOST_CORNERS else []
     corners = sum(len(ring.corners) for ring in rings) or 3 * len(loops)
     if corners > MOST_CORNERS:
         raise BadInput(
-            f"patrol.paths = regions: {terrain.name} is too broken up, its outline has {corners} corners or more and "
-            f"the most is {MOST_CORNERS}; choose wave, or a larger point"
+            f"patrol.paths = regions: the outline of {terrain.name} has {corners} corners or more, and at most "
+            f"{MOST_CORNERS} are allowed; choose wave, or a larger point"
         )
     polygons = merged(made_convex(convex_pieces(rings)))
     bare = np.argwhere(terrain.free & (_laid(terrain, polygons) < 0))
@@ -115,11 +137,18 @@ def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit
 def regions_by_hand(
     terrain: Terrain, polygons: Sequence[Sequence[tuple[float, float]]], body: BoolGrid | None = None
 ) -> RegionSplit:
-    """The split that polygons with corners (x, y) in m, either way round, describe.
+    """The split that the user's polygons describe.
 
     They need not follow walls closely: what they cover of them does not count, and free points up to BY_HAND beside a
-    region belong to it. body: as in `split_regions`; ground to which it has no access need not be covered. Raises
-    BadInput for polygons that are not convex, hold no free point or overlap, and for gaps between them.
+    region belong to it.
+
+    Args:
+        terrain: the ground.
+        polygons: corners (x, y) in m, either way round.
+        body: as in `split_regions`; ground to which it has no access need not be covered.
+
+    Raises:
+        BadInput: for polygons that are not convex, hold no free point or overlap, and for gaps between them.
     """
     slack = _slack(terrain)
     corners = [_checked(terrain, number, polygon) for number, polygon in enumerate(polygons)]

@@ -24,14 +24,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, TypeAdapter, ValidationError
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.explain import did_you_mean, show
-from patrol.scenario.faults.kinds import PROCESS_KINDS, Clock, Lasting, nothing
+from patrol.scenario.faults.kinds import Clock, Lasting, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
-from patrol.scenario.section import Section
-from patrol.scenario.values import Corner, Name, Positive, expecting
+from patrol.values.section import Section
+from patrol.values.types import Corner, Name, Positive, expecting
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
@@ -54,19 +53,19 @@ FACTORS = (1e-3, 1e6)
 
 
 class Pause(Section):
-    """No further tick until somebody says so."""
+    """Hold the ticks until another control."""
 
     do: Literal["pause"]
 
 
 class Go(Section):
-    """The ticks go on by themselves."""
+    """Let the ticks go on by themselves."""
 
     do: Literal["go"]
 
 
 class Step(Section):
-    """A few ticks, and no more."""
+    """Do a few ticks, then hold."""
 
     do: Literal["step"]
     ticks: Annotated[
@@ -75,7 +74,7 @@ class Step(Section):
 
 
 class Pace(Section):
-    """Ticks at a factor of real time, or as fast as they go."""
+    """Go on at a factor of real time, or as fast as possible."""
 
     do: Literal["pace"]
     factor: Annotated[
@@ -85,7 +84,7 @@ class Pace(Section):
 
 
 class AddFault(Section):
-    """A fault, its times from now on."""
+    """Add a fault, its times from now on."""
 
     do: Literal["fault"]
     fault: dict[str, Any]
@@ -93,14 +92,14 @@ class AddFault(Section):
 
 
 class Heal(Section):
-    """A lasting fault ends."""
+    """End a lasting fault."""
 
     do: Literal["heal"]
     id: Name
 
 
 class AddIntruder(Section):
-    """An intruder stands at a place (m), from now on, for so long (s) or to the end."""
+    """Place an intruder (m) from now on, for a time (s) or to the end."""
 
     do: Literal["intruder"]
     place: Corner
@@ -116,35 +115,57 @@ _CONTROL: TypeAdapter[Control] = TypeAdapter(Annotated[Control, Discriminator("d
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What became of a control. text: one line for the one who asked, why not where it was refused."""
+    """The outcome of a control.
+
+    Attributes:
+        done: whether it was obeyed.
+        text: one line for the operator; the reason where it was refused.
+    """
 
     done: bool
     text: str = ""
 
 
 def read_control(says: object) -> Control:
-    """The control in a mapping; BadInput, one line, for anything else."""
+    """The control in a mapping.
+
+    Args:
+        says: anything.
+
+    Raises:
+        BadInput: one line, for anything but a control.
+    """
     do = says.get("do") if isinstance(says, Mapping) else None
     if not isinstance(do, str) or do not in CONTROLS:
         known = did_you_mean(do, CONTROLS) if isinstance(do, str) else f"known are {', '.join(CONTROLS)}"
-        raise BadInput(f"control: do = {show(do)}: {known}")
+        raise BadInput(f"control: do = {quoted(do)}: {known}")
     try:
         return _CONTROL.validate_python(says)
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in problem["loc"][1:] if not str(part).startswith("=")) or do
         what = problem.get("ctx", {}).get("what")
-        told = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]
-        raise BadInput(f"control: {field} = {show(problem['input'])}: {told}") from None
+        problem_text = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]
+        raise BadInput(f"control: {field} = {quoted(problem['input'])}: {problem_text}") from None
 
 
 # --- what has happened -----------------------------------------------------------------------------------------------
 
 
 def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str]:
-    """The scenario once a control has been obeyed before tick k, and one line that says what it does.
+    """The scenario once a control has been obeyed before a tick.
 
-    The same object where the control changes nothing that happens. BadInput where it cannot be obeyed.
+    Args:
+        scenario: so far.
+        k: the tick.
+        control: the operator's.
+
+    Returns:
+        the scenario, the same object where the control changes nothing that happens; and one line that says what it
+        does.
+
+    Raises:
+        BadInput: where the control cannot be obeyed.
     """
     match control:
         case AddFault():
@@ -161,7 +182,12 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
 
 
 def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
-    """The scenario that has happened: with what operators have added to it, as the journal's events tell."""
+    """The scenario that has happened: with what operators have added to it.
+
+    Args:
+        scenario: as it was loaded.
+        events: of the journal.
+    """
     for event in events:
         if event.kind == OPERATOR:
             scenario, _ = amended(scenario, event.k, read_control(json.loads(event.detail)))
@@ -169,15 +195,21 @@ def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
 
 
 def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
-    """The lasting faults of radio and senses that are active in tick k and change something, as a scenario's entries.
+    """The lasting faults of radio and senses that are active in a tick and change something.
 
-    first: the place of the first that is looked at; operators' faults come behind the scenario's own.
+    Args:
+        scenario: with its operators' faults.
+        k: the tick.
+        first: index of the first fault that is looked at; operators' faults follow the scenario's own.
+
+    Returns:
+        as entries of a scenario's `faults`.
     """
     return tuple(
         fault.model_dump(mode="json", exclude_none=True)
         for fault in scenario.faults[first:]
         if isinstance(fault, Lasting)
-        and fault.kind not in PROCESS_KINDS
+        and fault.acts_on != "processes"
         and not (isinstance(fault, Clock) and fault.offset == fault.rate == 0.0)
         and tick_of(fault.at, scenario.step) <= k
         and not _has_ended(fault, scenario.step, k)
@@ -185,18 +217,37 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
 
 
 def prepared_as_operated(prepared: Prepared, events: Iterable[Event]) -> Prepared:
-    """The same of a prepared scenario: operators change neither terrain nor robots."""
+    """The prepared scenario with what operators have added; they change neither terrain nor robots.
+
+    Args:
+        prepared: as it was loaded.
+        events: of the journal.
+    """
     scenario = operated(prepared.scenario, events)
     return prepared if scenario is prepared.scenario else replace(prepared, scenario=scenario)
 
 
 def as_detail(control: Control) -> str:
-    """A control as the detail of an event."""
+    """A control as the detail of an event.
+
+    Args:
+        control: the operator's.
+
+    Returns:
+        JSON.
+    """
     return json.dumps(control.model_dump(mode="json", exclude_defaults=True), separators=(",", ":"))
 
 
-def told(event: Event) -> str:
-    """An event's detail for people."""
+def described(event: Event) -> str:
+    """An event's detail for people.
+
+    Args:
+        event: of the journal.
+
+    Returns:
+        one line.
+    """
     if event.kind != OPERATOR:
         return event.detail
     try:
@@ -223,13 +274,13 @@ def told(event: Event) -> str:
 
 def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario, str]:
     if len(scenario.faults) >= MOST_FAULTS:
-        raise BadInput(f"control: fault: this run has had {MOST_FAULTS} faults already; it takes no more")
+        raise BadInput(f"control: fault: this run has {MOST_FAULTS} faults already and takes no more")
     if control.instead is not None and not _is_over(scenario, k, control.instead):
         scenario = _healed(scenario, k, control.instead)
     entry = dict(control.fault)
     at = entry.get("at", 0.0)
     if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < math.inf:
-        raise BadInput(f"control: fault.at = {show(at)}: expected seconds from now, 0 or more")
+        raise BadInput(f"control: fault.at = {quoted(at)}: expected seconds from now, 0 or more")
     begin = k + tick_of(at, scenario.step)
     entry["at"] = _time_of(begin, scenario.step)
     entry.setdefault("id", _fresh([fault.id for fault in scenario.faults]))
@@ -247,9 +298,9 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
         raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")
     begin = tick_of(fault.at, scenario.step)
     if begin > k:
-        raise BadInput(f"control: id = {name}: it has not begun yet; it does at {fault.at:g} s")
+        raise BadInput(f"control: id = {name}: it has not begun yet; it begins at {fault.at:g} s")
     if _is_over(scenario, k, name):
-        raise BadInput(f"control: id = {name}: it is over already")
+        raise BadInput(f"control: id = {name}: it has ended already")
     mapping = _mapping(scenario)
     if begin == k:
         mapping["faults"][place] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
@@ -273,7 +324,7 @@ def _find(scenario: Scenario, name: str) -> tuple[int, Any]:
         if fault.id == name:
             return place, fault
     known = ", ".join(str(fault.id) for fault in scenario.faults[-8:]) or "none"
-    raise BadInput(f"control: id = {name}: there is no such fault; the latest are {known}")
+    raise BadInput(f"control: id = {name}: no such fault; the latest are {known}")
 
 
 def _fresh(taken: Iterable[str | None]) -> str:
@@ -298,42 +349,63 @@ def _mapping(scenario: Scenario) -> dict[str, Any]:
 
 def _loaded(mapping: Mapping[str, Any], place: int) -> Scenario:
     """The scenario in a mapping, whose entry of `faults` at a place is the one that an operator asks for."""
-    try:
-        return load_scenario(mapping, called="control")
-    except BadInput as bad:
-        raise BadInput(str(bad).replace(f"faults.{place}", "fault")) from None
+    return load_scenario(mapping, called="control", aliases={f"faults.{place}": "fault"})
 
 
 # --- on the wire -----------------------------------------------------------------------------------------------------
 
 
 def request(token: str, control: Mapping[str, Any]) -> bytes:
-    """A control as it is sent to a world. token: the fleet's, without which nothing is obeyed."""
+    """A control as it is sent to a world.
+
+    Args:
+        token: the fleet's, without which a world obeys nothing.
+        control: as a mapping.
+    """
     return json.dumps({"token": token, "control": dict(control)}).encode()
 
 
 def read_request(payload: bytes, token: str) -> Control:
-    """The control in a request; BadInput when it is none, or when its sender lacks the fleet's token."""
+    """The control in a request.
+
+    Args:
+        payload: any bytes.
+        token: the fleet's.
+
+    Raises:
+        BadInput: when there is no control, or when its sender lacks the fleet's token.
+    """
     try:
         says = json.loads(payload)
     except (ValueError, RecursionError):
-        raise BadInput("control: is no JSON") from None
+        raise BadInput("control: the request is not JSON") from None
     given = says.get("token") if isinstance(says, dict) else None
     if not isinstance(given, str) or not hmac.compare_digest(_utf8(given), _utf8(token)):
-        raise BadInput("control: refused; whoever controls this fleet needs the token that its launcher made")
+        raise BadInput("control: refused; controlling this fleet needs the token that its launcher made")
     return read_control(says.get("control"))
 
 
 def answer_bytes(answer: Answer) -> bytes:
-    """An answer as it is sent back."""
+    """An answer as it is sent back.
+
+    Args:
+        answer: to send.
+    """
     return json.dumps({"done": answer.done, "text": answer.text}).encode()
 
 
 def read_answer(payload: bytes) -> Answer:
-    """The answer in a payload; ValueError for anything else."""
+    """The answer in a payload.
+
+    Args:
+        payload: any bytes.
+
+    Raises:
+        ValueError: for anything else.
+    """
     says = json.loads(payload)
     if not isinstance(says, dict) or type(says.get("done")) is not bool or not isinstance(says.get("text"), str):
-        raise ValueError("no answer")
+        raise ValueError("not an answer")
     return Answer(says["done"], says["text"][:2000])
 
 

@@ -21,9 +21,18 @@ POLICY = "policy"
 
 
 def keep_scenario(scenario: Scenario, folder: Path) -> Path:
-    """Write the resolved scenario into a folder that is there, with copies of its map and policy beside it; its path.
+    """Write the resolved scenario into a folder, with copies of its map and its policy's file beside it.
 
-    Raises BadInput when one of them cannot be read, OSError when the folder cannot be written to.
+    Args:
+        scenario: resolved.
+        folder: an existing one.
+
+    Returns:
+        the scenario's new file.
+
+    Raises:
+        BadInput: when one of them cannot be read.
+        OSError: when the folder cannot be written to.
     """
     path = folder / FILE
     own = _with_own_policy(_with_own_map(scenario, folder / MAP), folder / POLICY)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
-from typing import Any
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from patrol.errors import did_you_mean, quoted
 from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jump, Wait
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
 from patrol.scenario.faults.targets import Some
@@ -25,7 +24,7 @@ from patrol.scenario.model import (
     SensorSpec,
     TerrainSpec,
 )
-from patrol.scenario.section import Section
+from patrol.values.section import Section
 
 _SECTIONS: dict[str, type[Section]] = {
     "terrain": TerrainSpec,
@@ -43,40 +42,44 @@ _OF_FAULTS: dict[str, type[Section]] = {
     "jump": Jump,
 }
 _UNKNOWN = ("extra_forbidden", "invalid_key")
-_LONGEST = 60
 
 
 LineOf = Callable[[Sequence[int | str]], int | None]
 """Path of keys and indices -> the line of the source where it stands, None when it does not."""
 
 
-def one_line(error: ValidationError, source: str, overridden: Collection[str], line_of: LineOf) -> str:
+def one_line(
+    error: ValidationError,
+    source: str,
+    overridden: Collection[str],
+    line_of: LineOf,
+    aliases: Mapping[str, str],
+) -> str:
     """The first problem as ``source: line 3: field = value: problem``, unknown keys first, and how many more there are.
 
-    overridden: dotted fields that were given as overrides and not by the source.
+    Args:
+        error: what pydantic found.
+        source: the file, or what a mapping is called.
+        overridden: dotted fields that were given as overrides and not by the source.
+        line_of: finds the line of a field in the source.
+        aliases: what to call a field instead of its dotted name.
+
+    Returns:
+        One line for the user.
     """
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] not in _UNKNOWN)
-    line = _describe(problems[0], source, overridden, line_of)
+    line = _describe(problems[0], source, overridden, line_of, aliases)
     more = len(problems) - 1
     return f"{line} (and {more} more {'problem' if more == 1 else 'problems'})" if more else line
 
 
-def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """'did you mean X?' for the nearest known word, otherwise the list of them."""
-    near = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-
-
-def show(value: Any) -> str:
-    """A value as a scenario file would spell it, cut to a readable length."""
-    try:
-        text = json.dumps(value, ensure_ascii=False, default=repr)
-    except (ValueError, TypeError, RecursionError):
-        text = repr(value)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
-
-
-def _describe(problem: ErrorDetails, source: str, overridden: Collection[str], line_of: LineOf) -> str:
+def _describe(
+    problem: ErrorDetails,
+    source: str,
+    overridden: Collection[str],
+    line_of: LineOf,
+    aliases: Mapping[str, str],
+) -> str:
     context = problem.get("ctx", {})
     location = [part for part in problem["loc"] if not str(part).startswith("=")]
     if problem["type"] == "crossed" and context["field"]:
@@ -86,6 +89,7 @@ def _describe(problem: ErrorDetails, source: str, overridden: Collection[str], l
         where = f"override {field}"
     else:
         line = line_of(location)
+        field = _called(field, aliases)
         where = f"{source}: {field}" if line is None else f"{source}: line {line}: {field}"
     section, note = _known_at(problem["loc"])
     match problem["type"]:
@@ -98,7 +102,7 @@ def _describe(problem: ErrorDetails, source: str, overridden: Collection[str], l
     what = _expected(problem, section)
     if context.get("bare") and note:
         what = f"{what} ({note})"
-    return f"{where} = {show(problem['input'])}: {what}"
+    return f"{where} = {quoted(problem['input'])}: {what}"
 
 
 def _expected(problem: ErrorDetails, section: type[Section]) -> str:
@@ -118,6 +122,13 @@ def _expected(problem: ErrorDetails, section: type[Section]) -> str:
             return "expected a list"
         case _:
             return problem["msg"]
+
+
+def _called(field: str, aliases: Mapping[str, str]) -> str:
+    for name, alias in aliases.items():
+        if field == name or field.startswith(f"{name}."):
+            return f"{alias}{field[len(name) :]}"
+    return field
 
 
 def _is_overridden(field: str, overridden: Collection[str]) -> bool:

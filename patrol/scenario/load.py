@@ -3,7 +3,7 @@
 `load_scenario` reads a file or a mapping, applies overrides and checks every value; `open_scenario` also takes a map
 or the name of a built-in terrain. A loaded scenario is resolved: defaults are filled in, paths are absolute and a
 nemesis is written out as the faults that it drew, so it dumps to YAML that means the same anywhere on this machine.
-`scenario_hash` tells whether two scenarios mean the same.
+Two scenarios that mean the same have the same `scenario_hash`.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.pose import TURNS_IN_ARCS
-from patrol.scenario.explain import did_you_mean, one_line, show
-from patrol.scenario.faults.nemesis import written_out
+from patrol.scenario.dump import dump_section
+from patrol.scenario.explain import one_line
 from patrol.scenario.model import (
     IntruderSpec,
     PatrolSpec,
@@ -34,9 +34,10 @@ from patrol.scenario.model import (
     SensorSpec,
     TerrainSpec,
 )
+from patrol.scenario.nemesis import written_out
 from patrol.scenario.policy_file import policy_digest, policy_file
-from patrol.scenario.values import BUILTINS, MAX_ROBOTS
-from patrol.scenario.yaml_text import dump_section, line_of, parse_yaml, read_text
+from patrol.values.types import BUILTINS, MAX_ROBOTS
+from patrol.yaml_text import line_of, parse_yaml, read_text
 
 __all__ = [
     "BUILTINS",
@@ -78,23 +79,42 @@ def load_scenario(
     *,
     base: Path | None = None,
     called: str = "scenario",
+    aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
     """The scenario in a YAML file, or in a mapping of the same shape.
 
-    overrides: values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every entry
-    of a list); texts are read as YAML. Relative paths are relative to the file's folder, those of a mapping to `base`
-    or else the current folder. called: what errors call a mapping. Raises BadInput, one line that names the file, the
-    field, the value and the remedy.
+    Args:
+        source: the file, or the mapping.
+        overrides: values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every
+            entry of a list); texts are read as YAML.
+        base: the folder that a mapping's relative paths are relative to, the current one unless given; a file's are
+            relative to the file's folder.
+        called: what errors call a mapping.
+        aliases: what errors call a field instead of its dotted name.
+
+    Returns:
+        The scenario, resolved.
+
+    Raises:
+        BadInput: one line that names the file, the field, the value and the remedy.
     """
     if isinstance(source, Mapping):
-        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None, None)
+        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None, None, aliases)
     path = Path(source)
     raw, text = _read_mapping(path)
     return _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
 
 
 def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
-    """The scenario that a command-line argument names: a scenario file, a map's YAML file or a built-in terrain."""
+    """The scenario that a command-line argument names.
+
+    Args:
+        what: a scenario file, a map's YAML file or a built-in terrain.
+        overrides: as in `load_scenario`.
+
+    Raises:
+        BadInput: one line that says what is wrong and what to do instead.
+    """
     if what in BUILTINS:
         return load_scenario({"terrain": {"builtin": what}}, overrides)
     path = Path(what)
@@ -109,14 +129,32 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
 
 
 def with_spares(scenario: Scenario, spare: int) -> Scenario:
-    """The same with so many spare robots, which are not there until they join. BadInput where it lists its robots."""
+    """The same scenario with spare robots, which are not there until they join.
+
+    Args:
+        scenario: without them.
+        spare: how many.
+
+    Raises:
+        BadInput: where the scenario lists its robots.
+    """
     if not isinstance(scenario.robots, RobotGroup):
         raise BadInput(f"--spare {spare}: {scenario.name} lists its robots; mark those that are to join as spare: true")
     return load_scenario(as_mapping(scenario), {"robots.spare": spare}, called="--spare")
 
 
 def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
-    """Overrides for `load_scenario` from command-line texts ``FIELD=VALUE``, the later of two for one field winning."""
+    """Overrides for `load_scenario` from command-line texts.
+
+    Args:
+        settings: ``FIELD=VALUE``; the later of two for one field wins.
+
+    Returns:
+        values by dotted field.
+
+    Raises:
+        BadInput: for a text of another form.
+    """
     overrides: dict[str, object] = {}
     for setting in settings:
         field, equals, value = setting.partition("=")
@@ -128,12 +166,20 @@ def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
 
 
 def as_mapping(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back."""
+    """The scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back.
+
+    Args:
+        scenario: resolved.
+    """
     return scenario.model_dump(mode="json", exclude_none=True)
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """The resolved scenario as commented YAML; loading it gives an equal scenario back."""
+    """The resolved scenario as commented YAML; loading it gives an equal scenario back.
+
+    Args:
+        scenario: resolved.
+    """
     return f"{dump_section(scenario)}\n"
 
 
@@ -145,8 +191,14 @@ def scenario_schema() -> dict[str, Any]:
 def scenario_hash(scenario: Scenario) -> str:
     """SHA-256 (hex) of what the scenario means.
 
-    Left out are the name and where files lie: a map enters by its content, a tag key only by being there, robots one
-    by one. BadInput when the map cannot be read.
+    Left out are the name and where files lie: a map enters by its content, a tag key only by its presence, robots one
+    by one.
+
+    Args:
+        scenario: resolved.
+
+    Raises:
+        BadInput: when the map cannot be read.
     """
     meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
     if scenario.terrain.map is not None:
@@ -158,7 +210,14 @@ def scenario_hash(scenario: Scenario) -> str:
 
 
 def map_digest(path: Path) -> str:
-    """SHA-256 (hex) of a map_server map: what its YAML means and its image's bytes, wherever the two files lie."""
+    """SHA-256 (hex) of a map: what its YAML means and its image's bytes, wherever the two files lie.
+
+    Args:
+        path: the map's YAML file.
+
+    Raises:
+        BadInput: when one of the files cannot be read.
+    """
     from patrol.ground.maps import read_map_file  # here, so that a scenario without a map needs no image library
 
     says = read_map_file(path)
@@ -180,9 +239,15 @@ def map_digest(path: Path) -> str:
 
 
 def _resolve(
-    raw: dict[str, Any], overrides: Overrides, source: str, base: Path, name: str | None, text: str | None
+    raw: dict[str, Any],
+    overrides: Overrides,
+    source: str,
+    base: Path,
+    name: str | None,
+    text: str | None,
+    aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
-    """text: of the file that the mapping was read from, or None."""
+    """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
     for field, value in overrides.items():
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))
@@ -190,7 +255,7 @@ def _resolve(
         return _with_policy_digest(written_out(Scenario.model_validate(raw, context={"base": base})))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
-        raise BadInput(one_line(error, source, tuple(overrides), places)) from None
+        raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
 
 
 def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
@@ -200,7 +265,7 @@ def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
     if raw is None:
         raise BadInput(f"{path}: is empty; give at least 'terrain: {{builtin: yards}}'")
     if not isinstance(raw, dict):
-        raise BadInput(f"{path}: holds {show(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
+        raise BadInput(f"{path}: holds {quoted(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
     return raw, text
 
 
@@ -218,7 +283,7 @@ def _override(raw: dict[str, Any], field: str, value: object) -> None:
         value = parse_yaml(value, f"override {field}")
     parts = field.split(".")
     if not all(parts):
-        raise BadInput(f"override {field!r}: names no field; write for example patrol.dilatation")
+        raise BadInput(f"override {field!r}: is not a field; write for example patrol.dilatation")
     top = parts[0]
     if top in _ENTRIES and parts[1:] and parts[1].isdecimal() and not raw.get(top):
         raise BadInput(f"override {field}: {top} is an empty list; give entries: {top}=[{_ENTRIES[top]}]")
@@ -229,7 +294,7 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
     head, rest = parts[0], parts[1:]
     if isinstance(node, dict):
         if head.isdecimal():
-            raise BadInput(f"override {field}: there is no list to take entry {head} of; leave .{head} out")
+            raise BadInput(f"override {field}: not a list, so there is no entry {head}; leave .{head} out")
         if not rest:
             node[head] = value
             return
@@ -249,7 +314,7 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
     elif isinstance(node, list):
         raise BadInput(f"override {field}: this is a list of {len(node)}; give an index, 0 to {len(node) - 1}")
     else:
-        raise BadInput(f"override {field}: {show(node)} has no field {head}; leave .{'.'.join(parts)} out")
+        raise BadInput(f"override {field}: {quoted(node)} has no field {head}; leave .{'.'.join(parts)} out")
 
 
 def _with_policy_digest(scenario: Scenario) -> Scenario:

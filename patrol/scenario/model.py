@@ -1,8 +1,7 @@
 """The scenario's sections and fields, their units and defaults.
 
 Frozen pydantic models that refuse unknown keys. `patrol.scenario.load` reads and writes scenario files and is what
-other
-modules import.
+other modules import.
 """
 
 from __future__ import annotations
@@ -16,12 +15,13 @@ from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_va
 from patrol.journal.records import MAX_TICKS
 from patrol.pose import Pose, wrap
 from patrol.radio.message import MAX_STEP_CM, MAX_TIME_MS
-from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Faults
+from patrol.radio.units import cm_to_m, m_to_cm, ms_to_s, s_to_ms
+from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.scenario.policy_file import PAPER, policy_file
-from patrol.scenario.section import Section, wrong
-from patrol.scenario.values import (
+from patrol.values.section import Section, wrong
+from patrol.values.types import (
     MAX_ROBOTS,
     SEPARATIONS,
     Builtin,
@@ -75,25 +75,25 @@ class TerrainSpec(Section):
 
 
 class Body(Section):
-    """What one kind of robot is."""
+    """The body of a robot."""
 
-    model: Kind = Field("car", description="car | holonomic")
+    model: Kind = Field("car", description="body model: car | holonomic")
     speed: Positive = Field(4.4, description="m/s, top speed")
-    radius: Positive = Field(1.0, description="m, of the circle that a body is")
-    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (holonomic robots have none)")
+    radius: Positive = Field(1.0, description="m, of the round body")
+    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by holonomic robots)")
 
 
 class RobotGroup(Body):
-    """Robots that are all alike."""
+    """Robots of one kind."""
 
-    count: Count = Field(5, description="how many")
-    spare: Spares | None = Field(None, description="how many more there are that may join; null: none")
+    count: Count = Field(5, description="number of robots")
+    spare: Spares | None = Field(None, description="number of spare robots, which may join later; null: none")
     starts: Starts = Field("random", description="random, or [x, y] or [x, y, heading] (m, rad) of the first robots")
 
     @model_validator(mode="after")
     def _no_more_starts_than_robots(self) -> Self:
         if self.starts != "random" and len(self.starts) > self.whole:
-            raise wrong("starts", f"{len(self.starts)} starts for {self.whole} robots; raise count or drop some")
+            raise wrong("starts", f"{len(self.starts)} starts for {self.whole} robots; raise count or remove some")
         return self
 
     @model_validator(mode="after")
@@ -112,9 +112,9 @@ class RobotGroup(Body):
 class RobotEntry(Body):
     """One robot of a list."""
 
-    name: RobotName | None = Field(None, description="r1, r2, ... unless given")
-    start: Start = Field("random", description="random, [x, y] or [x, y, heading] (m, rad; heading 0 unless given)")
-    spare: Flag | None = Field(None, description="true: not there until it joins")
+    name: RobotName | None = Field(None, description="default: r1, r2, ... by place in the list")
+    start: Start = Field("random", description="random, [x, y] or [x, y, heading] (m, rad; default heading: 0)")
+    spare: Flag | None = Field(None, description="true: absent until it joins")
 
 
 RobotList = Annotated[
@@ -122,7 +122,7 @@ RobotList = Annotated[
     Field(max_length=MAX_ROBOTS, json_schema_extra={"minItems": 1}),
     at_least(1, "robots"),
 ]
-_GROUP_OR_LIST = "robots alike, {count: 5, model: car, ...}, or a list with one entry a robot"
+_GROUP_OR_LIST = "a group of equal robots, {count: 5, model: car, ...}, or a list with one entry per robot"
 Robots = Annotated[
     Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")],
     by_shape(_GROUP_OR_LIST),
@@ -132,8 +132,8 @@ Robots = Annotated[
 class SensorSpec(Section):
     """What a robot sees."""
 
-    range: Positive = Field(10.0, description="m")
-    angle: Degrees = Field(360.0, description="degrees, centred on the heading")
+    range: Positive = Field(10.0, description="m, range of view")
+    angle: Degrees = Field(360.0, description="degrees, angle of view, centred on the heading")
     line_of_sight: Flag = Field(True, description="obstacles block the view")
     quality: Quality = Field(1.0, description="share of a point's age that a look removes, or [[m, share], ...]")
 
@@ -149,14 +149,14 @@ class PatrolSpec(Section):
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
     alpha: Exponent = Field(40.0, description="weight of staleness in f")
-    beta: Positive = Field(4000.0, description="spread of g4, in points of 0.1 m (squared) whatever the point is")
-    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m whatever the point is")
+    beta: Positive = Field(4000.0, description="spread of g4, in squared points of 0.1 m for any `point`")
+    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m for any `point`")
     paths: Literal["wave", "straight", "regions"] = Field(
         "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
     )
-    regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: the ground is split")
+    regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: found automatically")
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
-    sectors: Sectors = Field(8, description="sectors that mode chooses from")
+    sectors: Sectors = Field(8, description="number of sectors that mode chooses from")
     dilatation: NotNegative = Field(5.0, description="m, half-width of the window that spreads staleness; 0: none")
     avoidance: Literal["none", "goal-refinement", "fuzzy"] = Field(
         "goal-refinement", description="none | goal-refinement | fuzzy (mode only)"
@@ -169,22 +169,22 @@ class PatrolSpec(Section):
         "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
     )
     give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
-    claim_width: Positive = Field(0.3, description="m, s of the claims")
+    claim_width: Positive = Field(0.3, description="m, width s of the claims")
     obstacle_radius: Positive = Field(5.0, description="m, of the artificial obstacle at each other robot")
-    critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages, found")
-    critical_width: Positive = Field(8.0, description="m, below which a passage is a critical area when found")
-    repulsion: NotNegative = Field(0.5, description="push of a robot close by, as a share of all attraction")
-    repulsion_reach: Positive = Field(10.0, description="m, over which the push falls")
+    critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages")
+    critical_width: Positive = Field(8.0, description="m, passages narrower than this are critical areas")
+    repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
+    repulsion_reach: Positive = Field(10.0, description="m, distance over which the repulsion falls")
     fuzzy_distance: Positive = Field(5.5, description="m, R_0: nearer obstacles weaken their sector")
     goal_distance: Positive = Field(5.5, description="m, from the robot to its goal")
     refine_side: Positive = Field(2.0, description="m, side of the square in which the goal is refined")
     refine_reach: Positive = Field(10.0, description="m, reach of the obstacle field psi that refines the goal")
     surround_distance: Positive = Field(8.0, description="m, from an intruder to the robots that surround it")
-    surround_repulsion: NotNegative = Field(0.3, description="push of a robot close by, as a share of the attraction")
+    surround_repulsion: NotNegative = Field(0.3, description="repulsion of a robot nearby, as a share of attraction")
     contact_memory: NotNegative = Field(
-        5.0, description="s after the last report of an intruder until patrolling goes on"
+        5.0, description="s after the last report of an intruder until patrolling resumes"
     )
-    tolerance: Tolerance = Field(1e-16, description="relative error at which far points are left out; 0: none are")
+    tolerance: Tolerance = Field(1e-16, description="relative error by leaving out far points; 0: none left out")
 
     @field_validator("policy")
     @classmethod
@@ -219,9 +219,9 @@ class RadioSpec(Section):
         "ether",
         description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)",
     )
-    trail: Trail = Field(0, description="past positions sent along")
+    trail: Trail = Field(0, description="number of past positions in each message")
     key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
-    forget_after: Positive = Field(10.0, description="s of silence after which a robot is no longer counted on")
+    forget_after: Positive = Field(10.0, description="s of silence after which a robot's claim ends")
 
     @field_validator("key")
     @classmethod
@@ -230,7 +230,7 @@ class RadioSpec(Section):
 
 
 class IntruderSpec(Section):
-    """Somebody who stands on the terrain for a while, is seen by sensors, and is in nobody's way."""
+    """Somebody who stands on the terrain for a while, is seen by sensors, and blocks nobody."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -239,15 +239,27 @@ class IntruderSpec(Section):
     stay: Positive | None = Field(None, alias="for", description="s, how long it stays; null: to the end")
 
     def is_there(self, time_s: float) -> bool:
-        """Whether it is on the terrain at a time in s."""
+        """Whether it is on the terrain.
+
+        Args:
+            time_s: s.
+        """
         return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)
 
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """One robot of the roster. number: 1..N. speed: m/s. radius, turning_radius: m. start: None for a random one.
+    """One robot of the roster.
 
-    spare: it is not there until it joins.
+    Attributes:
+        number: 1..N.
+        name: unique.
+        model: of its body.
+        speed: m/s, top speed.
+        radius: m.
+        turning_radius: m.
+        start: None for a random one.
+        spare: whether it is absent until it joins.
     """
 
     number: int
@@ -263,15 +275,17 @@ class RobotSpec:
 class Scenario(Section):
     """Everything that decides how a run goes."""
 
-    name: Name = Field("scenario", description="the file's or the terrain's name unless given")
+    name: Name = Field("scenario", description="default: the file's or the terrain's name")
     terrain: TerrainSpec = Field(description="{builtin: open | yards | clutter | site} or {map: FILE.yaml}")
     point: Positive = Field(0.1, description="m, side of one point of the grid")
     step: Positive = Field(0.5, description="s per tick")
     duration: Positive = Field(5000.0, description="simulated s")
-    seed: Seed = Field(7, description="of all randomness")
+    seed: Seed = Field(7, description="random seed")
     pace: Pace = Field("lockstep", description="lockstep | realtime | a factor of real time")
     watchdog: Positive = Field(2.0, description="s without a command after which a robot stops")
-    robots: Robots = Field(default_factory=RobotGroup, description="robots alike, or a list with one entry a robot")
+    robots: Robots = Field(
+        default_factory=RobotGroup, description="a group of equal robots, or a list with one entry per robot"
+    )
     sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
     patrol: PatrolSpec = Field(default_factory=PatrolSpec, description="how a robot decides where to go")
     radio: RadioSpec = Field(default_factory=RadioSpec, description="what robots send")
@@ -279,7 +293,7 @@ class Scenario(Section):
         (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
     )
     faults: Faults = Field((), description="what goes wrong, and when")
-    nemesis: NemesisSpec | None = Field(None, description="random faults besides, written out when this file is loaded")
+    nemesis: NemesisSpec | None = Field(None, description="random faults, written out when this file is loaded")
 
     @property
     def roster(self) -> tuple[RobotSpec, ...]:
@@ -313,9 +327,10 @@ class Scenario(Section):
         if self.radio.via == "direct":
             self._check_direct()
         if self.step > self.duration:
-            raise wrong("duration", f"shorter than one step of {self.step:g} s; give at least that", self.duration)
-        if self.duration / self.step > MAX_TICKS or self.duration * 1000.0 > MAX_TIME_MS:
-            limit = f"too long: at most {MAX_TIME_MS // 1000} s and {MAX_TICKS} steps fit"
+            limit = f"shorter than one step of {self.step:g} s; give at least {self.step:g}"
+            raise wrong("duration", limit, self.duration)
+        if self.duration / self.step > MAX_TICKS or s_to_ms(self.duration) > MAX_TIME_MS:
+            limit = f"too long: at most {int(ms_to_s(MAX_TIME_MS))} s and {MAX_TICKS} steps fit"
             raise wrong("duration", limit, self.duration)
         for field in ("watchdog", "radio.forget_after"):
             if (value := _at(self, field)) < self.step:
@@ -333,23 +348,23 @@ class Scenario(Section):
 
     def _check_direct(self) -> None:
         if self.factor is None:
-            limit = "direct radio knows no ticks, and pace is lockstep; set pace to realtime or a factor of it"
+            limit = "direct radio waits for no tick, and pace is lockstep; set pace to realtime or to a factor"
             raise wrong("radio.via", limit)
         for place, fault in enumerate(self.faults):
-            if fault.kind not in (*PROCESS_KINDS, *SENSE_KINDS):
-                limit = f"{fault.kind} befalls frames of an ether, and radio.via is direct; disturb the network itself"
+            if fault.acts_on == "frames":
+                limit = f"{fault.kind} acts on frames in the ether, and radio.via is direct; disturb the network itself"
                 raise wrong(f"faults.{place}", limit)
 
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):
-            raise wrong("robots", "all of them are spare, so nobody patrols; take spare off one")
+            raise wrong("robots", "all robots are spare, so none patrols; leave spare out for one")
         names: dict[str, int] = {}
         for spec in self.roster:
             field = "robots" if isinstance(self.robots, RobotGroup) else f"robots.{spec.number - 1}"
             if names.setdefault(spec.name, spec.number) != spec.number:
-                raise wrong(f"{field}.name", f"robot {names[spec.name]} is called {spec.name} too; rename one")
-            if self.radio.trail and spec.speed * self.step * 100.0 >= MAX_STEP_CM:
-                limit = f"a trail holds steps below {MAX_STEP_CM / 100:g} m per tick; set radio.trail to 0"
+                raise wrong(f"{field}.name", f"robot {names[spec.name]} has the name {spec.name} too; rename one")
+            if self.radio.trail and m_to_cm(spec.speed * self.step) >= MAX_STEP_CM:
+                limit = f"a trail holds steps below {cm_to_m(MAX_STEP_CM):g} m per tick; set radio.trail to 0"
                 raise wrong(f"{field}.speed", limit, spec.speed)
 
 

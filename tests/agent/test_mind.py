@@ -10,7 +10,8 @@ import pytest
 
 from agent.build import build_mind, shared_by
 from agent.mind import Mind
-from agent.ports import Decision, State
+from agent.ports import Bearing, Decision, Intent, PolicyFailed, State, Stay
+from agent.view import View
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, Velocity
@@ -207,3 +208,54 @@ def test_contacts_are_frames_of_their_own_and_at_most_four() -> None:
     assert (first.sequence, first.time_ms, first.x_cm, first.y_cm) == (7, 3500, 1000, 2000)
     assert max(map(len, frames)) <= 32
     assert [decode(frame).robot for frame in mind.frames(at(8, pose))] == [1]
+
+
+class Says:
+    """A policy that answers, or raises, what it is given."""
+
+    def __init__(self, answer: Any) -> None:
+        self._answer = answer
+
+    def decide(self, view: View) -> Intent:
+        del view
+        if isinstance(self._answer, BaseException):
+            raise self._answer
+        answer: Intent = self._answer
+        return answer
+
+
+def asked(answer: Any) -> Decision:
+    """What a mind makes of a policy's answer."""
+    mind = minds(scenario_of("holonomic"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    mind.policy = Says(answer)
+    return mind.step(at(0, Pose(6.0, 6.0, 0.0)), [])
+
+
+@pytest.mark.parametrize("raised", [KeyError("no idea"), SystemExit(3), RecursionError("deep"), MemoryError()])
+def test_whatever_a_policy_raises_is_its_failure(raised: BaseException) -> None:
+    with pytest.raises(PolicyFailed) as failed:
+        asked(raised)
+    assert str(failed.value) == f"raised {type(raised).__name__}: {raised}"
+    assert failed.value.__cause__ is raised
+
+
+def test_a_policy_may_say_itself_that_it_has_failed() -> None:
+    with pytest.raises(PolicyFailed, match="^out of ideas$"):
+        asked(PolicyFailed("out of ideas"))
+
+
+def test_who_interrupts_a_policy_interrupts_the_mind() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        asked(KeyboardInterrupt())
+
+
+@pytest.mark.parametrize("answer", [None, 0.5, Bearing((math.nan,)), Bearing(None), Stay("")])  # type: ignore[arg-type]
+def test_what_is_no_intent_is_a_failure_too(answer: Any) -> None:
+    with pytest.raises(PolicyFailed, match="^returned "):
+        asked(answer)
+
+
+def test_a_decision_carries_the_policys_word_and_figures() -> None:
+    decision = asked(Stay("resting", {"hope": 0.5}))
+    assert (decision.state, decision.figures) == ("resting", {"hope": 0.5})
+    assert (decision.goal, decision.refined, decision.direction) == (None, None, None)

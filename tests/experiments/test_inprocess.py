@@ -168,3 +168,85 @@ def test_recovery_is_judged_by_the_run_without_faults() -> None:
         assert (check.ok, check.judged) == (True, True)
         assert check.detail.startswith("every point was seen again in 0 s; ")
     assert fault_free_mfow(prepared, stop=lambda: True) is None
+
+
+FAILING = """
+import time
+
+from pydantic import BaseModel
+
+from agent.ports import Stay
+
+
+class Failing:
+    class Options(BaseModel):
+        how: str = "raise"
+
+    def __init__(self, setup):
+        self.number = setup.spec.number
+        self.how = setup.options.how
+
+    def decide(self, view):
+        if self.number == 2 and view.tick == 4:
+            if self.how == "raise":
+                raise RuntimeError("no idea")
+            if self.how == "rubbish":
+                return "patrolling"
+            while True:
+                time.sleep(0.01)
+        return Stay("resting")
+"""
+
+
+def failing(folder: Path, **options: str) -> Scenario:
+    path = folder / "failing.py"
+    path.write_text(FAILING, encoding="utf-8")
+    return scenario(robots=DISCS, patrol={"policy": f"{path}:Failing", "options": options}, ticks=12)
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        ("raise", "its policy failed at tick 4: raised RuntimeError: no idea"),
+        ("rubbish", "its policy failed at tick 4: returned str and not Bearing, Place, Stay or Steer"),
+        ("hang", "its policy failed at tick 4: took longer than 0.3 s to decide"),
+    ],
+)
+def test_a_policy_that_fails_loses_its_robot_and_the_others_go_on(
+    how: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("experiments.inprocess.DECISION_LIMIT_S", 0.3)
+    events: list[Event] = []
+    outcome = run_in_process(failing(tmp_path, how=how), events=events.append)
+    assert [(event.robot, event.kind, event.detail) for event in events] == [(2, "lost", says)]
+    assert {name: facts["status"] for name, facts in outcome.summary["robots"].items()} == {
+        "r1": "alive",
+        "r2": "lost",
+        "r3": "alive",
+    }
+    assert outcome.summary["ended"] == "completed"
+    assert outcome.verdict.valid, outcome.verdict.failed
+    assert outcome.summary["robots"]["r1"]["decisions"] == 12
+    assert outcome.summary["robots"]["r2"]["decisions"] == 4
+
+
+def test_a_failure_repeats_whatever_the_threads(tmp_path: Path) -> None:
+    faulty = failing(tmp_path)
+    assert trace(run_in_process(faulty)) == trace(run_in_process(faulty, threads=3))
+
+
+def test_a_robot_whose_policy_has_failed_can_be_started_again(tmp_path: Path) -> None:
+    restart = {"kind": "restart", "who": "r2", "at": 4}
+    faulty = failing(tmp_path).model_dump(mode="json")
+    outcome = run_in_process(load_scenario({**faulty, "faults": [restart]}))
+    assert outcome.summary["robots"]["r2"]["status"] == "alive"
+    assert outcome.verdict.valid, outcome.verdict.failed
+
+
+def test_a_policy_of_ones_own_repeats_its_trace(tmp_path: Path) -> None:
+    example = Path(__file__).parents[2] / "examples" / "my_policy.py"
+    patrol = {"policy": f"{example}:StalestNear", "options": {"reach": 20}}
+    for robots in (CARS, DISCS):
+        runs = [run_in_process(scenario(robots=robots, patrol=patrol), threads=threads) for threads in (1, 3)]
+        assert trace(runs[0]) == trace(runs[1]) != trace(run_in_process(scenario(robots=robots)))
+        assert runs[0].summary["seen_share"] > 0.3

@@ -24,7 +24,7 @@ from patrol.errors import BadInput
 from patrol.journal.records import Status
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, open_link, open_router
-from patrol.net.telemetry import Telemetry, show
+from patrol.net.telemetry import Telemetry, pack_view
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
@@ -150,10 +150,10 @@ def test_robots_without_a_world_are_heard(router: str) -> None:
     robot: Link = open_link(router, 20.0)
     robot.live(keys.alive("anna"))
     said = Telemetry(3, "patrolling", (1.0, 2.0), (3.0, 4.0), None, 9, 1.5, 2)
-    tell, position = robot.show(keys.telemetry("anna")), robot.broadcast(keys.position("anna"))
+    tell, position = robot.publisher(keys.telemetry("anna")), robot.broadcast(keys.position("anna"))
     state = None
     for sequence in range(1, PATIENCE):
-        tell(show(said))
+        tell(pack_view(said))
         position(encode(Position.of(1, sequence, sequence * 0.1, Pose(50.0, 50.0, 0.0))))
         state = source.wait(0.2)
         if state is not None and state.robots[0].state and state.robots[0].pose is not None and source.events(0):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.random import Purpose, draw, gauss, mix
+from patrol.random import Draws, Purpose, draw, gauss, mix
 
 GOLDEN = 0x9E3779B97F4A7C15
 MASK = 2**64 - 1
@@ -96,3 +96,25 @@ def test_normal_draws_are_normal_and_repeat() -> None:
     beyond = sum(abs(value) > 1.959964 for value in values) / len(values)
     assert beyond == pytest.approx(0.05, abs=0.006)
     assert gauss(7, Purpose.SENSES, 3) == values[3]
+
+
+@given(st.integers(0, 2**63 - 1), st.integers(-5, 5), st.integers(0, 6))
+def test_draws_stay_within_their_bounds(seed: int, least: int, more: int) -> None:
+    draws = Draws(seed, 8)
+    assert {draws.whole(least, least + more) for _ in range(60)} <= set(range(least, least + more + 1))
+    assert all(least <= draws.between(least, least + more) <= least + more for _ in range(20))
+    assert sorted(draws.shuffled(range(more))) == list(range(more))
+    names = [f"r{number}" for number in range(more + 1)]
+    some = draws.some(names, more + 1)
+    assert some == sorted(set(some))
+    assert 1 <= len(some) <= more + 1
+    assert set(some) <= set(names)
+
+
+def test_every_value_is_drawn() -> None:
+    draws = Draws(7, 8)
+    assert {draws.whole(1, 6) for _ in range(200)} == {1, 2, 3, 4, 5, 6}
+    assert {draws.choice("a", "b") for _ in range(50)} == {"a", "b"}
+    assert {tuple(draws.shuffled("abc")) for _ in range(200)} == {
+        *map(tuple, ("abc", "acb", "bac", "bca", "cab", "cba"))
+    }

@@ -192,7 +192,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
             for payload in hostile:
                 post(payload)
     link.live(keys.alive("nobody"))
-    flood = link.show(keys.reply("anna"))
+    flood = link.publisher(keys.reply("anna"))
     for _ in range(20_000):
         flood(b"junk")
     link.close()

@@ -185,7 +185,7 @@ def test_a_held_world_waits_until_it_is_told_to_stop() -> None:
 REFUSED: dict[str, dict[str, Any]] = {
     "no robot r9": {"do": "fault", "fault": {"kind": "kill", "who": "r9"}},
     "r1 cannot join": {"do": "fault", "fault": {"kind": "join", "who": "r1"}},
-    "there is no such fault": {"do": "heal", "id": "f7"},
+    "no such fault": {"do": "heal", "id": "f7"},
     "has not begun": {"do": "heal", "id": "f1"},
     "happens at once": {"do": "heal", "id": "f2"},
     "are remembered": {"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 5000.0}}},

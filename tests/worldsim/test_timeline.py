@@ -58,8 +58,8 @@ def test_who_is_drawn_from_the_seed_and_the_place_alone(seed: int, who: Any, rob
     among = timeline({"kind": "loss", "rate": 0.5, "from": other}, fault, rest, robots=robots, seed=seed).entries[1]
     later = timeline(rest, {**fault, "at": 40, "for": 10}, robots=robots, seed=seed).entries[1]
     assert alone.who == among.who == later.who == tuple(sorted(set(alone.who)))
-    word = load_scenario({**OPEN, "faults": [fault]}).faults[0].who  # type: ignore[union-attr]
-    assert len(alone.who) == size_of(word, robots)  # type: ignore[arg-type]
+    word = load_scenario({**OPEN, "faults": [fault]}).faults[0].who  # type: ignore[attr-defined]
+    assert len(alone.who) == size_of(word, robots)
     assert set(alone.who) <= set(range(1, robots + 1))
 
 

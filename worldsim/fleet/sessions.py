@@ -50,7 +50,7 @@ class Missing(Exception):
 
 
 class Mailbox(Protocol):
-    """What a `patrol.net.link.Mailbox` offers here."""
+    """What a `patrol.net.mailbox.Mailbox` offers here."""
 
     refused: Counter[str]
 

@@ -207,7 +207,7 @@ def ether_of(
     forger = None
     if spoofs or operated:
         insiders = any(entry.sources[0] != NOBODY for entry in spoofs)
-        key = fleet_key(scenario) if insiders else None
+        key = fleet_key(scenario.radio.key) if insiders else None
         forger = Forger(scenario, timeline, terrain, senses, key, MEMORY if operated else 0)
     return Ether(scenario.step, RadioRules(scenario, timeline, terrain), forger)
 

@@ -79,7 +79,7 @@ class Forger:
         if any(self._age(entry) > self._depth for entry in spoofs):
             raise BadInput(f"control: fault.payload.replay: at most {self._depth * self._step:g} s are remembered")
         if self._key is None and any(entry.sources[0] != NOBODY for entry in spoofs):
-            self._key = fleet_key(self._scenario)
+            self._key = fleet_key(self._scenario.radio.key)
         self.timeline = timeline
 
     def forge(

@@ -160,7 +160,7 @@ class FogIsTrue:
     def __init__(self, prepared: Prepared) -> None:
         self._step = prepared.scenario.step
         footprint = sensor_footprint(prepared.scenario, prepared.terrain)
-        self._truth = Truth(footprint, prepared.patrolled, self._step)
+        self._truth = Truth(footprint, prepared.patrolled)
         self._problem = ""
         self._ticks = 0
 

@@ -17,11 +17,14 @@ int64 = types.int64
 
 @njit(types.void(GRID, int64, SPANS, SPANS), cache=True, nogil=True)
 def square_clearance(free, cap, along, clearance):
-    """Distance from each point's centre to the nearest blocked square, or to the grid's edge.
+    """Squared distance from each point's centre to the nearest blocked square, or to the grid's edge.
 
-    free: uint8 (h, w), 0 blocked. cap: in points; a distance of more than cap - 1/2 points reads as that.
-    along: int32 (h, w), scratch. clearance: int32 (h, w), overwritten with the square of the distance in half points:
-    0 on a blocked point, 1 beside one, (2 cap - 1)^2 at most.
+    Args:
+        free: uint8 (h, w), 0 blocked.
+        cap: in points; a distance of more than cap - 1/2 points reads as that.
+        along: int32 (h, w), scratch.
+        clearance: int32 (h, w), overwritten with the square of the distance in half points: 0 on a blocked point, 1
+            beside one, (2 cap - 1)^2 at most.
     """
     height, width = free.shape
     for row in range(height):
@@ -54,9 +57,14 @@ def square_clearance(free, cap, along, clearance):
 def nearest(marked, wanted, cap, limit, along, found):
     """The marked point nearest to each wanted point, walls or no walls.
 
-    marked, wanted: uint8 (h, w), non-zero where so. cap: whole points to look away. limit: square of the largest
-    distance in points. along: int32 (h, w), scratch. found: int32 (h, w), overwritten with the flat index of the
-    nearest marked point (the lowest of several) at most sqrt(limit) away, or -1, and -1 where not wanted.
+    Args:
+        marked: uint8 (h, w), non-zero where marked.
+        wanted: uint8 (h, w), non-zero where wanted.
+        cap: whole points to look away.
+        limit: square of the largest distance in points.
+        along: int32 (h, w), scratch.
+        found: int32 (h, w), overwritten with the flat index of the nearest marked point (the lowest of several) at most
+            sqrt(limit) away, or -1, and -1 where not wanted.
     """
     height, width = marked.shape
     none = 2 * cap + 2

@@ -12,13 +12,18 @@ int32 = types.int32
 
 @njit(types.int32(GRID, LABELS, LIST), cache=True, nogil=True)
 def label_parts(mask, labels, work):
-    """Number the connected parts of a mask 1, 2, ... in the order of their first points; returns how many.
+    """Number the connected parts of a mask 1, 2, ... in the order of their first points.
 
     Bodies step to 8 neighbours, diagonally only where both orthogonal neighbours are in the mask. Whoever can step
     diagonally can thus also go round by one of these, so the parts are those of 4 neighbours.
 
-    mask: uint8 (h, w), non-zero inside. labels: int32 (h, w), overwritten, 0 outside the mask.
-    work: int32 (h * w,), scratch.
+    Args:
+        mask: uint8 (h, w), non-zero inside.
+        labels: int32 (h, w), overwritten, 0 outside the mask.
+        work: int32 (h * w,), scratch.
+
+    Returns:
+        the number of parts.
     """
     height, width = mask.shape
     labels[:, :] = 0

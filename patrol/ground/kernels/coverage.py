@@ -111,13 +111,18 @@ def _look(passable, reach, row, col, quadrant, limit, outward, now, after, proxy
 def see_from_reach(passable, reach, limit, now, after, proxy, square):
     """Find, for the passable points that no body reaches, a reached point that sees each.
 
-    Casts outward from the frontier of the reach, each cast ending at the next reached point, so the cost goes with
-    the walls and not with the area. The few points on the edges of shadows that only a line through the reach sees are
-    left out here; see `see_back`.
+    Casts outward from the frontier of the reach, each cast ending at the next reached point, so the cost grows with the
+    walls and not with the area. The few points on the edges of shadows that only a line through the reach sees are left
+    out here; see `see_back`.
 
-    passable, reach: uint8 (h, w). limit: square of the range in points. now, after: int64 (n, 4) scratch with n at
-    least 2 * range + 4. proxy: int32 (h, w), -1 on entry, flat index of the nearest frontier point that sees the point
-    on return. square: int32 (h, w), limit + 1 on entry, its squared distance in points on return.
+    Args:
+        passable: uint8 (h, w).
+        reach: uint8 (h, w).
+        limit: square of the range in points.
+        now: int64 (n, 4), scratch with n at least 2 * range + 4.
+        after: like `now`.
+        proxy: int32 (h, w), -1 on entry, flat index of the nearest frontier point that sees the point on return.
+        square: int32 (h, w), limit + 1 on entry, its squared distance in points on return.
     """
     height, width = passable.shape
     for row in range(height):
@@ -129,11 +134,23 @@ def see_from_reach(passable, reach, limit, now, after, proxy, square):
 
 @njit(int64(GRID, GRID, int64, WEDGES, WEDGES, LIST, INDEX, INDEX), cache=True, nogil=True)
 def see_back(passable, reach, limit, now, after, work, proxy, square):
-    """Grow what `see_from_reach` found to all that the reach sees and that touches it; returns how many points.
+    """Extend what `see_from_reach` found to all points that the reach sees and that touch it.
 
     Looks back from each unseen point beside a seen one, and from its unseen neighbours in turn where it does see the
-    reach. work: int32 (h * w,), scratch; the other arrays as in `see_from_reach`. A point looked at in vain has -2 in
-    `proxy` on return.
+    reach. A point that sees nothing of the reach has -2 in `proxy` on return.
+
+    Args:
+        passable: uint8 (h, w).
+        reach: uint8 (h, w).
+        limit: square of the range in points.
+        now: int64 (n, 4), scratch, as in `see_from_reach`.
+        after: like `now`.
+        work: int32 (h * w,), scratch.
+        proxy: int32 (h, w), as in `see_from_reach`.
+        square: int32 (h, w), as in `see_from_reach`.
+
+    Returns:
+        the number of points added.
     """
     height, width = passable.shape
     waiting = 0

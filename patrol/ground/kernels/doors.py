@@ -24,9 +24,15 @@ ROOM, SADDLE, FIRST, SECOND = 0, 1, 2, 3
 
 @njit(int64(LEVELS, LIST, LIST), cache=True, nogil=True)
 def falling_order(level, counts, order):
-    """List the points with a level above 0, highest first and of equal ones the lowest index first; returns how many.
+    """List the points with a level above 0, highest first and of equal ones the lowest index first.
 
-    level: int32 (n,). counts: int32 (highest level + 2,), scratch. order: int32 (n,), its head is overwritten.
+    Args:
+        level: int32 (n,).
+        counts: int32 (highest level + 2,), scratch.
+        order: int32 (n,), its head is overwritten.
+
+    Returns:
+        the number of points listed.
     """
     highest = counts.shape[0] - 2
     counts[:] = 0
@@ -83,16 +89,28 @@ def _new_node(nodes, count, room, saddle, first, second):
 
 @njit(int64(LEVELS, ORDER, int64, int64, int64, float64, LIST, LIST, LIST, LIST, NODES), cache=True, nogil=True)
 def find_doors(level, order, width, body, room, wider, parent, size, top, node, nodes):
-    """Build the tree of rooms and doors; returns its number of nodes, rooms and doors in the order of finding.
+    """Build the tree of rooms and doors, in the order of finding.
 
     A saddle is a door when both pools hold at least `room` points and are wider than it by the factor `wider` and half
-    a point, or when a body that needs the level `body` fits into both and not through the saddle.
-    What has no door is one room; what is smaller than `room` and takes no body is left out.
+    a point, or when a body that needs the level `body` fits into both and not through the saddle. What has no door is
+    one room; what is smaller than `room` and takes no body is left out.
 
-    level: int32 (h * w,), squared clearance in half points. order: from `falling_order`, its head alone.
-    parent, size, top, node: int32 (h * w,), scratch; `parent` must be -1 everywhere.
-    nodes: int32 (m, 4), see ROOM; its head is overwritten. m must be at least
-    2 * (points / room + parts that a body fits into + 1).
+    Args:
+        level: int32 (h * w,), squared clearance in half points.
+        order: from `falling_order`, its head alone.
+        width: of the grid, points.
+        body: the level that a body needs.
+        room: points of the smallest room.
+        wider: factor, see above.
+        parent: int32 (h * w,), scratch; -1 everywhere on entry.
+        size: int32 (h * w,), scratch.
+        top: int32 (h * w,), scratch.
+        node: int32 (h * w,), scratch.
+        nodes: int32 (m, 4), see ROOM; its head is overwritten. m must be at least 2 * (points / room + parts that a
+            body fits into + 1).
+
+    Returns:
+        the number of nodes.
     """
     count = int64(0)
     for place in range(order.shape[0]):
@@ -140,9 +158,14 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
 def spread_rooms(level, order, width, parent, size, label):
     """Give every point the room that it falls to, so that rooms meet at the doors' saddles.
 
-    level, order: as in `find_doors`. parent, size: int32 (h * w,), scratch; `parent` must be -1 everywhere.
-    label: int32 (h * w,), on entry a number above 0 on each room's widest point and 0 elsewhere; on return on each of
-    the room's points.
+    Args:
+        level: as in `find_doors`.
+        order: as in `find_doors`.
+        width: of the grid, points.
+        parent: int32 (h * w,), scratch; -1 everywhere on entry.
+        size: int32 (h * w,), scratch.
+        label: int32 (h * w,), on entry a number above 0 on each room's widest point and 0 elsewhere; on return on each
+            of the room's points.
     """
     for place in range(order.shape[0]):
         at = int64(order[place])

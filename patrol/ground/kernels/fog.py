@@ -27,12 +27,22 @@ int64 = types.int64
     nogil=True,
 )
 def observe(last_seen, tracked, histogram, view, quality, row0, col0, tick, box):
-    """Take the tracked points of a footprint in at ``tick``; return by how much the sum of last-seen ticks grew.
+    """Take in the tracked points of a footprint. A point already seen at `tick` or later stays as it is.
 
-    last_seen: int32 (h, w). tracked: uint8 (h, w). view: uint8 (m, m), its element (0, 0) lies over point
-    (row0, col0). quality: float64 (m, m) in [0, 1], laid over the points like ``view``, for a sensor that leaves
-    floor(age * (1 - quality)) ticks of a point's age; None for one that leaves nothing. box: int64 (4,), the first and
-    last row and column that changed (first > last: none did). A point already seen at ``tick`` or later stays as it is.
+    Args:
+        last_seen: int32 (h, w).
+        tracked: uint8 (h, w).
+        histogram: counts of tracked points by last_seen + 1.
+        view: uint8 (m, m), its element (0, 0) lies over point (row0, col0).
+        quality: float64 (m, m) in [0, 1], laid over the points like `view`, for a sensor that leaves floor(age * (1 -
+            quality)) ticks of a point's age; None for one that leaves nothing.
+        row0: of the grid, under the view's row 0.
+        col0: of the grid, under the view's column 0.
+        tick: now.
+        box: int64 (4,), overwritten with the first and last row and column that changed (first > last: none did).
+
+    Returns:
+        the increase of the sum of last-seen ticks.
     """
     height, width = last_seen.shape
     box[0] = height

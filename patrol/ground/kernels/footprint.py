@@ -20,15 +20,21 @@ index = types.uint64
 
 @njit(types.void(GRID, int64, int64, float64, VIEW, int64, int64), cache=True, nogil=True)
 def cast(passable, row, col, radius, view, row0, col0):
-    """Symmetric shadow casting: mark in ``view`` the passable points in sight of (row, col).
+    """Symmetric shadow casting: mark the passable points in sight of (row, col).
 
-    A point is in sight when the line between the two centres crosses no impassable point, each of which blocks the
-    full width of its own row (or, sideways, column). If a sees b then b sees a. Slopes are ratios of integers, so that
+    A point is in sight when the line between the two centres crosses no impassable point, each of which blocks the full
+    width of its own row (or, sideways, column). If a sees b then b sees a. Slopes are ratios of integers, so that
     nothing is rounded.
 
-    passable: uint8 (h, w), 0 blocks. radius: in points; centres farther than this are out of sight.
-    view: uint8, overwritten with 1 in sight, 0 not; it holds every point within ``radius`` that lies on the grid, and
-    the robot's own.
+    Args:
+        passable: uint8 (h, w), 0 blocks.
+        row: of the robot's point.
+        col: of the robot's point.
+        radius: in points; centres farther than this are out of sight.
+        view: uint8, overwritten with 1 in sight, 0 not; it holds every point within `radius` that lies on the grid, and
+            the robot's own.
+        row0: of the grid, under the view's row 0.
+        col0: of the grid, under the view's column 0.
     """
     height, width = passable.shape
     if not (-1 <= row <= height and -1 <= col <= width):  # so far outside nothing is in sight
@@ -99,9 +105,16 @@ def cast(passable, row, col, radius, view, row0, col0):
 
 @njit(types.void(GRID, int64, int64, float64, VIEW, int64, int64), cache=True, nogil=True)
 def disc(passable, row, col, radius, view, row0, col0):
-    """Mark in ``view`` every passable point within ``radius`` points of (row, col), walls or no walls.
+    """Mark every passable point within `radius` points of (row, col), walls or no walls.
 
-    Arrays as in `cast`.
+    Args:
+        passable: uint8 (h, w).
+        row: of the robot's point.
+        col: of the robot's point.
+        radius: in points.
+        view: as in `cast`.
+        row0: as in `cast`.
+        col0: as in `cast`.
     """
     height, width = passable.shape
     limit = radius * radius + 1e-9
@@ -116,9 +129,12 @@ def disc(passable, row, col, radius, view, row0, col0):
 
 @njit(types.void(VIEW, float64, float64), cache=True, nogil=True)
 def keep_sector(view, heading, angle):
-    """Unmark the points of ``view`` outside the sector of ``angle`` radians centred on ``heading`` (rad).
+    """Unmark the points outside a sector; the robot's own point, at the centre of the view, stays.
 
-    The robot's own point, at the centre of the square ``view``, stays.
+    Args:
+        view: uint8 (m, m).
+        heading: of the sector's middle, rad.
+        angle: of the whole sector, rad.
     """
     reach = view.shape[0] // 2
     ahead_c = math.cos(heading)

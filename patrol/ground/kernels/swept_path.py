@@ -34,10 +34,20 @@ _F = types.float64
     error_model="numpy",
 )
 def arc_end(x, y, heading, distance, curvature):
-    """Pose after driving `distance` (negative: backwards) along an arc of `curvature` (1/m, positive: left).
+    """Pose after driving along an arc.
 
-    Exact: the chord has length distance * sin(u) / u and bearing heading + u, u = distance * curvature / 2,
-    which is well-conditioned down to a straight line. Returns (x, y, heading in (-pi, pi]).
+    Exact: the chord has length distance * sin(u) / u and bearing heading + u, u = distance * curvature / 2, which is
+    well-conditioned down to a straight line.
+
+    Args:
+        x: m.
+        y: m.
+        heading: rad.
+        distance: m, negative: backwards.
+        curvature: 1/m, positive: left.
+
+    Returns:
+        (x, y, heading), the heading in (-pi, pi].
     """
     half = 0.5 * distance * curvature
     chord = distance * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
@@ -130,9 +140,20 @@ def _free_of_edge(a0, da, lowest, highest):
 
 @njit(_F(_MASK, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
-    """Largest fraction in [0, 1] of the straight move (x0, y0) to (x1, y1) along which a disc stays free.
+    """Largest fraction in [0, 1] of a straight move along which a disc stays free.
 
     Each point of the swept capsule's rows and columns is looked at once. All arguments must be finite.
+
+    Args:
+        blocked: uint8 (h, w), 1 where a body may not be.
+        point: side of one point, m.
+        ox: x of the grid's origin, m.
+        oy: y of the grid's origin, m.
+        x0: of the move's beginning, m.
+        y0: of the move's beginning, m.
+        x1: of the move's end, m.
+        y1: of the move's end, m.
+        radius: of the disc, m.
     """
     height, width = blocked.shape
     dx, dy = x1 - x0, y1 - y0
@@ -169,7 +190,13 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
 
 @njit(types.int64(_F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def chord_count(distance, curvature, longest):
-    """How many equal chords stand for an arc: within SAGITTA of it and at most `longest`; 1 for a line."""
+    """How many equal chords stand for an arc: within SAGITTA of it and at most `longest`; 1 for a line.
+
+    Args:
+        distance: along the arc, m.
+        curvature: 1/m.
+        longest: of a chord, m.
+    """
     if curvature == 0.0:
         return 1
     chord = min(longest, math.sqrt(8.0 * SAGITTA / abs(curvature)))
@@ -178,7 +205,16 @@ def chord_count(distance, curvature, longest):
 
 @njit(types.void(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def arc_points(path, x, y, heading, distance, curvature):
-    """Fill `path`, float64 (n + 1, 2), with the ends of n equal chords of an arc; the last is `arc_end`'s."""
+    """Fill `path` with the ends of n equal chords of an arc; the last is `arc_end`'s.
+
+    Args:
+        path: float64 (n + 1, 2), overwritten.
+        x: m.
+        y: m.
+        heading: rad.
+        distance: m, negative: backwards.
+        curvature: 1/m, positive: left.
+    """
     count = path.shape[0] - 1
     path[0, 0], path[0, 1] = x, y
     for i in range(1, count + 1):
@@ -213,12 +249,26 @@ def _path_leaves(path, left, low, right, high, radius):
 
 @njit(types.uint8(_MASK, _F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def free_arc(blocked, point, ox, oy, x, y, heading, distance, curvature, radius):
-    """1 when a disc can drive the whole arc (`distance` negative: backwards; `curvature` in 1/m), else 0.
+    """Whether a disc can drive a whole arc.
 
-    The arc is swept as chords of at most half a point that lie within SAGITTA of it. A blocked square is
-    compared with them only if the ring that the disc sweeps on the whole circle reaches it; of a circle beyond
-    WIDEST that is not asked, for its centre is so far off that nothing is left of the difference. All arguments must be
-    finite.
+    The arc is swept as chords of at most half a point that lie within SAGITTA of it. A blocked square is compared with
+    them only if the ring that the disc sweeps on the whole circle reaches it; of a circle beyond WIDEST that is not
+    asked, for its centre is so far off that nothing is left of the difference. All arguments must be finite.
+
+    Args:
+        blocked: uint8 (h, w), 1 where a body may not be.
+        point: side of one point, m.
+        ox: x of the grid's origin, m.
+        oy: y of the grid's origin, m.
+        x: m.
+        y: m.
+        heading: rad.
+        distance: m, negative: backwards.
+        curvature: 1/m, positive: left.
+        radius: of the disc, m.
+
+    Returns:
+        1 when the way is free, else 0.
     """
     height, width = blocked.shape
     path = np.empty((chord_count(distance, curvature, 0.5 * point) + 1, 2), dtype=np.float64)

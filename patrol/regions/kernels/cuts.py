@@ -78,8 +78,17 @@ def _in_sight(corners, after, v, w, margin):
 def partners(corners, before, after, concave, reach, v, longest, slack, margin, found):
     """Mark the concave corners to which one cut from the concave corner v serves both.
 
-    concave: int64 (m,), indices of the concave corners. reach: float64 (n,), each one's distance to what is nearest in
-    its cone; a cut is at most `longest` times as long as both together. found: uint8 (m,), overwritten.
+    Args:
+        corners: float64 (n, 2).
+        before: int64 (n,), the neighbour before each corner.
+        after: int64 (n,), the neighbour after each corner.
+        concave: int64 (m,), indices of the concave corners.
+        reach: float64 (n,), each corner's distance to the nearest line in its cone.
+        v: the corner looked at.
+        longest: a cut is at most this many times as long as both reaches together.
+        slack: tolerance of the cone's edges, as `_in_cone` has it.
+        margin: points that a cut keeps from other corners.
+        found: uint8 (m,), overwritten.
     """
     for index in range(concave.shape[0]):
         w = concave[index]
@@ -107,11 +116,18 @@ def partners(corners, before, after, concave, reach, v, longest, slack, margin, 
     nogil=True,
 )
 def shorten(corners, before, after, concave, begin, end, first, ways):
-    """Keep for each concave corner the shortest way within its cone to any of the straight lines from begin to end.
+    """Keep for each concave corner the shortest way within its cone to any of some straight lines.
 
-    concave: int64 (m,), the corners looked at. begin, end: float64 (k, 2); the lines are numbered from `first` on.
-    ways: float64 (n, 5), by corner: length, share of the way along the line, x, y and the line's number; shorter ways
-    replace what is there.
+    Args:
+        corners: float64 (n, 2).
+        before: int64 (n,), the neighbour before each corner.
+        after: int64 (n,), the neighbour after each corner.
+        concave: int64 (m,), the corners looked at.
+        begin: float64 (k, 2), where the lines begin.
+        end: float64 (k, 2), where the lines end.
+        first: the first line's number.
+        ways: float64 (n, 5), by corner: length, share of the way along the line, x, y and the line's number; shorter
+            ways replace what is there.
     """
     for index in range(concave.shape[0]):
         at = concave[index]

@@ -44,10 +44,17 @@ def _borders(mask, x, y, way):
 def trace(mask, passed, corners, ends):
     """Follow the border of a mask, inside on the left: outer loops run counter-clockwise, holes clockwise.
 
-    Points that touch at a corner only are not joined. mask: uint8 (h, w). passed: uint8 (h + 1, w + 1), zeros, scratch.
-    corners: int32 (m, 2), overwritten with (x, y) loop after loop. ends: int32, overwritten with where each loop ends.
-    m is the number of corners that four points around a place make; `ends` must hold a quarter of them.
-    Returns how many loops there are.
+    Points that touch at a corner only are not joined.
+
+    Args:
+        mask: uint8 (h, w).
+        passed: uint8 (h + 1, w + 1), zeros on entry, scratch.
+        corners: int32 (m, 2), overwritten with (x, y) loop after loop; m is the number of corners that four points
+            around a place make.
+        ends: int32, overwritten with where each loop ends; it must hold m / 4 of them.
+
+    Returns:
+        the number of loops.
     """
     loops = 0
     count = 0
@@ -85,13 +92,23 @@ def trace(mask, passed, corners, ends):
 def fewest_corners(xs, ys, first, banned, fill, shave, sums, cost, link, chosen):
     """Replace a closed loop by the polygon with the fewest corners, of several the one nearest to the loop.
 
-    The corners are some of the loop's own, `first` among them. No corner left out lies more than `fill` on the left of
-    the side that replaces it (so much is added outside the mask), nor more than `shave` on its right (so much of the
-    mask is cut off); `fill` is the larger. All lengths are in points.
+    The corners are some of the loop's own, `first` among them. All lengths are in points.
 
-    xs, ys: float64 (n,). banned: int64 (k, 2), sides by their ends that must not be used. sums: float64 (2 n + 1, 5),
-    cost: float64 (n + 1,), link: int64 (n + 1,), scratch. chosen: int64 (n,), its head is overwritten with the corners.
-    Returns how many there are.
+    Args:
+        xs: float64 (n,).
+        ys: float64 (n,).
+        first: index of a corner that stays.
+        banned: int64 (k, 2), sides by their ends that must not be used.
+        fill: how far a corner left out may lie on the left of the side that replaces it (so much is added outside the
+            mask); it is larger than `shave`.
+        shave: how far a corner left out may lie on the right of that side (so much of the mask is cut off).
+        sums: float64 (2 n + 1, 5), scratch.
+        cost: float64 (n + 1,), scratch.
+        link: int64 (n + 1,), scratch.
+        chosen: int64 (n,), its head is overwritten with the corners.
+
+    Returns:
+        the number of corners.
     """
     n = xs.shape[0]
     sums[0, :] = 0.0

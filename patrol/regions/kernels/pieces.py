@@ -20,10 +20,13 @@ EDGE = 1e-6
 
 @njit(types.void(PLACES, int64, MASK, LABELS), cache=True, nogil=True)
 def fill(polygon, number, mask, labels):
-    """Give `number` to the points whose centres lie in or on a convex polygon and that have no number yet.
+    """Number the points whose centres lie in or on a convex polygon and that have no number yet.
 
-    polygon: float64 (k, 2), in points. mask: uint8 (h, w), only its points are numbered. labels: int32 (h, w), -1
-    where there is no number.
+    Args:
+        polygon: float64 (k, 2), in points.
+        number: to give.
+        mask: uint8 (h, w), only its points are numbered.
+        labels: int32 (h, w), -1 where there is no number.
     """
     corners = polygon.shape[0]
     low, high = polygon[0, 1], polygon[0, 1]
@@ -50,9 +53,16 @@ def fill(polygon, number, mask, labels):
 
 @njit(int64(MASK, int64, LABELS, LIST), cache=True, nogil=True)
 def spread(mask, rounds, labels, work):
-    """Give points of the mask without a number that of a neighbour (of four), nearest first, so many times over.
+    """Give points of the mask without a number that of a neighbour (of four), nearest first.
 
-    labels: int32 (h, w), -1 where there is no number. work: int32 (h * w,), scratch. Returns how many got one.
+    Args:
+        mask: uint8 (h, w).
+        rounds: how often numbers spread to neighbours.
+        labels: int32 (h, w), -1 where there is no number.
+        work: int32 (h * w,), scratch.
+
+    Returns:
+        how many points got a number.
     """
     height, width = mask.shape
     begin, end = int64(0), int64(0)
@@ -90,8 +100,14 @@ def spread(mask, rounds, labels, work):
 def split_parts(body, labels, parts, work):
     """Number the connected parts (4 neighbours) of each region's points that are in a mask, by first points.
 
-    body: uint8 (h, w). labels: int32 (h, w), regions, -1 none. parts: int32 (h, w), overwritten, -1 elsewhere.
-    work: int32 (h * w,), scratch. Returns how many parts there are.
+    Args:
+        body: uint8 (h, w), the mask.
+        labels: int32 (h, w), regions, -1 none.
+        parts: int32 (h, w), overwritten, -1 elsewhere.
+        work: int32 (h * w,), scratch.
+
+    Returns:
+        the number of parts.
     """
     height, width = body.shape
     parts[:, :] = -1

@@ -1,1 +1,1 @@
-"""Faults: their kinds, whom they befall, and the random ones."""
+"""Faults: their kinds, their targets, and the nemesis's settings."""

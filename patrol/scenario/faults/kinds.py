@@ -6,14 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, Union, get_args
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from patrol.errors import did_you_mean
 from patrol.scenario.faults.targets import WHO, WORDS, Who
-from patrol.scenario.section import Section, wrong
-from patrol.scenario.values import (
+from patrol.values.section import Section, wrong
+from patrol.values.types import (
     Burst,
     Corner,
     Count,
@@ -31,7 +31,7 @@ from patrol.scenario.values import (
     expecting,
 )
 
-KIND = "what happens"
+KIND = "kind of fault"
 STRANGER = "stranger"
 """Who forges messages when it is no robot of the fleet."""
 
@@ -39,7 +39,7 @@ STRANGER = "stranger"
 
 
 class Wait(Section):
-    """How long frames are held up: one of four distributions; what is below zero counts as zero."""
+    """How long frames are delayed: one of four distributions; what is below zero counts as zero."""
 
     constant: NotNegative | None = Field(None, description="s")
     uniform: Annotated[tuple[NotNegative, NotNegative], expecting("[least, most] in s")] | None = Field(
@@ -67,74 +67,106 @@ class Wait(Section):
             choice = "{constant: S}, {uniform: [S, S]}, {normal: [MEAN, SD]} or {exponential: MEAN}"
             raise wrong("", f"exactly one is needed: {choice}")
         if self.uniform is not None and self.uniform[0] > self.uniform[1]:
-            raise wrong("uniform", "the least comes first; swap the two")
+            raise wrong("uniform", "the least value comes first; swap the two")
         return self
 
 
 # --- the kinds -------------------------------------------------------------------------------------------------------
 
 
-class Fault(Section):
-    """What all faults have."""
+KINDS: dict[str, type[Fault]] = {}
+"""The model of each kind of fault, in the order in which the models are defined here."""
 
+ActsOn = Literal["processes", "frames", "senses"]
+
+
+class Fault(Section):
+    """What all faults have.
+
+    A subclass whose `kind` is a literal is a kind of fault: the class alone puts it into `KINDS`, the schema, the
+    error messages and the nemesis's vocabulary.
+
+    Attributes:
+        acts_on: *processes* (needs a launcher that can start and stop robots), *frames* (needs an ether) or *senses*
+            (changes what a robot measures).
+    """
+
+    acts_on: ClassVar[ActsOn]
     model_config = ConfigDict(serialize_by_alias=True)
 
     kind: str = Field(description=KIND)
-    id: Name | None = Field(None, description="its name in journal and verdict; f1, f2, ... by place unless given")
+    id: Name | None = Field(None, description="name in journal and verdict; default: f1, f2, ... by place in the list")
     at: NotNegative = Field(0.0, description="s, when it happens or begins")
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_options: Any) -> None:
+        for kind in get_args(cls.model_fields["kind"].annotation):
+            KINDS[kind] = cls
 
 
 class Lasting(Fault):
     """A fault that has an end."""
 
-    lasts: Positive | None = Field(None, alias="for", description="s, how long; null: to the end")
+    lasts: Positive | None = Field(None, alias="for", description="s, duration; null: to the end of the run")
 
 
 class OnRobots(Fault):
-    """A fault of some robots."""
+    """A fault that happens to some robots."""
 
     who: Who = Field(description=WHO)
 
 
-class Kill(OnRobots):
+class OnProcesses(OnRobots):
+    """A fault that starts, stops or ends robots' processes."""
+
+    acts_on = "processes"
+
+
+class Kill(OnProcesses):
     """A robot's process is gone at once; its body stays in the way, or is carried off."""
 
     kind: Literal["kill"] = Field(description=KIND)
     wreck: Literal["stays", "removed"] = Field("stays", description="stays | removed")
 
 
-class Restart(OnRobots):
-    """A dead robot's process is started anew, with an empty memory; a living or paused one is killed first."""
+class Restart(OnProcesses):
+    """A dead robot's process is started again, with an empty memory; a living or paused one is killed first."""
 
     kind: Literal["restart"] = Field(description=KIND)
 
 
-class Pause(OnRobots, Lasting):
+class Pause(OnProcesses, Lasting):
     """A robot's process is stopped, and goes on after a while."""
 
     kind: Literal["pause"] = Field(description=KIND)
 
 
-class Resume(OnRobots):
+class Resume(OnProcesses):
     """A paused robot's process goes on."""
 
     kind: Literal["resume"] = Field(description=KIND)
 
 
-class Join(OnRobots):
-    """Robots that are not there, or have left, appear at their starts; who joins first of all is absent until then."""
+class Join(OnProcesses):
+    """Absent robots appear at their starts; a robot that joins before it leaves is absent at first."""
 
     kind: Literal["join"] = Field(description=KIND)
 
 
-class Leave(OnRobots):
-    """Robots end their patrol in good order and are taken off the terrain."""
+class Leave(OnProcesses):
+    """Robots end their patrol in order and are taken off the terrain."""
 
     kind: Literal["leave"] = Field(description=KIND)
 
 
-class OnLinks(Lasting):
-    """A fault of the directed links from some robots to some."""
+class OnFrames(Lasting):
+    """A fault of the frames that robots send."""
+
+    acts_on = "frames"
+
+
+class OnLinks(OnFrames):
+    """A fault of the directed links from some robots to others."""
 
     sources: Who = Field("all", alias="from", description=f"senders: {WHO}")
     targets: Who = Field("all", alias="to", description=f"receivers: {WHO}")
@@ -175,7 +207,7 @@ class Duplicate(OnLinks):
 
     kind: Literal["duplicate"] = Field(description=KIND)
     rate: Probability = Field(description="share of the frames")
-    delay: Wait | None = Field(None, description="s, of the copy, as in a delay; null: none of its own")
+    delay: Wait | None = Field(None, description="delay of the copy, as in kind delay; null: none")
 
 
 class Reorder(OnLinks):
@@ -195,7 +227,7 @@ Groups = Annotated[
 ]
 
 
-class Partition(Lasting):
+class Partition(OnFrames):
     """Groups of robots cannot hear each other; robots in no group form one more."""
 
     kind: Literal["partition"] = Field(description=KIND)
@@ -205,36 +237,36 @@ class Partition(Lasting):
     )
 
 
-class Silence(OnRobots, Lasting):
+class Silence(OnRobots, OnFrames):
     """Robots hear nothing, are not heard, or both."""
 
     kind: Literal["silence"] = Field(description=KIND)
     direction: Literal["in", "out", "both"] = Field("both", description="in (hears nothing) | out (not heard) | both")
 
 
-class Range(Lasting):
-    """Robots are heard only so far."""
+class Range(OnRobots, OnFrames):
+    """Robots are heard only within a distance."""
 
     kind: Literal["range"] = Field(description=KIND)
     who: Who = Field("all", description=f"senders: {WHO}")
-    reach: Positive = Field(description="m, between true places")
+    reach: Positive = Field(description="m, largest distance between true positions")
     through_walls: Flag = Field(True, description="false: only along a line of sight")
 
 
-class Bandwidth(Lasting):
-    """Robots can send only so much."""
+class Bandwidth(OnRobots, OnFrames):
+    """Robots can send only a number of bytes a second."""
 
     kind: Literal["bandwidth"] = Field(description=KIND)
     who: Who = Field("all", description=f"senders: {WHO}")
-    bytes_per_s: Positive = Field(description="bytes/s of each of them")
+    bytes_per_s: Positive = Field(description="bytes/s that each of them can send")
 
 
 class Forgery(Section):
     """What a forged message says, beyond freeze and random."""
 
     offset: Corner | None = Field(None, description="m, [dx, dy] added to the true position")
-    replay: Positive | None = Field(None, description="s, how old the victim's frame is that is sent again")
-    invented: Count | None = Field(None, description="how many robots that do not exist are made up")
+    replay: Positive | None = Field(None, description="s, age of the victim's frame that is sent again")
+    invented: Count | None = Field(None, description="number of invented robots")
     ahead: Ticks | None = Field(None, description="ticks by which the sequence is ahead; the position is the true one")
 
     @model_validator(mode="after")
@@ -251,77 +283,72 @@ Payload = Annotated[
 ]
 
 
-class Spoof(Lasting):
+class Spoof(OnFrames):
     """Somebody sends positions in others' names."""
 
     kind: Literal["spoof"] = Field(description=KIND)
     by: RobotName = Field(STRANGER, description="stranger (has no key) or a robot's name (has the fleet's key)")
-    victims: Who = Field("one", alias="as", description=f"in whose name: {WHO}")
+    victims: Who = Field("one", alias="as", description=f"victims, in whose name frames are sent: {WHO}")
     payload: Payload = Field(description=_PAYLOAD)
+
+
+class OnSenses(OnRobots, Lasting):
+    """A fault of what robots measure."""
+
+    acts_on = "senses"
 
 
 class Jump(Section):
     """A localisation that jumps from time to time."""
 
-    every: Positive = Field(description="s, from one jump to the next")
-    size: NotNegative = Field(description="m, of each jump, in a direction that is drawn")
+    every: Positive = Field(description="s, between jumps")
+    size: NotNegative = Field(description="m, of each jump, in a random direction")
 
 
-class Drift(OnRobots, Lasting):
-    """Robots are wrong about where they are."""
+class Drift(OnSenses):
+    """Robots mistake their own position."""
 
     kind: Literal["drift"] = Field(description=KIND)
-    bias: Corner = Field((0.0, 0.0), description="m, [dx, dy] from the beginning on")
+    bias: Corner = Field((0.0, 0.0), description="m, [dx, dy], from the beginning")
     growth: Corner = Field((0.0, 0.0), description="m/s, [dx, dy] by which the bias grows")
     noise: NotNegative = Field(0.0, description="m, standard deviation in x and in y, new in each tick")
     jump: Jump | None = Field(None, description="{every: s, size: m}, jumps that add up")
 
 
-class Clock(OnRobots, Lasting):
+class Clock(OnSenses):
     """Robots' clocks are wrong."""
 
     kind: Literal["clock"] = Field(description=KIND)
     offset: Number = Field(0.0, description="s, by which the clock is ahead")
-    rate: Growth = Field(0.0, description="s/s, by which it gains")
+    rate: Growth = Field(0.0, description="s/s, by which the clock gains")
 
 
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
-    """An entry that changes nothing, for a place in the list that others' draws go by: a clock that is not wrong.
+    """An entry that changes nothing (a clock that is not wrong), for a place in the list that others' draws depend on.
 
-    at, step: s; it lasts for a step. who: any robot's name.
+    Args:
+        name: the entry's id.
+        at: s.
+        step: s; the entry lasts for one step.
+        who: any robot's name.
     """
     return {"kind": "clock", "id": name, "at": at, "for": step, "who": [who]}
 
 
-AnyFault = (
-    Kill
-    | Restart
-    | Pause
-    | Resume
-    | Join
-    | Leave
-    | Loss
-    | Delay
-    | Duplicate
-    | Reorder
-    | Partition
-    | Silence
-    | Range
-    | Bandwidth
-    | Spoof
-    | Drift
-    | Clock
-)
-KINDS: Mapping[str, type[Fault]] = {
-    get_args(model.model_fields["kind"].annotation)[0]: model for model in get_args(AnyFault)
-}
-"""The model of each kind of fault."""
+def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
+    """The kinds of faults that act on processes, on frames or on senses.
 
-PROCESS_KINDS = ("kill", "restart", "pause", "resume", "join", "leave")
-"""The kinds that need somebody who can start and stop robots."""
+    Args:
+        what: as `Fault.acts_on` has it.
 
-SENSE_KINDS = ("drift", "clock")
-"""The kinds that bend what a robot senses. All that remain befall frames, and so need an ether."""
+    Returns:
+        in the order of `KINDS`.
+    """
+    return tuple(kind for kind, model in KINDS.items() if model.acts_on == what)
+
+
+PROCESS_KINDS = kinds_acting_on("processes")
+SENSE_KINDS = kinds_acting_on("senses")
 
 
 def _kind_of(fault: Any) -> str:
@@ -340,10 +367,7 @@ def _has_a_kind(fault: Any) -> Any:
     if kind is None:
         raise wrong("kind", f"missing; give one of {known}")
     if not isinstance(kind, str) or kind not in KINDS:
-        near = get_close_matches(str(kind).lower(), KINDS, n=1, cutoff=0.6)
-        raise wrong(
-            "kind", f"{kind} is no kind of fault; {f'did you mean {near[0]}?' if near else f'known are {known}'}"
-        )
+        raise wrong("kind", f"{kind} is not a kind of fault; {did_you_mean(str(kind), tuple(KINDS))}")
     if kind in INSTANT and "for" in fault:
         raise wrong("for", f"a {kind} happens at once; leave 'for' out")
     return fault
@@ -359,29 +383,13 @@ def _named(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     places: dict[str | None, int] = {}
     for place, fault in enumerate(named):
         if (other := places.setdefault(fault.id, place)) != place:
-            raise wrong(f"{place}.id", f"faults.{other} is called {fault.id} too; rename one")
+            raise wrong(f"{place}.id", f"faults.{other} has the id {fault.id} too; rename one")
     return tuple(named)
 
 
-OneFault = Annotated[
-    Annotated[Kill, Tag("=kill")]
-    | Annotated[Restart, Tag("=restart")]
-    | Annotated[Pause, Tag("=pause")]
-    | Annotated[Resume, Tag("=resume")]
-    | Annotated[Join, Tag("=join")]
-    | Annotated[Leave, Tag("=leave")]
-    | Annotated[Loss, Tag("=loss")]
-    | Annotated[Delay, Tag("=delay")]
-    | Annotated[Duplicate, Tag("=duplicate")]
-    | Annotated[Reorder, Tag("=reorder")]
-    | Annotated[Partition, Tag("=partition")]
-    | Annotated[Silence, Tag("=silence")]
-    | Annotated[Range, Tag("=range")]
-    | Annotated[Bandwidth, Tag("=bandwidth")]
-    | Annotated[Spoof, Tag("=spoof")]
-    | Annotated[Drift, Tag("=drift")]
-    | Annotated[Clock, Tag("=clock")],
-    Discriminator(_kind_of),
-    BeforeValidator(_has_a_kind),
-]
+if TYPE_CHECKING:
+    OneFault = Fault
+else:
+    _EACH = tuple(Annotated[model, Tag(f"={kind}")] for kind, model in KINDS.items())
+    OneFault = Annotated[Union[_EACH], Discriminator(_kind_of), BeforeValidator(_has_a_kind)]  # noqa: UP007 - made here
 Faults = Annotated[tuple[OneFault, ...], AfterValidator(_named)]

@@ -1,40 +1,25 @@
-"""What a scenario says of its nemesis, as `patrol.scenario.faults.nemesis` writes it out."""
+"""The scenario's section about its nemesis; `patrol.scenario.nemesis` draws the faults."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, Tag
 
 from patrol.scenario.faults.kinds import KINDS
-from patrol.scenario.section import Section, wrong
-from patrol.scenario.values import NotNegative, Positive, Seed, at_least, by_shape, expecting
+from patrol.values.section import Section, wrong
+from patrol.values.types import NotNegative, Positive, Seed, at_least, by_shape, expecting
 
 MOST_FAULTS = 1000
 """A nemesis of more intervals than this is refused."""
 QUIET = 1.0 / 3.0
-"""Share of the run that is quiet at its end unless told."""
+"""Share of the run that is quiet at its end by default."""
 
-KindName = Literal[
-    "kill",
-    "restart",
-    "pause",
-    "resume",
-    "join",
-    "leave",
-    "loss",
-    "delay",
-    "duplicate",
-    "reorder",
-    "partition",
-    "silence",
-    "range",
-    "bandwidth",
-    "spoof",
-    "drift",
-    "clock",
-]
+if TYPE_CHECKING:
+    KindName = str
+else:
+    KindName = Literal[tuple(KINDS)]
 _KINDS = f"all, or a list of kinds of faults: {', '.join(KINDS)}"
 Kinds = Annotated[
     Annotated[Literal["all"], expecting(_KINDS), Tag("=single")]
@@ -52,13 +37,25 @@ class NemesisSpec(Section):
     """Random faults, written out as concrete ones when the scenario is loaded."""
 
     kinds: Kinds = Field("all", description="all, or a list of kinds of faults")
-    interval: Positive = Field(description="s, in each of which one fault begins")
-    seed: Seed | None = Field(None, description="of the faults; null: the scenario's")
+    interval: Positive = Field(description="s, length of an interval; one fault begins in each")
+    seed: Seed | None = Field(None, description="random seed of the faults; null: the scenario's")
     quiet: NotNegative | None = Field(None, description="s without faults at the end; null: a third of the run")
 
 
 def room_for(spec: NemesisSpec, step: float, ticks: int) -> tuple[int, float]:
-    """The tick at which the quiet window begins, and the ticks of an interval. Raises when they do not fit in."""
+    """The part of a run that is left for a nemesis's faults.
+
+    Args:
+        spec: of the nemesis.
+        step: s.
+        ticks: of the run.
+
+    Returns:
+        the tick at which the quiet window begins, and the ticks of an interval.
+
+    Raises:
+        PydanticCustomError: when they do not fit into the run.
+    """
     quiet = ticks * QUIET if spec.quiet is None else spec.quiet / step
     end = min(math.floor(ticks - quiet + 1e-9), ticks - 1)
     if end < 1:

@@ -1,39 +1,59 @@
-"""A scenario's faults against its roster and its duration."""
+"""Checks of a scenario's faults against its robots and its duration."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from patrol.scenario.faults.kinds import STRANGER, AnyFault, Forgery, OnLinks, Partition, Spoof
+from patrol.scenario.faults.kinds import STRANGER, Fault, Forgery, OnLinks, Partition, Spoof
 from patrol.scenario.faults.targets import Drawing, Target, check_name, check_who, meant
-from patrol.scenario.section import wrong
+from patrol.values.section import wrong
 
 
 def tick_of(at: float, step: float) -> int:
-    """The first tick that is not before a time in s."""
+    """The first tick that is not before a time.
+
+    Args:
+        at: s.
+        step: s.
+    """
     return math.ceil(at / step - 1e-9)
 
 
 def ticks_of(lasts: float, step: float) -> int:
-    """How many ticks a time in s is, half a tick rounded up; at least one."""
+    """A duration in ticks, half a tick rounded up; at least one.
+
+    Args:
+        lasts: s.
+        step: s.
+    """
     return max(1, math.floor(lasts / step + 0.5 + 1e-9))
 
 
 def check_faults(
-    faults: Sequence[AnyFault], names: Sequence[str], spares: frozenset[int], step: float, ticks: int, seed: int
+    faults: Sequence[Fault], names: Sequence[str], spares: frozenset[int], step: float, ticks: int, seed: int
 ) -> None:
     """Raise for the first fault that the roster or the duration rules out.
 
-    It names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or comes
-    after the last tick. names: of the whole roster, in the order of the robots' numbers. spares: numbers of those that
-    are spare; sizes are of the others. step: s. seed: the scenario's, for who is drawn.
+    Such a fault names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or
+    comes after the last tick.
+
+    Args:
+        faults: all of the scenario.
+        names: of the whole roster, in the order of the robots' numbers.
+        spares: numbers of the spare robots; sizes are of the others.
+        step: s.
+        ticks: of the run.
+        seed: the scenario's, from which targets are drawn.
+
+    Raises:
+        PydanticCustomError: for the first such fault.
     """
     fleet = len(names) - len(spares)
     for place, fault in enumerate(faults):
         where = f"faults.{place}"
         if tick_of(fault.at, step) >= ticks:
-            ends = f"the run ends at {ticks * step:g} s, so it would never happen; give less"
+            ends = f"the run ends at {ticks * step:g} s, so it would never happen; give an earlier time"
             raise wrong(f"{where}.at", ends, fault.at)
         for name, field in type(fault).model_fields.items():
             if name in ("who", "sources", "targets", "victims"):
@@ -63,13 +83,11 @@ def _check_links(fault: OnLinks, names: Sequence[str], spares: frozenset[int], s
         and len(sources) == 1
     ):
         name = names[sources[0] - 1]
-        raise wrong(
-            f"faults.{place}.to", f"with seed {seed} both ends are {name}, which hears nothing from itself; name one"
-        )
+        raise wrong(f"faults.{place}.to", f"with seed {seed} sender and receiver are both {name}; name one of them")
 
 
 def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], drawing: Drawing) -> None:
-    """Who forges is a robot, and not in its own name alone. Robots that are made up are in nobody's name."""
+    """Raise unless a robot forges in another's name; invented robots have names of their own."""
     seed, place, _ = drawing
     where = f"faults.{place}"
     check_name(fault.by, names, f"{where}.by")
@@ -79,8 +97,8 @@ def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], d
     if meant(fault.victims, numbers, spares, drawing) != (numbers[fault.by],):
         return
     drawn = len(names) > 1 and fault.victims not in (fault.by, (fault.by,))
-    chance = f"with seed {seed} that is {fault.by} itself, which " if drawn else f"{fault.by} "
-    raise wrong(f"{where}.as", f"{chance}would forge in nobody's name but its own; name another, or another by")
+    victim = f"with seed {seed} the only victim" if drawn else "the only victim"
+    raise wrong(f"{where}.as", f"{victim} is {fault.by}, which forges; name another victim, or change by")
 
 
 def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], where: str) -> None:
@@ -89,8 +107,8 @@ def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], whe
         for place, name in enumerate(group):
             check_name(name, names, f"{where}.{index}.{place}")
             if name in homes:
-                twice = "twice" if homes[name] == index else f"in group {homes[name]} too"
+                twice = "listed twice" if homes[name] == index else f"in group {homes[name]} too"
                 raise wrong(f"{where}.{index}.{place}", f"{name} is {twice}; a robot is in one group")
             homes[name] = index
     if len(groups) == 1 and len(homes) == len(names):
-        raise wrong(where, "one group holds every robot, so nothing is cut; leave some out")
+        raise wrong(where, "one group holds all robots, so nobody is cut off; leave some out")

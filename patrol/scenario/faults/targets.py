@@ -1,4 +1,4 @@
-"""Whom a fault befalls: robots by name, or so many of them, drawn.
+"""The targets of a fault: robots by name, or a number of robots that are drawn.
 
 Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
 the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in a run. Spare robots
@@ -16,8 +16,8 @@ from typing import Annotated, Self
 from pydantic import Field, Tag, model_validator
 
 from patrol.random import Purpose, draw
-from patrol.scenario.section import Section, wrong
-from patrol.scenario.values import Count, RobotName, Share, at_least, by_shape, expecting
+from patrol.values.section import Section, wrong
+from patrol.values.types import Count, RobotName, Share, at_least, by_shape, expecting
 
 WORDS = ("one", "minority", "half", "all")
 """Targets by size; in a target these words never mean a robot of that name, in a list of names they do."""
@@ -38,7 +38,7 @@ Drawing = tuple[int, int, Target]
 
 
 class Some(Section):
-    """So many robots, or such a share of all, drawn from the seed."""
+    """A number of robots, or a share of all, drawn from the seed."""
 
     count: Count | None = Field(None, description="how many robots")
     fraction: Share | None = Field(None, description="share of all robots, rounded half up, at least one")
@@ -61,27 +61,43 @@ Who = Annotated[
 
 
 def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], fleet: int, where: str) -> None:
-    """Raise when a target, found at the field `where`, cannot be among the robots of these names, or is nobody.
+    """Raise when a target cannot be among some robots, or is nobody.
 
-    fleet: how many of them are not spare.
+    Args:
+        who: the target.
+        names: of all robots.
+        fleet: how many of them are not spare.
+        where: the target's field.
+
+    Raises:
+        PydanticCustomError: when the target is none.
     """
     if isinstance(who, Some):
         if who.count is not None and who.count > fleet:
-            raise wrong(f"{where}.count", f"there are {fleet} robots; give at most that", who.count)
+            raise wrong(f"{where}.count", f"there are {fleet} robots; give at most {fleet}", who.count)
     elif isinstance(who, str):
         if who not in WORDS:
             check_name(who, names, where)
         elif who == "minority" and fleet == 1:
-            raise wrong(where, "there is one robot, and a minority of one is nobody; write one or all")
+            raise wrong(where, "there is one robot, so a minority is nobody; write one or all")
     else:
         for index, name in enumerate(who):
             check_name(name, names, f"{where}.{index}")
             if name in who[:index]:
-                raise wrong(f"{where}.{index}", f"{name} stands in the list twice; leave one out")
+                raise wrong(f"{where}.{index}", f"{name} is in the list twice; remove one")
 
 
 def check_name(name: str, names: Sequence[str], where: str) -> None:
-    """Raise when no robot has a name, found at the field `where`."""
+    """Raise when no robot has a name.
+
+    Args:
+        name: to look for.
+        names: of all robots.
+        where: the name's field.
+
+    Raises:
+        PydanticCustomError: when no robot has it.
+    """
     if name not in names:
         near = get_close_matches(name, names, n=1, cutoff=0.6)
         some = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
@@ -91,7 +107,17 @@ def check_name(name: str, names: Sequence[str], where: str) -> None:
 def meant(
     who: str | tuple[str, ...] | Some, numbers: Mapping[str, int], spares: frozenset[int], drawing: Drawing
 ) -> tuple[int, ...]:
-    """The robots that a target means, ascending. numbers: of all robots by name, which `check_who` has seen."""
+    """The robots that a target means.
+
+    Args:
+        who: the target, which `check_who` has checked.
+        numbers: of all robots by name.
+        spares: numbers of the spare robots.
+        drawing: what the target is drawn from.
+
+    Returns:
+        robot numbers, ascending.
+    """
     if isinstance(who, tuple):
         return tuple(sorted(numbers[name] for name in who))
     if isinstance(who, str) and who not in WORDS:
@@ -103,13 +129,23 @@ def meant(
 
 
 def in_drawn_order(numbers: Iterable[int], drawing: Drawing) -> list[int]:
-    """Robots in an order drawn for one field of one fault."""
+    """Robots in an order drawn for one field of one fault.
+
+    Args:
+        numbers: of the robots.
+        drawing: what the order is drawn from.
+    """
     seed, index, field = drawing
     return sorted(numbers, key=lambda number: (draw(seed, Purpose.FAULT, index, field, number), number))
 
 
 def size_of(who: str | Some, robots: int) -> int:
-    """How many of so many robots a target by size means."""
+    """How many robots a target by size means.
+
+    Args:
+        who: the target.
+        robots: how many there are to choose from.
+    """
     if isinstance(who, Some):
         if who.count is not None:
             return who.count

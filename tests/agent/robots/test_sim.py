@@ -9,10 +9,11 @@ from agent.ports import Decision, State
 from agent.robots.sim import SILENCE_S, Identity, SimRobot
 from patrol.exchange import Reply, Sensed
 from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.link import Mailbox, Presence
+from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,
+    Failed,
     Hello,
     HelloReply,
     PhaseA,
@@ -26,7 +27,7 @@ from patrol.net.phases import (
     decode_to_world,
     encode,
 )
-from patrol.pose import Pose, Velocity
+from patrol.pose import Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
 
 ME = Identity("r1", 1, 77, "a" * 64)
@@ -52,7 +53,7 @@ class Clocked(Mailbox[ToRobot | Presence]):
 class Scene:
     """One robot, what it is sent and what it answers."""
 
-    def __init__(self, patience_s: float = 60.0, blind_s: float = math.inf) -> None:
+    def __init__(self, patience_s: float = 60.0, blind_s: float = math.inf, model: str = "holonomic") -> None:
         self.sent: list[ToWorld] = []
         self.times: list[float] = []
         self.waited: list[float] = []
@@ -64,6 +65,7 @@ class Scene:
             ME,
             self.ending,
             patience_s,
+            model=model,
             blind_s=blind_s,
             waiting=self.waited.append,
             now=lambda: self.mailbox.time,
@@ -299,3 +301,50 @@ def test_it_drives_on_in_lockstep_and_has_nothing_to_stop_before_it_has_driven()
         scene.end_after(5.0)
         assert scene.robot.sense() is None
         assert STILL not in scene.sent
+
+
+def test_a_car_that_stops_is_told_so_in_its_own_way() -> None:
+    scene = Scene(patience_s=10.0, blind_s=2.0, model="car")
+    scene.world(present=True)
+    scene.tick(3)
+    scene.end_after(5.0)
+    assert scene.robot.sense() is None
+    assert scene.sent.count(replace(STILL, reply=replace(STILL.reply, command=Drive(0.0, 0.0)))) == 1
+
+
+def test_a_mind_that_cannot_go_on_says_at_which_tick_and_why() -> None:
+    scene = Scene()
+    scene.robot.stop("too early")
+    scene.tick(4)
+    scene.tell(a(5))
+    assert scene.robot.sense() is not None
+    scene.robot.stop("its policy failed")
+    assert scene.sent[0] == Failed(1, 77, 0, "too early")
+    assert scene.last(1) == [Failed(1, 77, 5, "its policy failed")]
+
+
+def test_a_command_that_nobody_reports_on_is_sent_all_the_same() -> None:
+    scene = Scene()
+    scene.tick(3)
+    scene.tell(a(4), b(4))
+    assert scene.robot.sense() is not None
+    scene.robot.send((b"frame",))
+    assert scene.robot.hear() == []
+    scene.robot.act(Velocity(0.5, 0.0))
+    assert scene.last(1) == [ReplyB(1, 77, 4, Reply(Velocity(0.5, 0.0), "patrolling", None, 0.0, 0))]
+
+
+def test_it_is_a_clock_for_radios() -> None:
+    scene = Scene()
+    scene.tell(a(0), b(0, (b"x",)), a(3))
+    assert scene.robot.tick() == 3
+    scene.tell(b(3))
+    assert scene.robot.decide()
+    scene.tell(a(4), a(5))
+    assert scene.robot.tick() == 5
+    scene.tell(a(6))
+    assert not scene.robot.decide()
+    scene.ending.ask("enough")
+    assert scene.robot.tick() == 6
+    assert scene.robot.tick() is None
+    assert not scene.robot.decide()

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.routes.ground import Disc, Ground
+from agent.routes.ground import Area, Disc, Ground
 from agent.routes.kernels.wave import HEMMED, OPEN, STATUS
 from patrol.ground.terrain import Terrain
 
@@ -61,3 +61,40 @@ def test_no_body_joins_through_a_wall() -> None:
     joined = ground.join(4.75, 4.1)
     assert joined is not None
     assert joined[1] <= 10
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), turns=st.lists(st.tuples(discs, discs), min_size=1, max_size=3))
+def test_what_a_policy_closes_is_closed_besides_and_for_its_tick_only(
+    seed: int, turns: list[tuple[list[Disc], list[Disc]]]
+) -> None:
+    rng = np.random.default_rng(seed)
+    is_open = rng.random((20, 24)) < 0.85
+    part = rng.random((20, 24)) < 0.1
+    ground = Ground(Terrain("t", is_open, 0.5), is_open)
+    for in_the_way, closed in turns:
+        ground.begin(in_the_way)
+        if closed:
+            assert np.array_equal(ground.state, fresh(is_open, in_the_way))
+        ground.close(closed)
+        ground.close(areas=[Area(part)])
+        assert np.array_equal(ground.state, fresh(is_open & ~part, [*in_the_way, *closed]))
+        assert np.array_equal(ground.open_now, ground.state[1:-1, 1:-1] & STATUS == OPEN)
+        assert np.array_equal(ground.static.state, fresh(is_open, []))
+    ground.begin([])
+    assert np.array_equal(ground.state, fresh(is_open, []))
+    assert ground.static is ground
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 2**32 - 1), share=st.sampled_from([0.0, 0.02, 0.5]))
+def test_an_area_is_closed_as_a_whole(seed: int, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    is_open, part = rng.random((20, 24)) < 0.85, rng.random((20, 24)) < share
+    area = Area(part)
+    top, bottom, left, right = area.box
+    assert area.mask.shape == (bottom - top, right - left)
+    assert area.mask.sum() == part.sum()
+    ground = Ground(Terrain("t", is_open, 0.5), is_open)
+    ground.close(areas=[area])
+    assert np.array_equal(ground.state, fresh(is_open & ~part, []))

@@ -130,7 +130,7 @@ def test_what_is_wrong_is_said_before_anything_runs(tmp_path: Path, says: dict[s
     assert "trial.yaml" in str(caught.value) or ".yaml: no such file" in str(caught.value)
 
 
-@pytest.mark.parametrize(("text", "problem"), [("", "no sweep"), ("[1]", "no sweep"), ("base: {", "mend the YAML")])
+@pytest.mark.parametrize(("text", "problem"), [("", "no sweep"), ("[1]", "no sweep"), ("base: {", "correct the YAML")])
 def test_a_file_that_is_no_sweep(tmp_path: Path, text: str, problem: str) -> None:
     (tmp_path / "odd.yaml").write_text(text)
     with pytest.raises(BadInput, match=problem):

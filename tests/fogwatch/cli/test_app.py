@@ -77,7 +77,7 @@ def test_quiet_prints_the_folder_and_nothing_else(
     [
         (["nowhere"], "no such scenario"),
         (["."], "is a folder"),
-        (["noise"], "no UTF-8 text"),
+        (["noise"], "is not UTF-8 text"),
         (["words"], "expected keys and values"),
         (["open", "--robots", "many"], "--robots"),
         (["open", "--robots", "0"], "robots.count"),

@@ -148,8 +148,8 @@ def test_a_changed_scenario_is_told(quiet: Any, copied: Callable[..., Path]) -> 
         (shutil.rmtree, "no such folder"),
         (lambda folder: (folder / "journal").unlink(), "holds no file journal, so it is not"),
         (lambda folder: (folder / "scenario.yaml").unlink(), "holds no file scenario.yaml, so it is not"),
-        (lambda folder: (folder / "journal").write_bytes(b"something else"), "is no fogwatch journal"),
-        (lambda folder: (folder / "journal").write_bytes(b"fogwatch journal 1\n"), "no whole header"),
+        (lambda folder: (folder / "journal").write_bytes(b"something else"), "is not a fogwatch journal"),
+        (lambda folder: (folder / "journal").write_bytes(b"fogwatch journal 1\n"), "no complete header"),
     ],
 )
 def test_what_is_no_run_is_said(

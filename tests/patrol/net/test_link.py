@@ -5,72 +5,14 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from patrol.net.link import Link, LinkDown, Mailbox, Payload, Presence, open_link, open_router
+from patrol.net.link import Link, LinkDown, open_link, open_router
+from patrol.net.mailbox import Mailbox, Presence
 from tests.routers import free_endpoint, routed
-
-
-class Bytes:
-    """A payload that has not been copied out of Zenoh yet."""
-
-    def __init__(self, data: bytes) -> None:
-        self.data = data
-        self.copied = False
-
-    def __len__(self) -> int:
-        return len(self.data)
-
-    def to_bytes(self) -> bytes:
-        self.copied = True
-        return self.data
 
 
 def whole(payload: bytes) -> int:
     """Decodes what holds a number."""
     return int(payload)
-
-
-def box(room: int = 3) -> Mailbox[int]:
-    return Mailbox(("a", "b"), whole, longest=4, room=room)
-
-
-def payload(text: str) -> Payload:
-    return Bytes(text.encode())
-
-
-def test_messages_wait_in_order_and_keys_take_turns() -> None:
-    mailbox = box()
-    for text in "123":
-        mailbox.deliver("a", payload(text))
-    mailbox.deliver("b", payload("9"))
-    assert [mailbox.get() for _ in range(5)] == [("a", 1), ("b", 9), ("a", 2), ("a", 3), None]
-
-
-def test_what_is_dropped_is_counted_by_reason() -> None:
-    mailbox = box()
-    long = Bytes(b"12345")
-    mailbox.deliver("a", long)
-    mailbox.deliver("a", payload("x"))
-    mailbox.deliver("c", payload("1"))
-    for text in "12345":
-        mailbox.deliver("a", payload(text))
-    assert not long.copied
-    assert mailbox.refused == {"oversized": 1, "malformed": 1, "unknown": 1, "overflow": 2}
-    assert [mailbox.get() for _ in range(4)] == [("a", 3), ("a", 4), ("a", 5), None]
-
-
-def test_a_flood_on_one_key_takes_no_room_from_another() -> None:
-    mailbox = box()
-    for number in range(1000):
-        mailbox.deliver("a", payload(str(number)))
-    mailbox.deliver("b", payload("7"))
-    assert ("b", 7) in [mailbox.get(), mailbox.get()]
-
-
-def test_waiting_ends_in_time() -> None:
-    assert box().get(0.01) is None
-
-
-# --- over a real router ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -105,7 +47,7 @@ def dropping(link: Link, key: str) -> Callable[[bytes], None]:
     return link.post(key, waits=False)
 
 
-@pytest.mark.parametrize("way", [Link.post, dropping, Link.show])
+@pytest.mark.parametrize("way", [Link.post, dropping, Link.publisher])
 def test_what_is_sent_arrives_under_its_key(
     way: Callable[..., Callable[[bytes], None]], links: Callable[[], Link]
 ) -> None:

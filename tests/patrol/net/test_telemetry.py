@@ -15,10 +15,10 @@ from patrol.net.telemetry import (
     Traffic,
     Unreadable,
     Watcher,
+    pack_view,
     read_metrics,
     read_notice,
     read_traffic,
-    show,
 )
 
 METRICS = Metrics(3, 10, 1.5, 2.0, 1.0, 2.5, 0.5, 40.0, (RobotView("r1", 1, "patrolling", 1.0, 2.0, 0.5),))
@@ -30,14 +30,17 @@ def record(k: int, mfow: int) -> TickRecord:
 
 
 def test_views_come_back() -> None:
-    assert read_metrics(show(METRICS)) == METRICS
+    assert read_metrics(pack_view(METRICS)) == METRICS
     notice = Notice(3, "lost", "r1", "no answer")
-    assert read_notice(show(notice)) == notice
-    assert msgpack.unpackb(show(Telemetry(1, "holding", None, (1.0, 2.0), None, 3, 4.0, 5)))["refined"] == [1.0, 2.0]
+    assert read_notice(pack_view(notice)) == notice
+    assert msgpack.unpackb(pack_view(Telemetry(1, "holding", None, (1.0, 2.0), None, 3, 4.0, 5)))["refined"] == [
+        1.0,
+        2.0,
+    ]
 
 
 def test_readers_skip_what_they_do_not_know() -> None:
-    says = {**msgpack.unpackb(show(METRICS)), "news": [1, 2]}
+    says = {**msgpack.unpackb(pack_view(METRICS)), "news": [1, 2]}
     assert read_metrics(msgpack.packb(says)) == METRICS
 
 
@@ -54,7 +57,7 @@ def test_anything_else_is_unreadable(payload: bytes) -> None:
 )
 def test_a_wrong_field_is_unreadable(field: str, value: object) -> None:
     with pytest.raises(Unreadable):
-        read_metrics(msgpack.packb({**msgpack.unpackb(show(METRICS)), field: value}))
+        read_metrics(msgpack.packb({**msgpack.unpackb(pack_view(METRICS)), field: value}))
 
 
 def test_a_watcher_adds_up_and_shows_now_and_then() -> None:
@@ -82,7 +85,7 @@ def test_events_are_told_by_name() -> None:
 def test_traffic_comes_back_from_telemetry() -> None:
     traffic = Traffic(2, 30, {"r2": 29, "r3": 0}, 1, final=True)
     view = Telemetry(1, "holding", None, None, None, 3, 4.0, 5, traffic)
-    assert read_traffic(show(view)) == traffic
+    assert read_traffic(pack_view(view)) == traffic
 
 
 @pytest.mark.parametrize(

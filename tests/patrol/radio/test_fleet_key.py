@@ -9,11 +9,6 @@ from typer.testing import CliRunner
 from fogwatch.cli.key import app
 from patrol.errors import BadInput
 from patrol.radio.fleet_key import LONGEST, fleet_key, new_key
-from patrol.scenario import Scenario, load_scenario
-
-
-def with_key(path: Path) -> Scenario:
-    return load_scenario({"terrain": {"builtin": "open"}, "radio": {"key": str(path)}})
 
 
 def test_a_new_key_is_random_long_and_for_its_owner_alone(tmp_path: Path) -> None:
@@ -22,7 +17,7 @@ def test_a_new_key_is_random_long_and_for_its_owner_alone(tmp_path: Path) -> Non
         result = CliRunner().invoke(app, ["new", str(path)], catch_exceptions=False)
         assert (result.exit_code, str(path) in result.output) == (0, True)
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    keys = [fleet_key(with_key(path)) for path in paths]
+    keys = [fleet_key(path) for path in paths]
     assert keys[0] != keys[1]
     assert [len(key or b"") for key in keys] == [LONGEST, LONGEST]
 
@@ -31,7 +26,7 @@ def test_a_key_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "fleet.key"
     new_key(path)
     before = path.read_bytes()
-    with pytest.raises(BadInput, match="is there already"):
+    with pytest.raises(BadInput, match="exists already"):
         new_key(path)
     assert path.read_bytes() == before
     with pytest.raises(BadInput, match="is a folder; name a new file in it"):
@@ -48,5 +43,5 @@ def test_a_key_that_is_none_is_bad_input(tmp_path: Path, data: bytes | None, why
     if data is not None:
         path.write_bytes(data)
     with pytest.raises(BadInput, match=why):
-        fleet_key(with_key(path))
-    assert fleet_key(load_scenario({"terrain": {"builtin": "open"}})) is None
+        fleet_key(path)
+    assert fleet_key(None) is None

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from patrol.net.link import Mailbox
+from patrol.net.mailbox import Mailbox
 from patrol.net.phases import (
     MAX_REPLY,
     Hello,

@@ -180,8 +180,8 @@ def test_the_same_terrain_splits_the_same_way() -> None:
 
 
 def test_too_broken_a_terrain_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("patrol.regions.MOST_CORNERS", 20)
-    with pytest.raises(BadInput, match=r"patrol.paths = regions: yards is too broken up.*choose wave"):
+    monkeypatch.setattr("patrol.regions.split.MOST_CORNERS", 20)
+    with pytest.raises(BadInput, match=r"patrol.paths = regions: the outline of yards has .*choose wave"):
         split_regions(builtin_terrain("yards", 0.5))
 
 

@@ -84,7 +84,10 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"terrain": {"map": "a\nb"}}, "scenario: terrain.map"),
         ({"terrain": {"builtin": "open", "keep_out": [[[0, 0], [1, 1]]]}}, "terrain.keep_out.0"),
         ({"terrain": {"builtin": "open", "keep_out": [[[0, 0], [1, 1], [2]]]}}, "terrain.keep_out.0.2 = [2]"),
-        ({"robots": 3}, "scenario: robots = 3: expected robots alike, {count: 5, model: car, ...}, or a list"),
+        (
+            {"robots": 3},
+            "scenario: robots = 3: expected a group of equal robots, {count: 5, model: car, ...}, or a list",
+        ),
         ({"robots": []}, "scenario: robots = []: expected 1 or more robots"),
         ({"robots": [3]}, "scenario: robots.0 = 3: expected keys and values (model, speed"),
         ({"robots": {"count": 65_001}}, "scenario: robots.count = 65001: expected a whole number from 1 to 65000"),
@@ -100,7 +103,7 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"robots": {"count": 1, "starts": [[1, 2]] * 2}}, "scenario: robots.starts: 2 starts for 1 robots"),
         ({"robots": [{"start": [1]}]}, "scenario: robots.0.start = [1]: expected random, [x, y] in m"),
         ({"robots": [{"name": "a/b"}]}, 'scenario: robots.0.name = "a/b": expected text of at most 32 letters'),
-        ({"robots": [{"name": "r2"}, {}]}, "scenario: robots.1.name: robot 1 is called r2 too; rename one"),
+        ({"robots": [{"name": "r2"}, {}]}, "scenario: robots.1.name: robot 1 has the name r2 too; rename one"),
         ({"name": "../x"}, 'scenario: name = "../x": expected text of at most 64 letters'),
         ({"sensor": {"angle": 361}}, "scenario: sensor.angle = 361: expected a number above 0 and at most 360"),
         ({"sensor": {"line_of_sight": 1}}, "scenario: sensor.line_of_sight = 1: expected true or false"),
@@ -147,7 +150,7 @@ def test_a_scenario_needs_a_terrain_and_nothing_else() -> None:
 
 def test_the_unit_is_told_where_a_number_is_wrong() -> None:
     assert problem({**YARDS, "sensor": {"range": -1}}) == (
-        "scenario: sensor.range = -1: expected a number above 0 and at most 1e9 (m)"
+        "scenario: sensor.range = -1: expected a number above 0 and at most 1e9 (m, range of view)"
     )
 
 
@@ -193,10 +196,10 @@ def test_no_mapping_raises_anything_but_bad_input(raw: dict[str, Any]) -> None:
         ("patrol", "3", "override patrol = 3: expected keys and values"),
         ("sensor.range", "[", "override sensor.range: line 1, column 2"),
         ("sensor.range", "", "override sensor.range = null: expected a number"),
-        ("robots.0.speed", "2", "override robots.0.speed: there is no list to take entry 0 of; leave .0 out"),
+        ("robots.0.speed", "2", "override robots.0.speed: not a list, so there is no entry 0; leave .0 out"),
         ("point.x", "2", "override point.x: 0.1 has no field x; leave .x out"),
-        ("", "2", "override '': names no field"),
-        ("patrol..alpha", "2", "override 'patrol..alpha': names no field"),
+        ("", "2", "override '': is not a field"),
+        ("patrol..alpha", "2", "override 'patrol..alpha': is not a field"),
         ("faults", "[1]", "override faults.0: expected a fault such as {kind: kill, at: 60, who: one}"),
         ("terrain.map", "a.yaml", "override terrain: exactly one is needed"),
     ],

@@ -126,7 +126,7 @@ def test_spare_robots_come_last_and_change_nothing_that_is_there_without_them() 
     ("robots", "problem"),
     [
         ({"count": 64_999, "spare": 2}, "there may be 65000 robots in all; give at most 1"),
-        ([{"spare": True}], "all of them are spare, so nobody patrols; take spare off one"),
+        ([{"spare": True}], "all robots are spare, so none patrols; leave spare out for one"),
         ({"spare": -1}, "expected a whole number from 0 to 65000"),
         ({"count": 1, "spare": 1, "starts": [[1, 1], [2, 2], [3, 3]]}, "3 starts for 2 robots"),
     ],
@@ -138,7 +138,7 @@ def test_spare_robots_that_cannot_be(robots: Any, problem: str) -> None:
 
 def test_sizes_are_of_the_robots_that_are_not_spare() -> None:
     fault = {"kind": "kill", "at": 1, "who": {"count": 3}}
-    with pytest.raises(BadInput, match="there are 2 robots; give at most that"):
+    with pytest.raises(BadInput, match="there are 2 robots; give at most 2"):
         load_scenario({**YARDS, "robots": {"count": 2, "spare": 2}, "faults": [fault]})
 
 

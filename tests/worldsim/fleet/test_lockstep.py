@@ -12,11 +12,12 @@ from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.keys import FleetKeys
-from patrol.net.link import Presence
+from patrol.net.mailbox import Presence
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,
+    Failed,
     Hello,
     HelloReply,
     PhaseA,
@@ -340,6 +341,42 @@ def test_the_end_does_not_wait_for_ever() -> None:
     assert len(net.told(Stop, 1)) >= 2
 
 
+@pytest.mark.parametrize("phase", ["A", "B"])
+def test_who_cannot_go_on_is_lost_at_once_with_its_reason(phase: str) -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.mute = {2}
+    net.deliver(2, Failed(1, 72, 3, "its policy failed at tick 3: no idea"), 0.2)
+    began = net.time
+    answers = fleet.phase_a(3, sensed(3)) if phase == "A" else fleet.phase_b(3, heard())
+    assert list(answers) == [1, 3]
+    assert net.time - began < 1.0
+    assert fleet.lost() == [(2, Status.LOST, "its policy failed at tick 3: no idea")]
+    assert fleet.lost() == []
+    (stop,) = net.told(Stop, 2)
+    assert isinstance(stop, Stop)
+    assert (stop.reason, stop.orderly) == ("left out: its policy failed at tick 3: no idea", False)
+
+
+def test_a_failure_of_another_process_is_not_the_robots_own() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.deliver(2, Failed(1, 99, 3, "another instance"))
+    net.deliver(2, Failed(2, 72, 3, "another incarnation"))
+    assert list(fleet.phase_a(3, sensed(3))) == [1, 2, 3]
+    assert fleet.lost() == []
+    assert net.refused["stranger"] == 2
+
+
+def test_a_robot_that_has_failed_may_come_again_as_another_process() -> None:
+    net = Net()
+    fleet = fleet_of(net)
+    net.deliver(2, Failed(1, 72, 3, "no idea"))
+    fleet.phase_a(3, sensed(3))
+    net.seats.vacate(2)
+    assert net.seats.failed(NAMES) == {}
+
+
 # --- at a pace -------------------------------------------------------------------------------------------------------
 
 
@@ -404,3 +441,21 @@ def test_at_a_pace_only_a_lost_token_loses_a_robot() -> None:
         fleet.phase_a(k, sensed(k))
         fleet.phase_b(k, heard())
     assert fleet.lost() == [(2, Status.LOST, "its process was gone")]
+
+
+def test_at_a_pace_too_who_cannot_go_on_is_lost_with_its_reason() -> None:
+    net = Net()
+    net.gather()
+    fleet = PacedFleet(net.seats, 0.5)
+    net.mute = {2}
+    net.deliver(2, Failed(1, 72, 0, "its policy failed at tick 0: no idea"), 0.2)
+    net.deliver(3, Failed(1, 99, 0, "another instance"), 0.2)
+    fleet.phase_a(0, sensed(0))
+    fleet.phase_b(0, heard())
+    assert fleet.lost() == [(2, Status.LOST, "its policy failed at tick 0: no idea")]
+    (stop,) = net.told(Stop, 2)
+    assert isinstance(stop, Stop)
+    assert stop.reason == "left out: its policy failed at tick 0: no idea"
+    fleet.phase_a(1, sensed(1, (1, 3)))
+    fleet.phase_b(1, heard((1, 3)))
+    assert fleet.lost() == []

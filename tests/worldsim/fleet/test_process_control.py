@@ -11,7 +11,7 @@ import pytest
 
 from patrol.exchange import Sensed
 from patrol.net.keys import FleetKeys
-from patrol.net.link import Presence
+from patrol.net.mailbox import Presence
 from patrol.net.phases import (
     NO_RUN,
     Hello,

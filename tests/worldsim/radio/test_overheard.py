@@ -10,7 +10,7 @@ import pytest
 from patrol.errors import BadInput
 from patrol.journal import End, Header
 from patrol.net.keys import FleetKeys
-from patrol.net.link import Mailbox
+from patrol.net.mailbox import Mailbox
 from patrol.net.telemetry import Traffic
 from patrol.pose import Pose
 from patrol.prepare import prepare
@@ -180,5 +180,5 @@ def test_lockstep_has_no_direct_radio() -> None:
 
 def test_an_ethers_faults_need_an_ether() -> None:
     loss = {"kind": "loss", "rate": 0.5}
-    with pytest.raises(BadInput, match=r"faults\.1.*: loss befalls frames of an ether"):
+    with pytest.raises(BadInput, match=r"faults\.1.*: loss acts on frames in the ether"):
         load_scenario(direct(faults=[{"kind": "drift", "who": "one", "bias": [1, 0]}, loss]))

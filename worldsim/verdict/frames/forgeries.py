@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.radio.message import MAX_ROBOT, Position, Rejected, decode
+from patrol.radio.units import m_to_cm, s_to_ms
 from patrol.scenario.faults.kinds import Drift, Forgery, Spoof
 from worldsim.radio.ether import there
 from worldsim.verdict.checks import Check
@@ -163,7 +164,7 @@ class SpoofsAsAsked:
             return f"sequence {position.sequence}"
         stamp = position.time_ms
         if victim is None:
-            stamp = round(k * self._step * 1000.0)
+            stamp = round(s_to_ms(k * self._step))
         elif victim.said is not None:
             stamp = victim.said.time_ms
         if position.time_ms != stamp:
@@ -185,7 +186,7 @@ class SpoofsAsAsked:
         return "" if sorted(frames) == due else f"does not repeat what its victims sent {spoof.age} ticks ago"
 
     def _on_terrain(self, position: Position) -> bool:
-        x_min, y_min, x_max, y_max = (100.0 * bound for bound in self._bounds)
+        x_min, y_min, x_max, y_max = (m_to_cm(bound) for bound in self._bounds)
         across = x_min - _HALF_CM <= position.x_cm <= x_max + _HALF_CM
         return across and y_min - _HALF_CM <= position.y_cm <= y_max + _HALF_CM
 
@@ -220,5 +221,5 @@ def _shifted(place: Place, victim: _Victim, offset: tuple[float, float]) -> bool
         own_x, own_y, same = float(said.x_cm), float(said.y_cm), heading == said.heading_mrad
     else:
         near, same = _HALF_CM if victim.honest else math.inf, True
-        own_x, own_y = 100.0 * victim.row.x, 100.0 * victim.row.y
-    return same and abs(x - own_x - 100.0 * offset[0]) <= near and abs(y - own_y - 100.0 * offset[1]) <= near
+        own_x, own_y = m_to_cm(victim.row.x), m_to_cm(victim.row.y)
+    return same and abs(x - own_x - m_to_cm(offset[0])) <= near and abs(y - own_y - m_to_cm(offset[1])) <= near

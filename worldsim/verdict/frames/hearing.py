@@ -62,7 +62,7 @@ class Hearing:
         self._used: dict[int, dict[int, bytearray]] = {}
         self.believed: list[Belief] = []
         try:
-            self._key = fleet_key(prepared.scenario)
+            self._key = fleet_key(prepared.scenario.radio.key)
         except BadInput as bad:
             self._unknown = f"not judged: {bad}"
 

@@ -48,7 +48,7 @@ class FramesAreTrue:
         self._key: bytes | None = None
         self._untold = ""
         try:
-            self._key = fleet_key(scenario)
+            self._key = fleet_key(scenario.radio.key)
         except BadInput as bad:
             self._untold = f"; tags not judged: {bad}"
         self._missing: list[tuple[int, int, str]] = []
@@ -70,7 +70,7 @@ class FramesAreTrue:
             self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
             if row.status is Status.ALIVE:
                 due[row.number] = position
-                seen = self._intruders.seen_by(row.number, record.k, true)
+                seen = self._intruders.seen_by(record.k, true)
                 contacts[row.number] = [Position.of_contact(record.k, time_s, *place) for place in seen]
         for source, frame in record.frames:
             if source == FORGED:

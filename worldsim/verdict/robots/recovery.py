@@ -53,7 +53,7 @@ class Recovers:
                 self._missing = f"{self._names.get(gone[0].number, gone[0].number)} is {gone[0].status.name.lower()}"
                 return
             footprint = sensor_footprint(self._prepared.scenario, self._prepared.terrain)
-            self._truth = Truth(footprint, self._prepared.patrolled, self._step)
+            self._truth = Truth(footprint, self._prepared.patrolled)
         poses = [(row.number, Pose(row.x, row.y, row.heading)) for row in record.robots if row.status is Status.ALIVE]
         self._truth.observe(record.k, poses)
         if self._truth.fog.seen == self._truth.fog.points:

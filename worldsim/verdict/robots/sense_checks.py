@@ -15,6 +15,7 @@ from patrol.journal import RobotTick, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import TAU
 from patrol.radio.message import CONTACT, MAX_TIME_MS, Position, Rejected, decode
+from patrol.radio.units import cm_to_m, mrad_to_rad, ms_to_s
 from patrol.scenario.faults.kinds import Clock, Drift
 from worldsim.verdict.chance import FAMILY, enough, unexplained
 from worldsim.verdict.checks import Check, names_of
@@ -131,16 +132,16 @@ class SensesAsAsked:
         for entry in mine:
             if isinstance(entry.fault, Clock):
                 due += entry.fault.offset + entry.fault.rate * (k - entry.begin) * self._step
-        due = min(max(due, 0.0), MAX_TIME_MS / 1000.0)
-        if abs(said.time_ms / 1000.0 - due) > ROUNDED_S:
-            self._blame(number, f"says in tick {k} that it is {said.time_ms / 1000.0:g} s, its clock shows {due:g} s")
+        due = min(max(due, 0.0), ms_to_s(MAX_TIME_MS))
+        if abs(ms_to_s(said.time_ms) - due) > ROUNDED_S:
+            self._blame(number, f"says in tick {k} that it is {ms_to_s(said.time_ms):g} s, its clock shows {due:g} s")
 
     def _look_at_place(self, k: int, row: RobotTick, said: Position, mine: Sequence[Entry]) -> None:
-        x, y = said.x_cm / 100.0, said.y_cm / 100.0
+        x, y = cm_to_m(said.x_cm), cm_to_m(said.y_cm)
         x_min, y_min, x_max, y_max = self._bounds
         if not (x_min <= x <= x_max and y_min <= y <= y_max):
             self._blame(row.number, f"is told in tick {k} that it is off the terrain, at ({x:.2f}, {y:.2f})")
-        if abs(math.remainder(said.heading_mrad / 1000.0 - row.heading, TAU)) > ROUNDED_RAD:
+        if abs(math.remainder(mrad_to_rad(said.heading_mrad) - row.heading, TAU)) > ROUNDED_RAD:
             self._blame(row.number, f"is told in tick {k} a heading of {said.heading_mrad} mrad, which is not its own")
         entries = tuple(entry for entry in mine if isinstance(entry.fault, Drift))
         due_x, due_y, jumps = row.x, row.y, []

@@ -14,7 +14,7 @@ from patrol.scenario import (
     scenario_hash,
     scenario_schema,
 )
-from patrol.scenario.faults.kinds import INSTANT, KINDS, PROCESS_KINDS, AnyFault, OneFault, Spoof, Wait
+from patrol.scenario.faults.kinds import INSTANT, KINDS, PROCESS_KINDS, SENSE_KINDS, ActsOn, OneFault, Spoof, Wait
 from patrol.scenario.faults.targets import Target, meant
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "robots": {"count": 5}, "duration": 100}
@@ -65,9 +65,11 @@ def test_every_kind_is_in_all_the_lists() -> None:
     chosen = get_args(get_args(OneFault)[0])
     tags = [tag.tag for annotated in chosen for tag in annotated.__metadata__]
     assert tags == [f"={kind}" for kind in KINDS]
-    assert [get_args(annotated)[0] for annotated in chosen] == list(get_args(AnyFault))
+    assert [get_args(annotated)[0] for annotated in chosen] == list(KINDS.values())
     assert set(INSTANT) == {"kill", "restart", "resume", "join", "leave"}
     assert set(PROCESS_KINDS) == {*INSTANT, "pause"}
+    assert set(SENSE_KINDS) == {"drift", "clock"}
+    assert all(fault.acts_on in get_args(ActsOn) for fault in KINDS.values())
 
 
 def test_ids_are_by_place_unless_given() -> None:
@@ -111,9 +113,9 @@ def test_faults_can_be_given_as_an_override() -> None:
         (3, "faults.0: expected a fault such as {kind: kill, at: 60, who: one}"),
         ({}, "faults.0.kind: missing; give one of kill, restart"),
         ({"kind": None}, "faults.0.kind: missing; give one of kill, restart"),
-        ({"kind": "lose"}, "faults.0.kind: lose is no kind of fault; did you mean loss?"),
-        ({"kind": "xyzzy"}, "faults.0.kind: xyzzy is no kind of fault; known are kill, restart"),
-        ({"kind": ["kill"]}, "faults.0.kind: ['kill'] is no kind of fault"),
+        ({"kind": "lose"}, "faults.0.kind: lose is not a kind of fault; did you mean loss?"),
+        ({"kind": "xyzzy"}, "faults.0.kind: xyzzy is not a kind of fault; known are kill, restart"),
+        ({"kind": ["kill"]}, "faults.0.kind: ['kill'] is not a kind of fault"),
         ({"kind": "kill"}, "faults.0.who: missing; give a robot's name, a list of names, one"),
         ({"kind": "kill", "who": "one", "for": 3}, "faults.0.for: a kill happens at once; leave 'for' out"),
         ({"kind": "join", "who": "one", "for": 3}, "faults.0.for: a join happens at once; leave 'for' out"),
@@ -125,19 +127,19 @@ def test_faults_can_be_given_as_an_override() -> None:
         ({"kind": "kill", "who": "r12"}, "faults.0.who: there is no robot r12; did you mean r2?"),
         ({"kind": "kill", "who": ["r1", "r9"]}, "faults.0.who.1: there is no robot r9"),
         ({"kind": "kill", "who": ["r1", "one"]}, "faults.0.who.1: there is no robot one"),
-        ({"kind": "kill", "who": ["r1", "r1"]}, "faults.0.who.1: r1 stands in the list twice"),
+        ({"kind": "kill", "who": ["r1", "r1"]}, "faults.0.who.1: r1 is in the list twice"),
         ({"kind": "kill", "who": []}, "faults.0.who = []: expected 1 or more names"),
         ({"kind": "kill", "who": 3}, "faults.0.who = 3: expected a robot's name, a list of names"),
         ({"kind": "kill", "who": {}}, "faults.0.who: exactly one is needed: {count: N} or {fraction: SHARE}"),
         ({"kind": "kill", "who": {"count": 1, "fraction": 0.5}}, "faults.0.who: exactly one is needed"),
         ({"kind": "kill", "who": {"cont": 1}}, "faults.0.who.cont: unknown key; did you mean count?"),
         ({"kind": "kill", "who": {"count": 0}}, "faults.0.who.count = 0: expected a whole number from 1"),
-        ({"kind": "kill", "who": {"count": 6}}, "faults.0.who.count = 6: there are 5 robots; give at most that"),
+        ({"kind": "kill", "who": {"count": 6}}, "faults.0.who.count = 6: there are 5 robots; give at most 5"),
         ({"kind": "kill", "who": {"fraction": 2}}, "faults.0.who.fraction = 2: expected a number above 0 and at most"),
         ({"kind": "kill", "who": "one", "id": "a b"}, 'faults.0.id = "a b": expected text of at most 64 letters'),
         (
             {"kind": "pause", "who": "one", "for": 0},
-            "faults.0.for = 0: expected a number above 0 and at most 1e9 (s, h",
+            "faults.0.for = 0: expected a number above 0 and at most 1e9 (s, d",
         ),
         ({"kind": "loss", "rat": 1}, "faults.0.rat: unknown key; did you mean rate?"),
         ({"kind": "loss", "rate": 1.5}, "faults.0.rate = 1.5: expected a number from 0 to 1 (share of the frames)"),
@@ -154,7 +156,7 @@ def test_faults_can_be_given_as_an_override() -> None:
         ({"kind": "delay", "delay": 3}, "faults.0.delay = 3: expected keys and values (constant, uniform, normal, exp"),
         ({"kind": "delay", "delay": {}}, "faults.0.delay: exactly one is needed: {constant: S}"),
         ({"kind": "delay", "delay": {"constant": -1}}, "faults.0.delay.constant = -1: expected a number from 0"),
-        ({"kind": "delay", "delay": {"uniform": [2, 1]}}, "faults.0.delay.uniform: the least comes first; swap"),
+        ({"kind": "delay", "delay": {"uniform": [2, 1]}}, "faults.0.delay.uniform: the least value comes first; swap"),
         ({"kind": "delay", "delay": {"normal": [2]}}, "faults.0.delay.normal = [2]: expected [mean, standard dev"),
         ({"kind": "delay", "delay": {"unifrom": 1}}, "faults.0.delay.unifrom: unknown key; did you mean uniform?"),
         ({"kind": "reorder", "rate": 0.1, "hold": 0}, "faults.0.hold = 0: expected a number above 0"),
@@ -162,14 +164,17 @@ def test_faults_can_be_given_as_an_override() -> None:
         ({"kind": "partition", "groups": [[]]}, "faults.0.groups.0 = []: expected 1 or more names in a group"),
         ({"kind": "partition", "groups": "thirds"}, 'faults.0.groups = "thirds": expected halves, one (against the'),
         ({"kind": "partition", "groups": [["r1"], ["r2", "r1"]]}, "faults.0.groups.1.1: r1 is in group 0 too; a robot"),
-        ({"kind": "partition", "groups": [["r1", "r1"]]}, "faults.0.groups.0.1: r1 is twice; a robot is in one group"),
+        (
+            {"kind": "partition", "groups": [["r1", "r1"]]},
+            "faults.0.groups.0.1: r1 is listed twice; a robot is in one group",
+        ),
         ({"kind": "partition", "groups": [["r8"]]}, "faults.0.groups.0.0: there is no robot r8"),
         (
             {"kind": "partition", "groups": [["r1", "r2", "r3", "r4", "r5"]]},
-            "faults.0.groups: one group holds every robot, so nothing is cut",
+            "faults.0.groups: one group holds all robots, so nobody is cut off",
         ),
         ({"kind": "range", "reach": 0}, "faults.0.reach = 0: expected a number above 0"),
-        ({"kind": "bandwidth"}, "faults.0.bytes_per_s: missing; give bytes/s of each of them"),
+        ({"kind": "bandwidth"}, "faults.0.bytes_per_s: missing; give bytes/s that each of them can send"),
         ({"kind": "spoof", "payload": "x"}, 'faults.0.payload = "x": expected {offset: [DX, DY]}, freeze, {replay: S}'),
         ({"kind": "spoof", "payload": {}}, "faults.0.payload: exactly one is needed: {offset: [DX, DY]}, {replay: S}"),
         ({"kind": "spoof", "payload": {"replay": 0}}, "faults.0.payload.replay = 0: expected a number above 0"),
@@ -187,9 +192,9 @@ def test_a_wrong_fault_is_told_in_one_line(fault: Any, expected: str) -> None:
 def test_two_faults_of_one_id_are_refused() -> None:
     kill = {"kind": "kill", "who": "one"}
     assert problem({**kill, "id": "a"}, {**kill, "id": "a"}) == (
-        "scenario: faults.1.id: faults.0 is called a too; rename one"
+        "scenario: faults.1.id: faults.0 has the id a too; rename one"
     )
-    assert problem({**kill, "id": "f2"}, kill) == "scenario: faults.1.id: faults.0 is called f2 too; rename one"
+    assert problem({**kill, "id": "f2"}, kill) == "scenario: faults.1.id: faults.0 has the id f2 too; rename one"
 
 
 def test_names_are_those_of_the_roster() -> None:
@@ -202,12 +207,18 @@ def test_names_are_those_of_the_roster() -> None:
 @pytest.mark.parametrize(
     ("fault", "expected"),
     [
-        ({"kind": "kill", "who": "minority"}, "faults.0.who: there is one robot, and a minority of one is nobody"),
-        ({"kind": "loss", "rate": 1, "to": "minority"}, "faults.0.to: there is one robot, and a minority of one"),
+        ({"kind": "kill", "who": "minority"}, "faults.0.who: there is one robot, so a minority is nobody"),
+        ({"kind": "loss", "rate": 1, "to": "minority"}, "faults.0.to: there is one robot, so a minority is nobody"),
         ({"kind": "partition", "groups": "halves"}, "faults.0.groups: there is one robot, and nobody to cut it off"),
         ({"kind": "partition", "groups": "one"}, "faults.0.groups: there is one robot, and nobody to cut it off from"),
-        ({"kind": "partition", "groups": [["r1"]]}, "faults.0.groups: one group holds every robot, so nothing is cut"),
-        ({"kind": "spoof", "by": "r1", "payload": "random"}, "faults.0.as: r1 would forge in nobody's name but its"),
+        (
+            {"kind": "partition", "groups": [["r1"]]},
+            "faults.0.groups: one group holds all robots, so nobody is cut off",
+        ),
+        (
+            {"kind": "spoof", "by": "r1", "payload": "random"},
+            "faults.0.as: the only victim is r1, which forges; name another",
+        ),
     ],
 )
 def test_one_robot_is_refused_what_takes_two(fault: dict[str, Any], expected: str) -> None:
@@ -219,7 +230,7 @@ def test_one_robot_is_refused_what_takes_two(fault: dict[str, Any], expected: st
 @pytest.mark.parametrize("victims", ["r2", ["r2"]])
 def test_nobody_forges_in_its_own_name_alone(victims: object) -> None:
     spoof = {"kind": "spoof", "by": "r2", "as": victims, "payload": "freeze"}
-    assert "faults.0.as: r2 would forge in nobody's name but its own; name another" in problem(spoof)
+    assert "faults.0.as: the only victim is r2, which forges; name another victim" in problem(spoof)
     invented = {**spoof, "payload": {"invented": 2}}
     assert load_scenario({**YARDS, "faults": [{**spoof, "as": ["r1", "r2"]}, invented]}).faults
 
@@ -236,7 +247,7 @@ def test_nor_does_who_is_drawn_to_be_its_own_victim(victims: object) -> None:
     victim = f"r{number}"
     with pytest.raises(BadInput) as caught:
         load_scenario(spoof(victim))
-    says = f"faults.0.as: with seed 5 that is {victim} itself, which would forge in nobody's name but its own; name "
+    says = f"faults.0.as: with seed 5 the only victim is {victim}, which forges; name another victim, or change by"
     assert says in str(caught.value)
     for other in {"r1", "r2", "r3"} - {victim}:
         load_scenario(spoof(other))
@@ -252,7 +263,9 @@ def test_no_draw_leaves_a_link_with_one_robot_at_both_ends() -> None:
             assert load_scenario(scenario).faults
             continue
         refused.add(seed)
-        with pytest.raises(BadInput, match=f"faults.0.to: with seed {seed} both ends are r1, which hears nothing from"):
+        with pytest.raises(
+            BadInput, match=f"faults.0.to: with seed {seed} sender and receiver are both r1; name one of them"
+        ):
             load_scenario(scenario)
     assert 0 < len(refused) < 20
     alone = {"terrain": {"builtin": "open"}, "robots": {"count": 1}, "faults": [{"kind": "loss", "rate": 1}]}

@@ -318,7 +318,7 @@ def test_an_inbox_that_believes_what_it_heard_before_finds_out(
 ) -> None:
     """The repeated frames' originals came before, from the robots themselves."""
     spoof = {"kind": "spoof", "as": own, "payload": {"replay": 5.0}, "id": "echo"}
-    monkeypatch.setattr("patrol.radio.replay_window.Window.fresh", lambda *_: True)
+    monkeypatch.setattr("patrol.radio.replay_window.ReplayWindow.fresh", lambda *_: True)
     world, journal = run(spoof, key=key)
     found = failures(judge(journal, {}, world.prepared))
     assert list(found) == ["forged frames"]
@@ -326,7 +326,7 @@ def test_an_inbox_that_believes_what_it_heard_before_finds_out(
 
 
 def test_an_inbox_that_believes_copies_finds_out(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("patrol.radio.replay_window.Window.fresh", lambda *_: True)
+    monkeypatch.setattr("patrol.radio.replay_window.ReplayWindow.fresh", lambda *_: True)
     world, journal = run({"kind": "duplicate", "rate": 1.0, "delay": {"constant": 0.0}})
     found = failures(judge(journal, {}, world.prepared))
     assert found == {"refused frames": "r1 believed frame 0 of r2 for the second time at tick 0"}

@@ -11,9 +11,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from patrol.random import Purpose
-from patrol.scenario.faults.delays import Dice
-from patrol.scenario.faults.kinds import KINDS, STRANGER
+from patrol.random import Draws, Purpose
+from patrol.scenario.faults.kinds import KINDS, STRANGER, Join, Leave
 from patrol.scenario.faults.nemesis_spec import room_for
 from patrol.scenario.faults.roster import tick_of
 from patrol.scenario.model import Scenario
@@ -23,18 +22,28 @@ SHORTEST, LONGEST = 0.3, 2.0
 
 
 def written_out(scenario: Scenario) -> Scenario:
-    """The same scenario with concrete faults in the place of its nemesis, after those that it has."""
+    """The same scenario with concrete faults in the place of its nemesis, after those that it has.
+
+    Args:
+        scenario: with or without a nemesis.
+    """
     if scenario.nemesis is None:
         return scenario
     mapping = scenario.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
-    return Scenario.model_validate(mapping | {"faults": mapping["faults"] + unleash(scenario)})
+    return Scenario.model_validate(mapping | {"faults": mapping["faults"] + drawn_faults(scenario)})
 
 
-def unleash(scenario: Scenario) -> list[dict[str, Any]]:
-    """The concrete faults of a scenario's nemesis, as entries of its `faults`, by the intervals they begin in.
+def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
+    """The concrete faults of a scenario's nemesis, by the intervals they begin in.
 
-    They depend on the nemesis, the roster, the seed, the step and the duration, and spare robots that the scenario's
+    They depend on the nemesis, the roster, the seed, the step and the duration, and on spare robots that the scenario's
     own faults let join or leave.
+
+    Args:
+        scenario: with or without a nemesis.
+
+    Returns:
+        entries of the scenario's `faults`.
     """
     spec, step = scenario.nemesis, scenario.step
     if spec is None:
@@ -46,13 +55,13 @@ def unleash(scenario: Scenario) -> list[dict[str, Any]]:
     taken = {fault.id for fault in scenario.faults}
     found: list[dict[str, Any]] = []
     for slot in range(math.ceil(end / width)):
-        dice = Dice(seed, Purpose.NEMESIS, slot)
+        draws = Draws(seed, Purpose.NEMESIS, slot)
         first = math.ceil(slot * width)
-        begin = dice.whole(first, max(first, min(end, math.ceil((slot + 1) * width)) - 1))
-        length = max(1, round(width * dice.between(SHORTEST, LONGEST)))
+        begin = draws.whole(first, max(first, min(end, math.ceil((slot + 1) * width)) - 1))
+        length = max(1, round(width * draws.between(SHORTEST, LONGEST)))
         if begin < end:
             when = _When(step, begin, min(end, begin + length))
-            found += _numbered(_fault(dice, kinds, robots, when), slot + 1, taken)
+            found += _numbered(_fault(draws, kinds, robots, when), slot + 1, taken)
     return found
 
 
@@ -61,7 +70,7 @@ def _coming_and_going(scenario: Scenario) -> set[str]:
     names = {robot.name for robot in scenario.roster}
     found: set[str] = set()
     for fault in scenario.faults:
-        if fault.kind in ("join", "leave"):
+        if isinstance(fault, Join | Leave):
             who = {fault.who} if isinstance(fault.who, str) else fault.who if isinstance(fault.who, tuple) else names
             found |= names.intersection(who) or names
     return found
@@ -115,7 +124,7 @@ class _Robots:
         busy = {name for name, first, last in self._busy if first <= end and begin <= last}
         return [name for name in self.names if name not in busy and name not in self._spared]
 
-    def take(self, dice: Dice, begin: int, end: int, leave: int = 1) -> list[str]:
+    def take(self, draws: Draws, begin: int, end: int, leave: int = 1) -> list[str]:
         """Some who shall suffer one from one tick to another; none when none can.
 
         leave: how many of those that are free then are left alone.
@@ -123,14 +132,14 @@ class _Robots:
         free = self.free(begin, end)
         if len(free) <= leave:
             return []
-        chosen = dice.some(free, len(free) - leave)
+        chosen = draws.some(free, len(free) - leave)
         self._busy += [(name, begin, end) for name in chosen]
         return chosen
 
-    def any(self, dice: Dice) -> str | list[str]:
+    def any(self, draws: Draws) -> str | list[str]:
         """All, or some, whatever they suffer."""
-        some = dice.some(self.names, len(self.names))
-        return "all" if dice.share() < 0.5 else some
+        some = draws.some(self.names, len(self.names))
+        return "all" if draws.share() < 0.5 else some
 
 
 # --- what is drawn for each kind -------------------------------------------------------------------------------------
@@ -138,138 +147,138 @@ class _Robots:
 Found = list[dict[str, Any]]
 
 
-def _fault(dice: Dice, kinds: Sequence[str], robots: _Robots, when: _When) -> Found:
+def _fault(draws: Draws, kinds: Sequence[str], robots: _Robots, when: _When) -> Found:
     """A fault of a drawn kind, and what heals it; of the kinds, the first in a drawn order that can happen now."""
-    for kind in dice.shuffled(kinds):
-        if found := _OF_KIND[kind](dice, robots, when):
+    for kind in draws.shuffled(kinds):
+        if found := _OF_KIND[kind](draws, robots, when):
             return [{"kind": kind} | found[0], *found[1:]]
     return []
 
 
-def _kill(dice: Dice, robots: _Robots, when: _When) -> Found:
-    who = robots.take(dice, when.begin, when.end)
-    wreck = dice.choice("stays", "removed")
+def _kill(draws: Draws, robots: _Robots, when: _When) -> Found:
+    who = robots.take(draws, when.begin, when.end)
+    wreck = draws.choice("stays", "removed")
     return [{**when.at, "who": who, "wreck": wreck}, {"kind": "restart", **when.healed, "who": who}] if who else []
 
 
-def _restart(dice: Dice, robots: _Robots, when: _When) -> Found:
-    who = robots.take(dice, when.begin, when.begin, leave=0)
+def _restart(draws: Draws, robots: _Robots, when: _When) -> Found:
+    who = robots.take(draws, when.begin, when.begin, leave=0)
     return [{**when.at, "who": who}] if who else []
 
 
-def _pause(dice: Dice, robots: _Robots, when: _When) -> Found:
-    who = robots.take(dice, when.begin, when.end)
+def _pause(draws: Draws, robots: _Robots, when: _When) -> Found:
+    who = robots.take(draws, when.begin, when.end)
     return [{**when.lasting, "who": who}] if who else []
 
 
-def _resume(dice: Dice, robots: _Robots, when: _When) -> Found:
+def _resume(draws: Draws, robots: _Robots, when: _When) -> Found:
     """A pause without an end, which a resume ends."""
-    who = robots.take(dice, when.begin, when.end)
+    who = robots.take(draws, when.begin, when.end)
     return [{**when.at, "kind": "pause", "who": who}, {"kind": "resume", **when.healed, "who": who}] if who else []
 
 
-def _join(dice: Dice, robots: _Robots, when: _When) -> Found:
-    who = robots.take(dice, 0, when.begin)
+def _join(draws: Draws, robots: _Robots, when: _When) -> Found:
+    who = robots.take(draws, 0, when.begin)
     return [{**when.at, "who": who}] if who else []
 
 
-def _leave(dice: Dice, robots: _Robots, when: _When) -> Found:
-    who = robots.take(dice, when.begin, when.end)
+def _leave(draws: Draws, robots: _Robots, when: _When) -> Found:
+    who = robots.take(draws, when.begin, when.end)
     return [{**when.at, "who": who}, {"kind": "join", **when.healed, "who": who}] if who else []
 
 
-def _links(dice: Dice, robots: _Robots) -> dict[str, Any]:
-    sources, targets = robots.any(dice), robots.any(dice)
+def _links(draws: Draws, robots: _Robots) -> dict[str, Any]:
+    sources, targets = robots.any(draws), robots.any(draws)
     return {"from": sources, "to": "all" if sources == targets else targets}
 
 
-def _wait(dice: Dice, when: _When) -> dict[str, Any]:
+def _wait(draws: Draws, when: _When) -> dict[str, Any]:
     """Delays of some steps."""
     long = 6.0 * when.step
-    shape = dice.choice("constant", "uniform", "normal", "exponential")
-    first, second = sorted((dice.between(0.0, long), dice.between(0.0, long)))
+    shape = draws.choice("constant", "uniform", "normal", "exponential")
+    first, second = sorted((draws.between(0.0, long), draws.between(0.0, long)))
     return {shape: [first, second] if shape in ("uniform", "normal") else second}
 
 
-def _loss(dice: Dice, robots: _Robots, when: _When) -> Found:
-    fault = {**when.lasting, **_links(dice, robots), "rate": dice.between(0.05, 1.0)}
-    burst = dice.between(1.0, 12.0)
-    if fault["rate"] * (1.0 + burst) <= burst and dice.share() < 0.5:
+def _loss(draws: Draws, robots: _Robots, when: _When) -> Found:
+    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
+    burst = draws.between(1.0, 12.0)
+    if fault["rate"] * (1.0 + burst) <= burst and draws.share() < 0.5:
         fault["mean_burst"] = burst
     return [fault]
 
 
-def _delay(dice: Dice, robots: _Robots, when: _When) -> Found:
-    return [{**when.lasting, **_links(dice, robots), "delay": _wait(dice, when)}]
+def _delay(draws: Draws, robots: _Robots, when: _When) -> Found:
+    return [{**when.lasting, **_links(draws, robots), "delay": _wait(draws, when)}]
 
 
-def _duplicate(dice: Dice, robots: _Robots, when: _When) -> Found:
-    fault = {**when.lasting, **_links(dice, robots), "rate": dice.between(0.05, 1.0)}
-    return [fault | dice.choice({}, {"delay": _wait(dice, when)})]
+def _duplicate(draws: Draws, robots: _Robots, when: _When) -> Found:
+    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
+    return [fault | draws.choice({}, {"delay": _wait(draws, when)})]
 
 
-def _reorder(dice: Dice, robots: _Robots, when: _When) -> Found:
-    fault = {**when.lasting, **_links(dice, robots), "rate": dice.between(0.05, 1.0)}
-    return [fault | dice.choice({}, {"hold": dice.between(0.1 * when.step, 5.0 * when.step)})]
+def _reorder(draws: Draws, robots: _Robots, when: _When) -> Found:
+    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
+    return [fault | draws.choice({}, {"hold": draws.between(0.1 * when.step, 5.0 * when.step)})]
 
 
-def _partition(dice: Dice, robots: _Robots, when: _When) -> Found:
+def _partition(draws: Draws, robots: _Robots, when: _When) -> Found:
     if len(robots.names) < 2:
         return []
-    first = dice.some(robots.names, len(robots.names) - 1)
+    first = draws.some(robots.names, len(robots.names) - 1)
     rest = [name for name in robots.names if name not in first]
-    more = [dice.some(rest, len(rest))] if dice.share() < 0.5 else []
-    groups: Any = dice.choice([first, *more], [first, *more], "halves", "one")
-    return [{**when.lasting, "groups": groups, "direction": dice.choice("both", "one-way")}]
+    more = [draws.some(rest, len(rest))] if draws.share() < 0.5 else []
+    groups: Any = draws.choice([first, *more], [first, *more], "halves", "one")
+    return [{**when.lasting, "groups": groups, "direction": draws.choice("both", "one-way")}]
 
 
-def _silence(dice: Dice, robots: _Robots, when: _When) -> Found:
-    return [{**when.lasting, "who": robots.any(dice), "direction": dice.choice("in", "out", "both")}]
+def _silence(draws: Draws, robots: _Robots, when: _When) -> Found:
+    return [{**when.lasting, "who": robots.any(draws), "direction": draws.choice("in", "out", "both")}]
 
 
-def _range(dice: Dice, robots: _Robots, when: _When) -> Found:
-    through = dice.choice(True, False)
-    return [{**when.lasting, "who": robots.any(dice), "reach": dice.between(5.0, 60.0), "through_walls": through}]
+def _range(draws: Draws, robots: _Robots, when: _When) -> Found:
+    through = draws.choice(True, False)
+    return [{**when.lasting, "who": robots.any(draws), "reach": draws.between(5.0, 60.0), "through_walls": through}]
 
 
-def _bandwidth(dice: Dice, robots: _Robots, when: _When) -> Found:
-    return [{**when.lasting, "who": robots.any(dice), "bytes_per_s": dice.between(5.0, 100.0)}]
+def _bandwidth(draws: Draws, robots: _Robots, when: _When) -> Found:
+    return [{**when.lasting, "who": robots.any(draws), "bytes_per_s": draws.between(5.0, 100.0)}]
 
 
-def _spoof(dice: Dice, robots: _Robots, when: _When) -> Found:
-    by = dice.choice(STRANGER, dice.choice(*robots.names))
+def _spoof(draws: Draws, robots: _Robots, when: _When) -> Found:
+    by = draws.choice(STRANGER, draws.choice(*robots.names))
     if by == robots.names[0] and len(robots.names) == 1:
         by = STRANGER  # nobody else's name is there to forge
     others = [name for name in robots.names if name != by]
-    offset = [dice.between(-20.0, 20.0), dice.between(-20.0, 20.0)]
-    payload: Any = dice.choice(
+    offset = [draws.between(-20.0, 20.0), draws.between(-20.0, 20.0)]
+    payload: Any = draws.choice(
         {"offset": offset},
         "freeze",
-        {"replay": dice.between(when.step, 40.0 * when.step)},
+        {"replay": draws.between(when.step, 40.0 * when.step)},
         "random",
-        {"invented": dice.whole(1, 3)},
-        {"ahead": dice.whole(1, 10_000)},
+        {"invented": draws.whole(1, 3)},
+        {"ahead": draws.whole(1, 10_000)},
     )
-    return [{**when.lasting, "by": by, "as": dice.some(others, len(others)), "payload": payload}]
+    return [{**when.lasting, "by": by, "as": draws.some(others, len(others)), "payload": payload}]
 
 
-def _drift(dice: Dice, robots: _Robots, when: _When) -> Found:
+def _drift(draws: Draws, robots: _Robots, when: _When) -> Found:
     fault = {
-        "who": robots.any(dice),
-        "bias": [dice.between(-2.0, 2.0), dice.between(-2.0, 2.0)],
-        "growth": [dice.between(-0.05, 0.05), dice.between(-0.05, 0.05)],
-        "noise": dice.between(0.0, 0.5),
+        "who": robots.any(draws),
+        "bias": [draws.between(-2.0, 2.0), draws.between(-2.0, 2.0)],
+        "growth": [draws.between(-0.05, 0.05), draws.between(-0.05, 0.05)],
+        "noise": draws.between(0.0, 0.5),
     }
-    jump = {"jump": {"every": dice.between(2.0 * when.step, 40.0 * when.step), "size": dice.between(0.5, 10.0)}}
-    return [{**when.lasting, **fault, **dice.choice({}, jump)}]
+    jump = {"jump": {"every": draws.between(2.0 * when.step, 40.0 * when.step), "size": draws.between(0.5, 10.0)}}
+    return [{**when.lasting, **fault, **draws.choice({}, jump)}]
 
 
-def _clock(dice: Dice, robots: _Robots, when: _When) -> Found:
-    offset, rate = dice.between(-60.0, 60.0), dice.between(-0.2, 0.2)
-    return [{**when.lasting, "who": robots.any(dice), "offset": offset, "rate": rate}]
+def _clock(draws: Draws, robots: _Robots, when: _When) -> Found:
+    offset, rate = draws.between(-60.0, 60.0), draws.between(-0.2, 0.2)
+    return [{**when.lasting, "who": robots.any(draws), "offset": offset, "rate": rate}]
 
 
-_OF_KIND: Mapping[str, Callable[[Dice, _Robots, _When], Found]] = {
+_OF_KIND: Mapping[str, Callable[[Draws, _Robots, _When], Found]] = {
     "kill": _kill,
     "restart": _restart,
     "pause": _pause,

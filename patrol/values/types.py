@@ -38,7 +38,9 @@ BUILTINS: tuple[str, ...] = get_args(Builtin)
 def expecting(what: str, bare: bool = False) -> WrapValidator:
     """Replace whatever the inner checks say by one message: what was expected.
 
-    bare: `what` says nothing about the field, so that the message should add the field's description.
+    Args:
+        what: the expected value, in words.
+        bare: whether `what` says nothing about the field, so that the message should add the field's description.
     """
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
@@ -59,7 +61,14 @@ def _unexpected(what: str, bare: bool = False) -> PydanticCustomError:
 
 
 def at_least(count: int, what: str) -> AfterValidator:
-    """At least so many items; checked after the items, so that a wrong item is not counted as missing too."""
+    """A check that a list has enough items.
+
+    It runs after the items' own checks, so that a wrong item is not counted as missing.
+
+    Args:
+        count: the least number of items.
+        what: what the items are.
+    """
 
     def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
         if len(items) < count:
@@ -121,9 +130,12 @@ def _shape(value: Any) -> str:
 
 
 def by_shape(what: str) -> Discriminator:
-    """Chooses among alternatives tagged =list, =mapping and =single; `what` tells those that are there.
+    """Choose among alternatives tagged =list, =mapping and =single.
 
     The equals sign sets the tags apart from field names where an error's location mentions them.
+
+    Args:
+        what: what is expected, in words, where a value has none of the shapes.
     """
     return Discriminator(_shape, "expected", "{what}", {"what": what, "bare": False})
 

@@ -13,6 +13,12 @@ class Section(BaseModel):
 
 
 def wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:
-    """A check over several fields failed; `field` is the one to change, dotted from the model that checks."""
+    """The error of a check over several fields.
+
+    Args:
+        field: the field to change, dotted from the model that checks; empty for the model itself.
+        problem: what is wrong and what to do instead.
+        value: the field's value where the message should show it.
+    """
     shown = "" if value is None else f" = {value:g}"
     return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from patrol.errors import BadInput
 from patrol.scenario import load_scenario
-from patrol.scenario.yaml_text import line_of, parse_yaml
+from patrol.yaml_text import line_of, parse_yaml
 
 
 def problem(text: str) -> str:
@@ -56,7 +56,7 @@ def test_plain_values_are_read_by_the_core_rules(text: str, value: object) -> No
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("a: 1\nb: 2\na: 3", "a.yaml: line 3, column 1: a occurs twice; mend the YAML"),
+        ("a: 1\nb: 2\na: 3", "a.yaml: line 3, column 1: a occurs twice; correct the YAML"),
         ("a: {b: 1, b: 1}", "a.yaml: line 1, column 11: b occurs twice"),
         ("a: [1, 2", "a.yaml: line 1, column 9: expected ',' or ']'"),
         ("a: 1\n  b: 2", "a.yaml: line 2, column 4: mapping values are not allowed here"),
@@ -87,7 +87,7 @@ def test_no_text_raises_anything_but_bad_input(text: str) -> None:
         (b"# nothing\n", "is empty"),
         (b"[1, 2]", "holds [1, 2]; expected keys and values"),
         (b"yards", 'holds "yards"; expected keys and values'),
-        (b"\xff\xfe\x00", "no UTF-8 text"),
+        (b"\xff\xfe\x00", "not UTF-8 text"),
         (b"terrain: &a [*a]", "terrain ="),
     ],
 )

@@ -1,0 +1,165 @@
+"""Mailboxes: where messages wait between the thread that receives them and the thread that reads them.
+
+The receiving thread decodes each message and puts it into a `Mailbox`; the mailbox's owner takes messages out with a
+time limit. A message that is too long, malformed, under an unknown key or one too many is dropped and counted on
+arrival, so that it never wakes the owner. Room is per key, so that a flood on one key takes no room from the others.
+
+Nothing here depends on Zenoh: `patrol.net.link` and `patrol.net.multicast` fill mailboxes.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+_ROOM = 256
+
+T = TypeVar("T")
+
+Post = Callable[[bytes], None]
+"""Sends one payload under the key it was made for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """A liveliness token has come or gone.
+
+    Attributes:
+        present: whether it exists now.
+    """
+
+    present: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A query that waits for an answer.
+
+    Attributes:
+        payload: of the query.
+        answer: sends the answer, once; a long answer waits for its receiver.
+    """
+
+    payload: bytes
+    answer: Post
+
+
+class Payload(Protocol):
+    """The payload of a message, which may not have been copied out of Zenoh yet."""
+
+    def __len__(self) -> int:
+        """How many bytes."""
+        ...
+
+    def to_bytes(self) -> bytes:
+        """The bytes."""
+        ...
+
+
+class Mailbox(Generic[T]):
+    """Messages that have arrived and wait to be taken, in order within a key and fairly between keys.
+
+    One thread puts, another gets.
+
+    Attributes:
+        refused: counts of dropped messages by reason: unknown, oversized, malformed, overflow.
+
+    Args:
+        keys: those it accepts.
+        decode: turns a payload into a message, or raises ValueError.
+        longest: bytes of the longest payload that is decoded.
+        room: messages that wait per key; when there are more the oldest is dropped.
+    """
+
+    def __init__(self, keys: Collection[str], decode: Callable[[bytes], T], longest: int, room: int = _ROOM) -> None:
+        self.refused: Counter[str] = Counter()
+        self._decode = decode
+        self._longest = longest
+        self._waiting: dict[str, deque[T]] = {key: deque(maxlen=room) for key in keys}
+        self._ready: deque[str] = deque()
+        self._changed = threading.Condition()
+
+    def deliver(self, key: str, payload: Payload) -> None:
+        """Decode one message and put it in; called on the receiving thread.
+
+        Args:
+            key: that it came under.
+            payload: not yet copied.
+        """
+        if len(payload) > self._longest:
+            self.refused["oversized"] += 1
+            return
+        try:
+            message = self._decode(payload.to_bytes())
+        except ValueError:
+            self.refused["malformed"] += 1
+            return
+        self.put(key, message)
+
+    def put(self, key: str, message: T) -> None:
+        """Put one message in; called from any thread.
+
+        Args:
+            key: that it came under.
+            message: decoded.
+        """
+        waiting = self._waiting.get(key)
+        if waiting is None:
+            self.refused["unknown"] += 1
+            return
+        with self._changed:
+            if not waiting:
+                self._ready.append(key)
+                self._changed.notify()
+            elif len(waiting) == waiting.maxlen:
+                self.refused["overflow"] += 1
+            waiting.append(message)
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, T] | None:
+        """Take the next message out.
+
+        Args:
+            timeout_s: how long to wait for one.
+
+        Returns:
+            its key and the message, or None when none came in time.
+        """
+        with self._changed:
+            if not self._ready and timeout_s > 0.0:
+                self._changed.wait(timeout_s)
+            if not self._ready:
+                return None
+            key = self._ready.popleft()
+            waiting = self._waiting[key]
+            message = waiting.popleft()
+            if waiting:
+                self._ready.append(key)
+            return key, message
+
+
+class Air(Protocol):
+    """What carries positions: a `patrol.net.link.Link`, or a `patrol.net.multicast.Group`."""
+
+    def broadcast(self, key: str) -> Post:
+        """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
+
+        Args:
+            key: to publish under.
+        """
+        ...
+
+    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
+        """Put messages into a mailbox.
+
+        Args:
+            key: a key expression.
+            mailbox: where they wait.
+        """
+        ...
+
+    def close(self) -> bool:
+        """Close it; False when that takes too long."""
+        ...

@@ -1,0 +1,66 @@
+"""Sections of a scenario as commented YAML."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from patrol.values.section import Section
+from patrol.yaml_text import add_core_rules
+
+_COMMENT_COLUMN = 32
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes texts so that readers by YAML 1.1 and by 1.2 both see texts."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012 - PyYAML's protocol
+        first: list(rules) for first, rules in yaml.SafeDumper.yaml_implicit_resolvers.items()
+    }
+
+    def ignore_aliases(self, _data: Any) -> bool:
+        return True
+
+
+add_core_rules(_Dumper)
+
+
+def dump_section(section: Section, indent: int = 0) -> str:
+    """A section as YAML, one field a line, with each field's description beside it; what is None is a comment.
+
+    Args:
+        section: of a scenario.
+        indent: spaces before each line.
+    """
+    lines = []
+    for name, field in type(section).model_fields.items():
+        value = getattr(section, name)
+        start = f"{' ' * indent}{name}:"
+        note = field.description or ""
+        if value is None:
+            lines.append(_beside(f"{' ' * indent}# {field.alias or name}:", note))
+        elif isinstance(value, Section):
+            lines += [_beside(start, note), dump_section(value, indent + 2)]
+        elif isinstance(value, tuple) and value and isinstance(value[0], Section):
+            entries = [entry.model_dump(mode="json", exclude_none=True) for entry in value]
+            lines += [_beside(start, note), *(f"{' ' * indent}  - {_flow(entry)}" for entry in entries)]
+        else:
+            lines.append(_beside(f"{start} {_flow(value)}", note))
+    return "\n".join(lines)
+
+
+def _beside(text: str, note: str) -> str:
+    return f"{text:<{_COMMENT_COLUMN}} # {note}" if note else text
+
+
+def _flow(value: Any) -> str:
+    """A value on one line."""
+    text = yaml.dump(
+        _plain(value), Dumper=_Dumper, default_flow_style=True, sort_keys=False, width=2**31, allow_unicode=True
+    )
+    return text.removesuffix("...\n").strip()
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value

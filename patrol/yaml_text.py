@@ -1,0 +1,153 @@
+"""YAML as text, read strictly.
+
+Plain values are read by YAML 1.2's core rules, so 1e3 is a number, 1:30 and 2024-01-01 are texts and `yes` is not a
+boolean. A key that occurs twice in one mapping is an error.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from patrol.errors import BadInput
+
+_CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r")
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML's safe subset, with the core rules of 1.2 for plain values and no key twice."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012 - PyYAML's protocol
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[tuple[str, str]] = set()
+        for key, _ in node.value:
+            name = (key.tag, key.value) if isinstance(key, yaml.ScalarNode) else None
+            if name in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"{key.value} occurs twice", key.start_mark)
+            if name is not None:
+                seen.add(name)
+        return super().construct_mapping(node, deep)
+
+
+_RULES = (
+    ("int", re.compile(r"^[-+]?[0-9]+$|^0o[0-7]+$|^0x[0-9a-fA-F]+$"), list("-+0123456789")),
+    (
+        "float",
+        re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$"),
+        list("-+.0123456789"),
+    ),
+    ("bool", re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF")),
+    ("null", re.compile(r"^(~|null|Null|NULL|)$"), ["~", "n", "N", ""]),
+    ("merge", re.compile(r"^<<$"), ["<"]),
+)
+"""Tag, pattern and possible first characters of each kind of plain value."""
+
+
+def add_core_rules(reader_or_writer: type[yaml.SafeLoader | yaml.SafeDumper]) -> None:
+    """Give a PyYAML loader or dumper the core rules of YAML 1.2 for plain values, beside those that it has.
+
+    Args:
+        reader_or_writer: the class to change.
+    """
+    for tag, rule, first in _RULES:
+        reader_or_writer.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", rule, first)
+
+
+add_core_rules(_Loader)
+
+
+def _int(_loader: _Loader, node: yaml.ScalarNode) -> int:
+    text = node.value
+    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _int)
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, or else in Latin-1, as old maps' comments are.
+
+    Args:
+        path: the file.
+
+    Raises:
+        BadInput: when the file cannot be read or holds no text.
+    """
+    try:
+        return _decode(path.read_bytes())
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise BadInput(f"{path}: is a folder; give a file") from None
+    except UnicodeDecodeError as error:
+        raise BadInput(f"{path}: is not UTF-8 text (byte {error.start}); give a text file") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+
+
+def _decode(content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        if _CONTROLS.intersection(content):
+            raise
+        return content.decode("latin-1")
+
+
+def parse_yaml(text: str, source: str) -> Any:
+    """The one document in a YAML text.
+
+    Args:
+        text: the YAML.
+        source: what errors call it.
+
+    Returns:
+        plain lists, mappings, texts and numbers.
+
+    Raises:
+        BadInput: with the line, when the text is not well formed.
+    """
+    try:
+        return yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain values only
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = "" if mark is None else f" line {mark.line + 1}, column {mark.column + 1}:"
+        raise BadInput(f"{source}:{where} {error.problem or error.context}; correct the YAML") from None
+    except yaml.reader.ReaderError as error:
+        raise BadInput(f"{source}: character {error.position}: {error.reason}; correct the YAML") from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise BadInput(f"{source}: {error}; correct the YAML") from None
+    except RecursionError:
+        raise BadInput(f"{source}: nested too deeply; a scenario needs few levels") from None
+
+
+def line_of(text: str, location: Sequence[int | str]) -> int | None:
+    """The line of a YAML text on which an entry stands.
+
+    Args:
+        text: YAML that can be parsed.
+        location: the path of keys and indices to the entry.
+
+    Returns:
+        the line, from 1; of an entry that is missing, the line of the innermost entry around it; None when not even the
+        first key is there.
+    """
+    node = yaml.compose(text, Loader=_Loader)
+    line = None
+    for part in location:
+        if isinstance(node, yaml.MappingNode):
+            found = next(((key, value) for key, value in node.value if key.value == str(part)), None)
+        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
+            found = (node.value[part], node.value[part])
+        else:
+            found = None
+        if found is None:
+            break
+        line = found[0].start_mark.line + 1
+        node = found[1]
+    return line
