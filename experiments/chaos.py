@@ -41,7 +41,7 @@ SPARE = 0.3
 """Share of the fleets that a spare robot joins."""
 
 DIFFERENT = "traces differ"
-"""The kind of breakage where ways of running a scenario do not give the same trace."""
+"""What went wrong where the ways of running a scenario do not give the same trace."""
 
 T = TypeVar("T")
 
@@ -57,10 +57,22 @@ class Ran:
 
 @dataclass(frozen=True, slots=True)
 class Breakage:
-    """What did not hold. kind: the same for breakages that are alike. detail: for people, maybe of many lines."""
+    """What did not hold in a scenario.
 
-    kind: str
+    Attributes:
+        what: What went wrong, in words that are the same for breakages of the same sort.
+        detail: More of it for people, possibly many lines.
+        way: The way of running the scenario that went wrong; empty where two ways differ.
+    """
+
+    what: str
     detail: str
+    way: str = ""
+
+    @property
+    def kind(self) -> str:
+        """The way and what went wrong; equal for breakages of the same sort."""
+        return f"{self.way}: {self.what}" if self.way else self.what
 
 
 class TooSlow(Exception):
@@ -216,15 +228,17 @@ def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
         except TooSlow as slow:
             raise TooSlow(f"{name}: {slow}") from None
         except BadInput as bad:
-            return Breakage(f"{name}: refused", str(bad))
+            return Breakage("refused", str(bad), name)
         except Exception as error:  # noqa: BLE001 - whatever it is, finding it is the purpose
-            return Breakage(f"{name}: {type(error).__name__} at {_raised_at(error)}", traceback.format_exc())
+            what = f"{type(error).__name__} at {_raised_at(error)}"
+            return Breakage(what, traceback.format_exc(), name)
         if ran.ended not in (COMPLETED, DESERTED):
-            return Breakage(f"{name}: not completed", ran.ended)
+            return Breakage("not completed", ran.ended, name)
         if not ran.verdict.valid:
             failed = ran.verdict.failed
             details = "\n".join(f"{check.name}: {check.detail}" for check in failed)
-            return Breakage(f"{name}: {ran.verdict.outcome} by {', '.join(check.name for check in failed)}", details)
+            what = f"{ran.verdict.outcome} by {', '.join(check.name for check in failed)}"
+            return Breakage(what, details, name)
         traces[name] = ran.trace
     if len(set(traces.values())) > 1:
         return Breakage(DIFFERENT, "\n".join(f"{name}: {trace}" for name, trace in traces.items()))

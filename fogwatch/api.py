@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.launch.live_table import Show, Silent
+from fogwatch.launch.live_table import RunDisplay, SilentDisplay
 from fogwatch.launch.runfolder import RunFolder, create
 from patrol.errors import BadInput
 from patrol.net.telemetry import Metrics, Notice, Watcher
@@ -66,7 +66,7 @@ class Result:
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class RunOptions:
     """How a run is to be done, and who is told.
 
     port: of the router, or None for a free one. begin: called when the ticks are about to begin. stop: asked from then
@@ -79,7 +79,7 @@ class Wishes:
     out: Path | None = None
     in_process: bool = False
     port: int | None = None
-    show: Show = field(default_factory=Silent)
+    display: RunDisplay = field(default_factory=SilentDisplay)
     begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
@@ -121,60 +121,60 @@ def run(
         loaded = load_scenario(scenario, overrides)
     else:
         loaded = open_scenario(str(scenario), overrides)
-    show = Silent() if progress is None else _Calling(progress)
+    display = SilentDisplay() if progress is None else _CallbackDisplay(progress)
     where = None if out is None else Path(out)
-    wishes = Wishes(where, in_process, show=show, recording=recording, report=report, recovery=recovery)
-    return execute(loaded, wishes)
+    options = RunOptions(where, in_process, display=display, recording=recording, report=report, recovery=recovery)
+    return execute(loaded, options)
 
 
-def execute(scenario: Scenario, wishes: Wishes) -> Result:
+def execute(scenario: Scenario, options: RunOptions) -> Result:
     """Run a loaded scenario as wished.
 
     Raises BadInput, and `fogwatch.launch.launcher.Failed` when no fleet would run.
     """
-    warm((*PACKAGES, "monitor") if wishes.recording or wishes.report else PACKAGES, wishes.show.say)
-    folder = create(scenario, wishes.out, datetime.now().astimezone())
+    warm((*PACKAGES, "monitor") if options.recording or options.report else PACKAGES, options.display.say)
+    folder = create(scenario, options.out, datetime.now().astimezone())
     try:
         resolved = folder.load()
         fleet_key(resolved)  # whether it can be read is better known before there are processes
-        return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
+        return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt):
         if not folder.journal.exists():  # what has run is kept, whatever is wrong with it
             folder.discard()
         raise
     finally:
-        wishes.show.close()
+        options.display.close()
 
 
-def _begin(wishes: Wishes) -> None:
+def _begin(options: RunOptions) -> None:
     """The ticks are about to begin, unless somebody has wanted an end before."""
-    wishes.begin()
-    if wishes.stop():
+    options.begin()
+    if options.stop():
         raise KeyboardInterrupt
 
 
-def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
+def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
     from experiments.inprocess import run_in_process
     from patrol.prepare import prepare
     from worldsim.output.ticks_table import TicksTable
 
     prepared = prepare(scenario)
-    _announce(scenario, folder, wishes)
+    _announce(scenario, folder, options)
     names = {spec.number: spec.name for spec in scenario.roster}
     points = int(np.count_nonzero(prepared.patrolled))
     watcher = Watcher(names, points, scenario.step, scenario.ticks, time.monotonic)
-    _begin(wishes)
-    baseline_s = _baseline(prepared, wishes)
+    _begin(options)
+    baseline_s = _baseline(prepared, options)
     with closing(TicksTable(folder.ticks, scenario.step)) as table:
 
         def on_tick(record: TickRecord) -> None:
             table.tick(record)
             metrics = watcher.take(record)
             if metrics is not None:
-                wishes.show.metrics(metrics)
+                options.display.metrics(metrics)
 
         def on_event(event: Event) -> None:
-            wishes.show.notice(watcher.notice(event))
+            options.display.notice(watcher.notice(event))
 
         outcome = run_in_process(
             prepared,
@@ -182,14 +182,14 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
             started=datetime.now(UTC).isoformat(timespec="seconds"),
             progress=on_tick,
             events=on_event,
-            stop=wishes.stop,
+            stop=options.stop,
             threads=min(len(names), os.cpu_count() or 1, MOST_THREADS),
             baseline_s=baseline_s,
         )
-    return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, wishes)
+    return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 
 
-def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
+def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
     from fogwatch.launch.launcher import WORLD, Failed, Launch
     from patrol.prepare import prepare
     from worldsim.timeline import Timeline
@@ -199,13 +199,15 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     prepared = prepare(scenario) if len(names) > EAGER else None
     fleet = f"{scenario.name}-{os.urandom(4).hex()}"
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
-    launch = Launch(folder, fleet, names, wishes.show, wishes.stop, wishes.port, wishes.urgent, absent, wishes.page)
+    launch = Launch(
+        folder, fleet, names, options.display, options.stop, options.port, options.urgent, absent, options.page
+    )
     try:
         launch.start()
         prepared = prepared or prepare(scenario)
-        _announce(scenario, folder, wishes)
+        _announce(scenario, folder, options)
         _write_static(prepared, _unfinished(folder.static))
-        _begin(wishes)
+        _begin(options)
         _unfinished(folder.static).rename(folder.static)
         launch.watch()
     except BaseException:
@@ -223,38 +225,38 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     if not folder.journal.exists():
         if launch.interrupted:
             raise KeyboardInterrupt
-        raise Failed(launch.obituary(WORLD))
+        raise Failed(launch.describe_end(WORLD))
     if exit_codes[WORLD] != 0:
-        wishes.show.say(launch.obituary(WORLD))
+        options.display.say(launch.describe_end(WORLD))
     try:
         journal = read_journal(folder.journal)
     except BadInput as bad:
         raise Failed(str(bad)) from None
     operated = prepared_as_operated(prepared, journal.events)
-    verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, wishes))
+    verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, options))
     wall_s = journal.end.notes.get("wall_s") if journal.end else None
     summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
-    return _result(folder, operated, journal, verdict, summary, wishes)
+    return _result(folder, operated, journal, verdict, summary, options)
 
 
-def _announce(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> None:
+def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> None:
     """Say what begins, now that nothing is wrong with it."""
     count = len(scenario.roster) - len(scenario.spares)
     robots = "1 robot" if count == 1 else f"{count} robots"
     if scenario.spares:
         robots += f", {len(scenario.spares)} more to join,"
-    wishes.show.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
+    options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
 
 
-def _baseline(prepared: Prepared, wishes: Wishes) -> float | None:
+def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
     """The fault-free mean MFoW (s), where it is wanted and one process can tell; that run needs no others."""
     scenario = prepared.scenario
-    if not wishes.recovery or not scenario.faults or scenario.radio.via != "ether" or wishes.stop():
+    if not options.recovery or not scenario.faults or scenario.radio.via != "ether" or options.stop():
         return None
     from experiments.inprocess import fault_free_mfow
 
-    wishes.show.say("running it without its faults, to judge recovery by ...")
-    return fault_free_mfow(prepared, wishes.stop)
+    options.display.say("running it without its faults, to judge recovery by ...")
+    return fault_free_mfow(prepared, options.stop)
 
 
 def _check_memory(robots: int) -> None:
@@ -298,53 +300,53 @@ def _result(
     journal: RunRecord,
     verdict: Verdict,
     summary: Mapping[str, Any],
-    wishes: Wishes,
+    options: RunOptions,
 ) -> Result:
     """Write the summary and what is derived from the journal."""
     from patrol.journal import Journal
     from worldsim.output.record import INTERRUPTED
 
-    asked = wishes.stop()
+    asked = options.stop()
     folder.write_summary(summary)
     step = prepared.scenario.step
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
-    if wishes.draw and len(mfow_s) and not wishes.urgent():
-        wishes.show.say("drawing the final fog ...")
-        _draw(folder, prepared, wishes)
-    if len(mfow_s) and isinstance(journal, Journal) and (wishes.recording or wishes.report):
+    if options.draw and len(mfow_s) and not options.urgent():
+        options.display.say("drawing the final fog ...")
+        _draw(folder, prepared, options)
+    if len(mfow_s) and isinstance(journal, Journal) and (options.recording or options.report):
         from fogwatch.launch.derived import derive
 
-        wishes.show.say(f"writing {' and '.join(_derived(wishes))} ...")
+        options.display.say(f"writing {' and '.join(_derived(options))} ...")
         derive(
             journal,
             prepared,
             summary,
-            folder.recording if wishes.recording else None,
-            folder.report if wishes.report else None,
+            folder.recording if options.recording else None,
+            folder.report if options.report else None,
             # An interrupted run is told of as well; only who asks once more has no time for that.
-            hurry=lambda: wishes.urgent() or (wishes.stop() and not asked),
-            say=wishes.show.say,
+            hurry=lambda: options.urgent() or (options.stop() and not asked),
+            say=options.display.say,
         )
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
     return Result(summary, folder.path, mfow_s, verdict, interrupted)
 
 
-def _derived(wishes: Wishes) -> list[str]:
-    return ["the recording"] * wishes.recording + ["the report"] * wishes.report
+def _derived(options: RunOptions) -> list[str]:
+    return ["the recording"] * options.recording + ["the report"] * options.report
 
 
-def _draw(folder: RunFolder, prepared: Prepared, wishes: Wishes) -> None:
+def _draw(folder: RunFolder, prepared: Prepared, options: RunOptions) -> None:
     try:
         from fogwatch.pictures.run_end import run_picture
 
         run_picture(folder.path, folder.picture, prepared)
     except ImportError as error:
-        wishes.show.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
+        options.display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
     except (BadInput, OSError) as error:
-        wishes.show.say(f"no picture: {error}")
+        options.display.say(f"no picture: {error}")
 
 
-class _Calling:
+class _CallbackDisplay:
     """Passes metrics on to a function and shows nothing else."""
 
     def __init__(self, metrics: Callable[[Metrics], None]) -> None:

@@ -14,7 +14,6 @@ from rich.console import Console
 from rich.progress import TimeRemainingColumn
 
 from experiments.chaos import (
-    DIFFERENT,
     IN_ONE_PROCESS,
     KEY,
     Breakage,
@@ -26,7 +25,7 @@ from experiments.chaos import (
     narrow,
     random_scenario,
 )
-from fogwatch.api import PACKAGES, Wishes, execute
+from fogwatch.api import PACKAGES, RunOptions, execute
 from fogwatch.launch.runfolder import RunFolder
 from fogwatch.progress import bar_on, duration
 from patrol.errors import BadInput
@@ -151,8 +150,8 @@ class Hunt:
             narrowed, words = self._narrowed(scenario, found)
             self._write(seed, narrowed, found, words)
         self._say(f"  {words}")
-        if found.kind != DIFFERENT:  # which no single run can show
-            self._say(f"  fogwatch run {self._file(seed)}{'' if PROCESSES in found.kind else ' --in-process'}")
+        if found.way:  # no single run shows that two ways differ
+            self._say(f"  fogwatch run {self._file(seed)}{'' if found.way == PROCESSES else ' --in-process'}")
         self._say(f"  {self._again(seed)}")
 
     def _file(self, seed: int) -> Path:
@@ -180,8 +179,7 @@ class Hunt:
 
     def _narrowed(self, scenario: Scenario, found: Breakage) -> tuple[Scenario, str]:
         """The scenario with fewer faults, and what to say of that."""
-        in_one = {name for name in IN_ONE_PROCESS if found.kind.startswith(f"{name}:")}
-        ways = IN_ONE_PROCESS if in_one else self._ways(None)
+        ways = IN_ONE_PROCESS if found.way in IN_ONE_PROCESS else self._ways(None)
         slow = 0
 
         def breaks(tried: Scenario) -> bool:
@@ -218,10 +216,10 @@ def as_processes(keep: Path | None) -> Way:
         patience = Patience()
         with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-", ignore_cleanup_errors=True) as folder:
             out = Path(folder) / "run"
-            wishes = Wishes(out, begin=patience.begin, stop=patience.lost, draw=False)
+            options = RunOptions(out, begin=patience.begin, stop=patience.lost, draw=False)
             well = False
             try:
-                result = execute(scenario, wishes)
+                result = execute(scenario, options)
                 patience.check(str(result.summary["ended"]))
                 well = result.verdict.valid
             except TooSlow:

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 
 from patrol.errors import BadInput
 from patrol.net.keys import check_locator
-from patrol.net.link import LinkDown, open_router
+from patrol.net.link import LinkDown, PortBusy, open_router
 from patrol.process.lifeline import heed, run_process
-
-READY = "router ready at"
+from patrol.process.readiness import StartFailure, report_failure, report_ready
 
 HELP = """
 A fleet of several hosts needs one router that all can reach. On that host:
@@ -34,13 +33,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         listen = check_locator(options.listen, "--listen")
         ending = heed(options.lifeline)
         router = open_router(listen)
-    except LinkDown as down:
-        print(f"fogwatch router: {down}", file=sys.stderr)
+    except (LinkDown, BadInput) as error:
+        print(f"fogwatch router: {error}", file=sys.stderr)
+        failure = StartFailure.PORT_BUSY if isinstance(error, PortBusy) else StartFailure.OTHER
+        report_failure(options.ready, failure, str(error))
         return 2
-    except BadInput as bad:
-        print(f"fogwatch router: {bad}", file=sys.stderr)
-        return 2
-    print(f"{READY} {listen}", flush=True)
+    print(f"router ready at {listen}", flush=True)
+    report_ready(options.ready, listen)
     while not ending.wait(3600.0):
         pass
     router.close()
@@ -61,6 +60,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="where to listen; 0.0.0.0 for all of this host's addresses (default: %(default)s)",
     )
     parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
+    parser.add_argument("--ready", type=int, metavar="FD", help="report the start on this pipe (set by the launcher)")
     return parser.parse_args(arguments)
 
 

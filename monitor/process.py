@@ -9,12 +9,14 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monitor.replay.runfiles import journal_in
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.readiness import report_ready
 
 if TYPE_CHECKING:
     from monitor.page.gate import Gate
@@ -56,7 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ending = heed(options.lifeline)
     key = os.environ.pop(KEY, "")
     try:
-        show(opener(options, ending), options.host, options.port, key, ending, announced=bool(key))
+        opened = partial(report_ready, options.ready)
+        show(opener(options, ending), options.host, options.port, key, ending, announced=bool(key), opened=opened)
     except BadInput as bad:
         print(f"monitor: {bad}", file=sys.stderr)
         return 2
@@ -208,4 +211,5 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--port", type=int, default=0, metavar="N", help="TCP port to serve on (a free one)")
     parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="how long to wait for the fleet (60)")
     parser.add_argument("--lifeline", type=int, metavar="FD", help="given by a launcher")
+    parser.add_argument("--ready", type=int, metavar="FD", help="report the page's address on this pipe")
     return parser.parse_args(arguments)

@@ -132,20 +132,20 @@ def run(
 
     from rich.console import Console
 
-    from fogwatch.api import Wishes, execute
+    from fogwatch.api import RunOptions, execute
     from fogwatch.launch.launcher import Failed
-    from fogwatch.launch.live_table import make_show
+    from fogwatch.launch.live_table import make_display
     from fogwatch.launch.summary_text import print_report
 
     def begin() -> None:
         ending.patience = 1  # the first ends the run in order, the second at once
 
-    show = make_show(quiet)
-    wishes = Wishes(
+    display = make_display(quiet)
+    run_options = RunOptions(
         out,
         in_process,
         port,
-        show,
+        display,
         begin=begin,
         stop=lambda: bool(ending),
         urgent=lambda: ending.times > 1,
@@ -155,7 +155,7 @@ def run(
         recovery=recovery,
     )
     try:
-        result = execute(scenario, wishes)
+        result = execute(scenario, run_options)
     except Failed as failed:
         _complain(str(failed))
         return UNKNOWN

@@ -29,7 +29,7 @@ STATUS_STYLES = {
 """How robots' statuses are shown."""
 
 
-class Show(Protocol):
+class RunDisplay(Protocol):
     """Somebody who is told how a run goes."""
 
     def say(self, line: str) -> None:
@@ -49,7 +49,7 @@ class Show(Protocol):
         ...
 
 
-class Silent:
+class SilentDisplay:
     """Shows nothing."""
 
     def say(self, line: str) -> None:
@@ -65,7 +65,7 @@ class Silent:
         """Nothing."""
 
 
-class Plain:
+class PlainDisplay:
     """Prints a line now and then."""
 
     def __init__(self, console: Console) -> None:
@@ -128,12 +128,12 @@ class _Unread(Console):
         self.quiet = True
 
 
-def make_show(quiet: bool) -> Show:
+def make_display(quiet: bool) -> RunDisplay:
     """The way of showing that fits where the standard error goes."""
     console = _Unread(stderr=True)
     if quiet:
-        return Silent()
-    return LiveTable(console) if console.is_terminal else Plain(console)
+        return SilentDisplay()
+    return LiveTable(console) if console.is_terminal else PlainDisplay(console)
 
 
 def headline(metrics: Metrics) -> str:

@@ -10,6 +10,7 @@ tick and its reader, who then heard it seconds late; so it is a tenth of a secon
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import threading
@@ -57,6 +58,10 @@ Post = Callable[[bytes], None]
 
 class LinkDown(Exception):
     """No router answered in time, or none can be here; one line says which."""
+
+
+class PortBusy(LinkDown):
+    """No router can listen here, since another program listens on the port."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,9 +364,15 @@ def open_router(listen: str) -> Link:
     try:
         return Link(zenoh.open(router_config(listen)))
     except zenoh.ZError as error:
-        busy = "in use" in str(error)
-        problem = "the port is busy; choose another" if busy else f"cannot listen there ({_first_line(error)})"
-        raise LinkDown(f"{listen}: {problem}") from None
+        if _system_error(error) == errno.EADDRINUSE:
+            raise PortBusy(f"{listen}: the port is busy; choose another") from None
+        raise LinkDown(f"{listen}: cannot listen there ({_first_line(error)})") from None
+
+
+def _system_error(error: Exception) -> int | None:
+    """The system's error number, which Zenoh gives in its text alone; None where there is none."""
+    found = re.search(r"\(os error (\d+)\)", str(error))
+    return int(found[1]) if found else None
 
 
 def _first_line(error: Exception) -> str:

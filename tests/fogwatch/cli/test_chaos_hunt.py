@@ -97,7 +97,7 @@ def test_what_is_too_slow_does_not_break(
 def test_when_the_tries_run_out_it_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    broken = Breakage("in process: refused", "no")
+    broken = Breakage("refused", "no", "in process")
     monkeypatch.setattr("fogwatch.hunt.examine", lambda *_: broken)
     monkeypatch.setattr("fogwatch.hunt.narrow", lambda scenario, _: Narrowed(scenario, scenario.faults[:2], False))
     assert fogwatch("chaos", "--runs", "1", "--seed", "2000", "--out", str(tmp_path / "chaos")) == 1
@@ -136,7 +136,7 @@ def test_an_interruption_tells_what_broke_before(
     def examined(scenario: Scenario, _: object) -> Breakage:
         if scenario.name == "chaos-2002":
             raise KeyboardInterrupt
-        return Breakage("in process: refused", "no")
+        return Breakage("refused", "no", "in process")
 
     monkeypatch.setattr("fogwatch.hunt.examine", examined)
     monkeypatch.setattr("fogwatch.hunt.MOST_NARROWED", 0)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from fogwatch.launch.live_table import LiveTable, Plain, Silent, clock, headline, make_show
+from fogwatch.launch.live_table import LiveTable, PlainDisplay, SilentDisplay, clock, headline, make_display
 from fogwatch.launch.summary_text import measures, print_report
 from patrol.net.telemetry import Metrics, Notice, RobotView
 
@@ -74,7 +74,7 @@ def test_durations_as_people_say_them(seconds: float, words: str) -> None:
 
 def test_plain_lines_come_now_and_then() -> None:
     text = io.StringIO()
-    plain = Plain(Console(file=text, width=80))
+    plain = PlainDisplay(Console(file=text, width=80))
     for _ in range(3):
         plain.metrics(METRICS)
     plain.notice(Notice(120, "lost", "bert", "no answer [for 10 s]"))
@@ -105,8 +105,8 @@ def test_a_large_fleet_is_cut() -> None:
 
 
 def test_where_it_shows_depends_on_where_it_goes() -> None:
-    assert isinstance(make_show(quiet=True), Silent)
-    assert isinstance(make_show(quiet=False), Plain)
+    assert isinstance(make_display(quiet=True), SilentDisplay)
+    assert isinstance(make_display(quiet=False), PlainDisplay)
 
 
 def test_the_report_says_what_matters(tmp_path: Path) -> None:
