@@ -47,7 +47,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Ran:
+class WayResult:
     """What one way of running a scenario came to. ended: why, as in the journal."""
 
     trace: str
@@ -79,7 +79,7 @@ class TooSlow(Exception):
     """A run was broken off because it took too long, so nobody knows whether it holds."""
 
 
-class Patience:
+class TimeLimit:
     """Tells when a run has taken `LIMIT_S` of wall time since it began."""
 
     def __init__(self) -> None:
@@ -90,7 +90,7 @@ class Patience:
         """Time counts from now on."""
         self._end = time.monotonic() + LIMIT_S
 
-    def lost(self) -> bool:
+    def exceeded(self) -> bool:
         """Whether the run shall stop; a run asks for it, and never does if it is done in time."""
         self._lost = self._lost or time.monotonic() > self._end
         return self._lost
@@ -101,7 +101,7 @@ class Patience:
             raise TooSlow(f"broken off after {LIMIT_S:g} s")
 
 
-Way = Callable[[Scenario], Ran]
+Way = Callable[[Scenario], WayResult]
 
 
 # --- one scenario ----------------------------------------------------------------------------------------------------
@@ -191,29 +191,29 @@ def _intruder(dice: Dice, terrain: str, point: float) -> dict[str, Any]:
 # --- whether it holds ------------------------------------------------------------------------------------------------
 
 
-def in_process(scenario: Scenario) -> Ran:
+def in_process(scenario: Scenario) -> WayResult:
     """One run in this process, its records judged when it is over."""
-    patience = Patience()
-    patience.begin()
-    return _ran(run_in_process(scenario, stop=patience.lost), patience)
+    limit = TimeLimit()
+    limit.begin()
+    return _ran(run_in_process(scenario, stop=limit.exceeded), limit)
 
 
-def replayed(scenario: Scenario) -> Ran:
+def replayed(scenario: Scenario) -> WayResult:
     """The same from the scenario as a file, judged as it goes on."""
     with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-") as folder:
         file = Path(folder) / "scenario.yaml"
         file.write_text(dump_scenario(scenario), encoding="utf-8")
         again = load_scenario(file)
-    patience = Patience()
-    patience.begin()
-    return _ran(run_in_process(again, keep=False, verify_fog=False, stop=patience.lost), patience)
+    limit = TimeLimit()
+    limit.begin()
+    return _ran(run_in_process(again, keep=False, verify_fog=False, stop=limit.exceeded), limit)
 
 
-def _ran(outcome: Outcome, patience: Patience) -> Ran:
+def _ran(outcome: Outcome, limit: TimeLimit) -> WayResult:
     end = outcome.journal.end
     ended = end.reason if end else ""
-    patience.check(ended)
-    return Ran(outcome.summary["trace_hash"], outcome.verdict, ended)
+    limit.check(ended)
+    return WayResult(outcome.summary["trace_hash"], outcome.verdict, ended)
 
 
 IN_ONE_PROCESS: Mapping[str, Way] = {"in process": in_process, "replayed": replayed}

@@ -15,8 +15,8 @@ from rich.table import Table
 
 from experiments.sweeps.plan import Run
 from experiments.sweeps.probe import seconds_per_run
-from experiments.sweeps.results import Result
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.runner import SweepOutcome
 
 
 def bar_on(console: Console, left: ProgressColumn) -> Progress:
@@ -34,11 +34,13 @@ def bar_on(console: Console, left: ProgressColumn) -> Progress:
 
 
 class SweepProgress:
-    """Shows a sweep's progress (`experiments.sweeps.runner.Watcher`); a context manager that clears its bar away."""
+    """Shows a sweep's progress; a context manager that clears its bar away (`experiments.sweeps.runner.SweepObserver`)."""
 
-    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic, foretell: bool = False) -> None:
-        """clock: in s, for the time left. foretell: try a few runs first, to say how long all will take."""
-        self._foretell = foretell
+    def __init__(
+        self, console: Console, clock: Callable[[], float] = time.monotonic, estimate_time: bool = False
+    ) -> None:
+        """clock: in s, for the time left. estimate_time: try a few runs first, to say how long all will take."""
+        self._estimate_time = estimate_time
         self._console = console
         self._clock = clock
         self._begun = 0.0
@@ -68,7 +70,7 @@ class SweepProgress:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._bar.stop()
 
-    def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
+    def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
         """The runs still to be made, and the results that were there."""
         self._todo, self._there = len(todo), len(done)
         there = f", {self._there} are there already" if self._there else ""
@@ -76,7 +78,7 @@ class SweepProgress:
         self._bar.update(self._task, total=self.total, completed=self.done)
         self._begun = self._clock()
 
-    def result(self, result: Result) -> None:
+    def result(self, result: RunResult) -> None:
         """One more run is done."""
         self._made += 1
         left = self._left()
@@ -93,7 +95,7 @@ class SweepProgress:
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def _forecast(self, todo: list[Run], workers: int) -> str:
-        each = seconds_per_run(todo) if self._foretell else None
+        each = seconds_per_run(todo) if self._estimate_time else None
         return "" if each is None else f", {duration(each)} each: about {duration(each * len(todo) / workers)}"
 
     def _left(self) -> str:
@@ -109,7 +111,7 @@ def duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def print_failures(console: Console, outcome: Outcome) -> None:
+def print_failures(console: Console, outcome: SweepOutcome) -> None:
     """The runs that failed, and what to make of results from other versions."""
     if outcome.failed:
         table = Table("case", "seed", "why", box=None, pad_edge=False, header_style="red", title="failed runs")

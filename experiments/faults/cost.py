@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.sweeps.plan import Base, Case, Plan, make_plan
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate
 from patrol.errors import BadInput
 from patrol.radio.message import MAX_TRAIL
@@ -54,7 +54,7 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
+class FaultSetup:
     """What all runs share. robots: of the whole fleet. key: file with a fleet key. duration: s. point: m."""
 
     terrain: str
@@ -93,12 +93,12 @@ GROUPS: Mapping[str, str] = {
 """Groups of conditions, in the order they are shown in."""
 
 
-def conditions(setup: Setup) -> list[Condition]:
+def conditions(setup: FaultSetup) -> list[Condition]:
     """Everything that is tried."""
     return [Condition("quiet", QUIET, []), *_losses(), *_radio(setup), *_robots(setup), *_forgeries(setup)]
 
 
-def chosen(setup: Setup, names: Sequence[str]) -> list[Condition]:
+def chosen(setup: FaultSetup, names: Sequence[str]) -> list[Condition]:
     """Some conditions, by the names of groups or their own (GROUP: NAME), or all where none is named. BadInput.
 
     Always those without faults, which all others are compared with.
@@ -112,7 +112,7 @@ def chosen(setup: Setup, names: Sequence[str]) -> list[Condition]:
     return [condition for condition, name in zip(every, own, strict=True) if {condition.group, name} & wanted]
 
 
-def plan_of(setup: Setup, tried: Sequence[Condition]) -> Plan:
+def plan_of(setup: FaultSetup, tried: Sequence[Condition]) -> Plan:
     """Every run."""
     cases = [
         Case(case_name(condition, variant), {**setup.mapping, **sets, **condition.settings, "faults": condition.faults})
@@ -137,7 +137,7 @@ def _losses() -> Iterator[Condition]:
             yield Condition(f"bursts{end}", f"{100 * rate:g} % lost", burst, rate, settings)
 
 
-def _radio(setup: Setup) -> Iterator[Condition]:
+def _radio(setup: FaultSetup) -> Iterator[Condition]:
     third = setup.duration / 3.0
     silence: dict[str, Any] = {"kind": "silence", "who": "all"}
     yield Condition("silence", "total silence", [silence])
@@ -149,7 +149,7 @@ def _radio(setup: Setup) -> Iterator[Condition]:
         yield Condition("range", f"{reach} m", [{"kind": "range", "reach": reach}], float(reach))
 
 
-def _robots(setup: Setup) -> Iterator[Condition]:
+def _robots(setup: FaultSetup) -> Iterator[Condition]:
     fifth = setup.duration / 5.0
     last = f"r{setup.robots}"
     kill: dict[str, Any] = {"kind": "kill", "who": last, "at": fifth}
@@ -171,7 +171,7 @@ def _robots(setup: Setup) -> Iterator[Condition]:
         yield Condition("fleet", "two robots join", joining)
 
 
-def _forgeries(setup: Setup) -> Iterator[Condition]:
+def _forgeries(setup: FaultSetup) -> Iterator[Condition]:
     forged: dict[str, dict[str, Any]] = {
         "all positions shifted": {"kind": "spoof", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}},
         "one robot's positions at random": {"kind": "spoof", "as": "one", "payload": "random"},
@@ -206,13 +206,13 @@ class Finding:
     stay: float | None
 
 
-def findings(outcome: Outcome, tried: Sequence[Condition]) -> list[Finding]:
+def findings(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[Finding]:
     """What the runs came to, variant by variant."""
     quiet = next(condition for condition in tried if condition.group == "quiet")
     return [_finding(outcome, condition, quiet, variant) for variant in VARIANTS for condition in tried]
 
 
-def _finding(outcome: Outcome, condition: Condition, quiet: Condition, variant: str) -> Finding:
+def _finding(outcome: SweepOutcome, condition: Condition, quiet: Condition, variant: str) -> Finding:
     name = case_name(condition, variant)
 
     def values(metric: str, case: str = name) -> Mapping[int, float]:
@@ -239,7 +239,7 @@ def _mean(values: Any) -> Estimate | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class FaultComparison:
     """A measure of some runs as a ratio to that of others, seed by seed. group: of comparisons shown together."""
 
     group: str
@@ -248,7 +248,7 @@ class Comparison:
     ratio: Estimate
 
 
-Cell = tuple[Condition, str]
+ConditionVariant = tuple[Condition, str]
 """A condition, and a variant that it is run with."""
 
 AGAINST: Mapping[str, str] = {
@@ -259,18 +259,18 @@ AGAINST: Mapping[str, str] = {
 """Groups of comparisons, in the order they are shown in."""
 
 
-def comparisons(outcome: Outcome, tried: Sequence[Condition]) -> list[Comparison]:
+def comparisons(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[FaultComparison]:
     """What can be compared of what was tried: of the seeds that both sides have."""
     found = []
     for group, what, metric, these, those in _pairs(tried):
         ours, theirs = outcome.values(case_name(*these), metric), outcome.values(case_name(*those), metric)
         ratio = _mean(ours[seed] / theirs[seed] for seed in ours if theirs.get(seed))
         if ratio is not None:
-            found.append(Comparison(group, what, these[1], ratio))
+            found.append(FaultComparison(group, what, these[1], ratio))
     return found
 
 
-def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Cell, Cell]]:
+def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, ConditionVariant, ConditionVariant]]:
     """Group, what is compared, the measure, and the two sides."""
     plain, claims = VARIANTS
     by_name = {(condition.group, condition.name): condition for condition in tried}
@@ -288,7 +288,7 @@ def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Cell, Ce
             yield "fleet", f"{after}: {alike.name}", "mfow_late_mean_s", (died, variant), (alike, variant)
 
 
-def as_json(setup: Setup, found: Sequence[Finding], compared: Sequence[Comparison]) -> dict[str, Any]:
+def as_json(setup: FaultSetup, found: Sequence[Finding], compared: Sequence[FaultComparison]) -> dict[str, Any]:
     """For faults.json: each mean with its 95 % interval."""
     measures = ("mfow", "late", "cost", "delivered", "belief", "collisions")
     return {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from experiments.faults.cost import AGAINST, GROUPS, QUIET, VARIANTS, Comparison, Finding, Setup
+from experiments.faults.cost import AGAINST, GROUPS, QUIET, VARIANTS, FaultComparison, FaultSetup, Finding
 from experiments.sweeps.stats import Estimate
 
 HEADS = (
@@ -20,9 +20,9 @@ HEADS = (
 
 
 def page(
-    setup: Setup,
+    setup: FaultSetup,
     found: Sequence[Finding],
-    compared: Sequence[Comparison],
+    compared: Sequence[FaultComparison],
     *,
     command: str,
     wall_s: float,
@@ -34,7 +34,7 @@ def page(
     return "\n".join([*parts, ""])
 
 
-def _head(setup: Setup, command: str, wall_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
+def _head(setup: FaultSetup, command: str, wall_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
     yield "# What faults cost"
     yield ""
     yield f"Made by `{command}`: {wall_s / 60.0:.0f} min of computing on one core."
@@ -77,7 +77,7 @@ def _groups(found: Sequence[Finding]) -> Iterator[str]:
                     yield from (_row(one) for one in here if (one.condition.name, one.variant) == (name, variant))
 
 
-def _comparisons(compared: Sequence[Comparison]) -> Iterator[str]:
+def _comparisons(compared: Sequence[FaultComparison]) -> Iterator[str]:
     for group, title in AGAINST.items():
         here = [one for one in compared if one.group == group]
         if here:

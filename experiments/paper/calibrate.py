@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from experiments.paper.tables import Comparison, Setup, compare, fit_of, paper, plan_of
+from experiments.paper.tables import PaperSetup, TableComparison, compare, fit_of, paper, plan_of
 from experiments.sweeps.plan import Plan
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Fit
 from patrol.errors import BadInput
 
@@ -34,19 +34,19 @@ class RadiusFit:
 
 def radius_setups(
     point: float, radii: Sequence[float], seeds: tuple[int, ...], settings: Mapping[str, object]
-) -> dict[str, Setup]:
+) -> dict[str, PaperSetup]:
     """A setup for each radius (m), by the end of its cases' names. BadInput for radii that make no sense."""
     if not radii or any(not math.isfinite(radius) or radius <= 0.0 for radius in radii) or len({*radii}) < len(radii):
         raise BadInput("--ranges: expected different numbers above 0, in m, such as 10,11,12,13,14")
-    return {f" range {radius:g}": Setup(point, radius, seeds, settings) for radius in radii}
+    return {f" range {radius:g}": PaperSetup(point, radius, seeds, settings) for radius in radii}
 
 
-def calibration_plan(setups: Mapping[str, Setup]) -> Plan:
+def calibration_plan(setups: Mapping[str, PaperSetup]) -> Plan:
     """The runs of the tables that a radius is fitted to, with every setup."""
     return plan_of([paper().table(number) for number in paper().fit_tables], setups)
 
 
-def fit_radii(setups: Mapping[str, Setup], outcome: Outcome) -> list[RadiusFit]:
+def fit_radii(setups: Mapping[str, PaperSetup], outcome: SweepOutcome) -> list[RadiusFit]:
     """How near each radius comes, in the setups' order; one without any run is left out."""
     found = []
     for end, setup in setups.items():
@@ -88,7 +88,7 @@ def fits_as_json(point: float, seeds: Sequence[int], fits: Sequence[RadiusFit]) 
     }
 
 
-def fit_as_json(comparisons: Sequence[Comparison]) -> dict[str, Any] | None:
+def fit_as_json(comparisons: Sequence[TableComparison]) -> dict[str, Any] | None:
     """The fit of those tables together that a radius is fitted to, for fit.json; None unless all of them are there."""
     wanted = [one for one in comparisons if one.table.number in paper().fit_tables]
     near, whole = fit_of(wanted, paper().fit_below), fit_of(wanted)

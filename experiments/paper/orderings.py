@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.paper.tables import Comparison, Ordering, Side
+from experiments.paper.tables import Ordering, Side, TableComparison
 from experiments.sweeps.stats import Estimate, estimate
 
 HELD = "held"
@@ -35,7 +35,7 @@ class Judged:
         return NOT_HELD if self.ratio.low > 1.0 else UNDECIDED
 
 
-def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[Comparison]) -> list[Judged]:
+def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[TableComparison]) -> list[Judged]:
     """Judge those orderings whose tables were run.
 
     Sides with the same columns are compared cell by cell and seed by seed; otherwise, seed by seed, the geometric mean
@@ -61,7 +61,7 @@ def as_json(judged: Judged) -> dict[str, Any]:
     }
 
 
-def _ratio(ordering: Ordering, tables: Mapping[int, Comparison]) -> Estimate | None:
+def _ratio(ordering: Ordering, tables: Mapping[int, TableComparison]) -> Estimate | None:
     lower, higher = (_logs(side, tables[side.table]) for side in (ordering.lower, ordering.higher))
     if ordering.lower.columns != ordering.higher.columns:
         lower, higher = _by_seed(lower), _by_seed(higher)
@@ -74,7 +74,7 @@ def _ratio(ordering: Ordering, tables: Mapping[int, Comparison]) -> Estimate | N
     return Estimate(math.exp(found.mean), low, high, found.count)
 
 
-def _logs(side: Side, comparison: Comparison) -> dict[tuple[str, int], float]:
+def _logs(side: Side, comparison: TableComparison) -> dict[tuple[str, int], float]:
     """Logarithms by column and seed."""
     found = {}
     for column in side.columns:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.sweeps.plan import Base, Case, Plan, make_plan
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, Fit, estimate, fit
 from patrol.errors import BadInput
 from patrol.scenario.explain import did_you_mean
@@ -49,7 +49,7 @@ class Measure:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PaperTable:
     """One of the paper's tables. assumed: what the paper leaves open, in words."""
 
     number: int
@@ -61,7 +61,7 @@ class Table:
     columns: tuple[Variant, ...]
     measures: tuple[Measure, ...]
 
-    def part(self, rows: Sequence[str], columns: Sequence[str]) -> Table:
+    def part(self, rows: Sequence[str], columns: Sequence[str]) -> PaperTable:
         """The table with some of its rows and columns; all of them where none are named. BadInput for unknown ones."""
         kept_rows = self._indexes("row", self.rows, rows)
         kept_columns = self._indexes("column", self.columns, columns)
@@ -145,11 +145,11 @@ class Paper:
     sensor_ranges: tuple[SensorRange, ...]
     fit_tables: tuple[int, ...]
     fit_below: float
-    tables: Mapping[int, Table]
+    tables: Mapping[int, PaperTable]
     orderings: tuple[Ordering, ...]
     remarks: tuple[Remark, ...]
 
-    def table(self, number: int) -> Table:
+    def table(self, number: int) -> PaperTable:
         """A table by its number. BadInput for one that is not there."""
         if number not in self.tables:
             known = f"{min(self.tables)} to {max(self.tables)}"
@@ -183,7 +183,7 @@ def paper() -> Paper:
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
+class PaperSetup:
     """What all cells are run with besides their own settings: point and sensor range (m), seeds, further settings."""
 
     point: float
@@ -192,7 +192,7 @@ class Setup:
     settings: Mapping[str, object] = field(default_factory=dict)
 
 
-def plan_of(tables: Sequence[Table], setups: Mapping[str, Setup]) -> Plan:
+def plan_of(tables: Sequence[PaperTable], setups: Mapping[str, PaperSetup]) -> Plan:
     """The runs of tables with each of some setups, whose names end the cases' names.
 
     BadInput where a cell's scenario is not accepted. All setups need the same seeds.
@@ -237,11 +237,11 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class TableComparison:
     """A table, ours beside the paper's; cells row by row, each measure after the other. wall_s: of all its runs, s."""
 
-    table: Table
-    setup: Setup
+    table: PaperTable
+    setup: PaperSetup
     cells: tuple[Cell, ...]
     wall_s: float
 
@@ -250,7 +250,7 @@ class Comparison:
         return next((cell for cell in self.cells if (cell.row, cell.column) == (row, column)), None)
 
 
-def compare(table: Table, setup: Setup, outcome: Outcome, end: str = "") -> Comparison:
+def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: str = "") -> TableComparison:
     """What a table's runs came to; end: of the names of the setup's cases."""
     cells = []
     for measure in table.measures:
@@ -260,12 +260,12 @@ def compare(table: Table, setup: Setup, outcome: Outcome, end: str = "") -> Comp
                 cells.append(Cell(row.name + measure.suffix, column.name, measure.unit, value, values))
     cases = {f"{table.case(row.name, column.name)}{end}" for row in table.rows for column in table.columns}
     keys = {run.key for run in outcome.plan.runs if run.case in cases}
-    return Comparison(
+    return TableComparison(
         table, setup, tuple(cells), sum(outcome.results[key].wall_s for key in keys & set(outcome.results))
     )
 
 
-def fit_of(comparisons: Sequence[Comparison], below: float | None = None) -> Fit | None:
+def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -> Fit | None:
     """How near the mean MFoWs come to the printed ones, of those printed below so many s; None without any."""
     pairs = [
         (found.mean, cell.paper)
@@ -277,7 +277,7 @@ def fit_of(comparisons: Sequence[Comparison], below: float | None = None) -> Fit
     return fit([ours for ours, _ in pairs], [theirs for _, theirs in pairs]) if pairs else None
 
 
-def as_json(comparison: Comparison) -> dict[str, Any]:
+def as_json(comparison: TableComparison) -> dict[str, Any]:
     """A comparison for table_N.json. ci95: [low, high]; seeds: how many the mean is over; values: by seed."""
     setup = comparison.setup
     return {
@@ -305,7 +305,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def as_lines(comparison: Comparison) -> Iterator[Sequence[object]]:
+def as_lines(comparison: TableComparison) -> Iterator[Sequence[object]]:
     """A comparison for table_N.csv."""
     yield ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio"]
     for cell in comparison.cells:
@@ -314,7 +314,7 @@ def as_lines(comparison: Comparison) -> Iterator[Sequence[object]]:
         yield [cell.row, cell.column, cell.unit, cell.paper, *numbers, len(cell.values), cell.ratio]
 
 
-def _settings(table: Table, row: Variant, column: Variant, setup: Setup) -> dict[str, object]:
+def _settings(table: PaperTable, row: Variant, column: Variant, setup: PaperSetup) -> dict[str, object]:
     return {
         **paper().settings,
         **table.settings,
@@ -326,8 +326,8 @@ def _settings(table: Table, row: Variant, column: Variant, setup: Setup) -> dict
     }
 
 
-def _table(raw: Mapping[str, Any]) -> Table:
-    return Table(
+def _table(raw: Mapping[str, Any]) -> PaperTable:
+    return PaperTable(
         number=raw["number"],
         title=raw["title"],
         columns_are=raw["columns_are"],

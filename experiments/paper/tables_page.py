@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.paper.orderings import Judged
-from experiments.paper.tables import FAR_OFF, Cell, Comparison, Remark, Setup, fit_of, paper
+from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, Remark, TableComparison, fit_of, paper
 from experiments.sweeps.stats import Estimate, Fit
 from patrol.scenario.explain import show
 
@@ -16,9 +16,9 @@ UNEXPLAINED = "not explained"
 
 
 def page(
-    comparisons: Sequence[Comparison],
+    comparisons: Sequence[TableComparison],
     judged: Sequence[Judged],
-    setup: Setup,
+    setup: PaperSetup,
     *,
     command: str,
     wall_s: float,
@@ -42,7 +42,7 @@ def page(
     )
 
 
-def _head(setup: Setup, command: str, wall_s: float) -> Iterator[str]:
+def _head(setup: PaperSetup, command: str, wall_s: float) -> Iterator[str]:
     calibrated = paper().sensor_range(setup.point)
     yield "# The paper's tables, side by side"
     yield ""
@@ -80,7 +80,7 @@ def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
         yield f"![{title}]({file})"
 
 
-def _fits(comparisons: Sequence[Comparison]) -> Iterator[str]:
+def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     """How near each table comes, in one table."""
     rows: list[tuple[str, Fit | None]] = [
         (f"Table {comparison.table.number}", fit_of([comparison])) for comparison in comparisons
@@ -101,7 +101,7 @@ def _fits(comparisons: Sequence[Comparison]) -> Iterator[str]:
             yield f"| {name} | {found.cells} | {found.median_ratio:.3f} | {found.rms_log_error:.3f} | {correlation} |"
 
 
-def _table(comparison: Comparison, pictures: Mapping[str, str]) -> Iterator[str]:
+def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator[str]:
     table = comparison.table
     yield ""
     yield f"## Table {table.number}: {table.title}"
@@ -128,7 +128,7 @@ def _beside(cell: Cell) -> str:
     return text
 
 
-def _far_off(comparisons: Sequence[Comparison]) -> Iterator[str]:
+def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     """Every far-off cell under the remark that speaks of it."""
     by_remark: dict[str, list[str]] = {}
     total = far = 0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate
 from experiments.sweeps.worker import software
 from patrol.errors import BadInput
@@ -35,7 +35,7 @@ class CaseRow:
     change: Mapping[str, Estimate]
 
 
-def case_rows(outcome: Outcome) -> list[CaseRow]:
+def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
     """One row a case, in the plan's order; a metric that no run has is left out."""
     names = dict.fromkeys(name for result in outcome.results.values() if result.ok for name in result.metrics)
     rows = []
@@ -62,7 +62,7 @@ def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate |
     return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
 
 
-def write_tables(outcome: Outcome, folder: Path) -> tuple[Path, Path]:
+def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
     """Write summary.csv and summary.json into the folder; returns where they are."""
     rows = case_rows(outcome)
     as_csv, as_json = folder / "summary.csv", folder / "summary.json"

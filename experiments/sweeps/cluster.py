@@ -17,7 +17,7 @@ PATIENCE_S = 10.0
 """How long to wait for a scheduler to answer and for a first worker."""
 
 
-class ClusterCrew:
+class ClusterWorkers:
     """The workers of a Dask cluster that is already there.
 
     Each needs this version of this software, and a map at the path that the scenario names. Runs on the cluster that

@@ -21,7 +21,7 @@ GRACE_S = 2.0
 """How long a worker that has closed its answers may take to end by itself."""
 
 
-class Crew(Protocol):
+class WorkerPool(Protocol):
     """Workers that make runs; a context manager that leaves none behind."""
 
     size: int
@@ -39,7 +39,7 @@ class Crew(Protocol):
         ...
 
 
-class LocalCrew:
+class LocalWorkers:
     """Processes on this machine, each making one run at a time.
 
     They are started anew and share nothing with this process. One that dies fails its run and is replaced; all leave

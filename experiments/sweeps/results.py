@@ -25,7 +25,7 @@ FAILED = "failed"
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class RunResult:
     """What one run came to.
 
     key: as the plan has it. case, seed: for people; another case may mean the same run. outcome: ok or failed; error:
@@ -54,7 +54,7 @@ class Results:
 
     def __init__(self, path: Path, file: FileIO) -> None:
         self.path = path
-        self.by_key: dict[str, Result] = {}
+        self.by_key: dict[str, RunResult] = {}
         self.repaired = False
         self._file = file
 
@@ -75,7 +75,7 @@ class Results:
         if rest:
             self._mend(rest, len(data) - len(rest))
 
-    def add(self, result: Result) -> None:
+    def add(self, result: RunResult) -> None:
         """Append a result; it is on disk when this returns. BadInput when the disk does not take it."""
         self._write(_line(result))
         self.by_key[result.key] = result
@@ -121,15 +121,15 @@ def open_results(folder: Path) -> Iterator[Results]:
         yield results
 
 
-def _line(result: Result) -> bytes:
+def _line(result: RunResult) -> bytes:
     return json.dumps(asdict(result), allow_nan=False, separators=(",", ":")).encode() + b"\n"
 
 
-def _parse(line: bytes) -> Result | None:
+def _parse(line: bytes) -> RunResult | None:
     """The result in a line, or None for anything else."""
     try:
         says: dict[str, Any] = json.loads(line.decode())
-        result = Result(**says)
+        result = RunResult(**says)
     except (ValueError, TypeError, RecursionError):
         return None
     whole = (

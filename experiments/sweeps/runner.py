@@ -9,26 +9,26 @@ from pathlib import Path
 from typing import Protocol
 
 from experiments.sweeps.plan import Plan, Run
-from experiments.sweeps.pool import Crew, LocalCrew
-from experiments.sweeps.results import Result, Results, open_results
+from experiments.sweeps.pool import LocalWorkers, WorkerPool
+from experiments.sweeps.results import Results, RunResult, open_results
 from experiments.sweeps.worker import PACKAGES, Task, software
 from patrol.scenario import as_mapping
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class SweepOutcome:
     """What a plan's runs came to.
 
     results: by key. made: how many runs this sweep made; the others were there. wall_s: how long that took.
     """
 
     plan: Plan
-    results: Mapping[str, Result]
+    results: Mapping[str, RunResult]
     made: int
     wall_s: float
 
     @property
-    def failed(self) -> list[Result]:
+    def failed(self) -> list[RunResult]:
         """The runs that have no numbers to believe, each once."""
         return [result for result in self._distinct() if not result.ok]
 
@@ -37,7 +37,7 @@ class Outcome:
         """Other versions of this software that made some of the runs."""
         return sorted({result.software for result in self._distinct()} - {software()})
 
-    def _distinct(self) -> list[Result]:
+    def _distinct(self) -> list[RunResult]:
         return [self.results[key] for key in dict.fromkeys(run.key for run in self.plan.runs) if key in self.results]
 
     def values(self, case: str, metric: str) -> dict[int, float]:
@@ -51,14 +51,14 @@ class Outcome:
         return found
 
 
-class Watcher(Protocol):
+class SweepObserver(Protocol):
     """Somebody who looks on."""
 
-    def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
+    def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
         """The runs still to be made, and the results that were there."""
         ...
 
-    def result(self, result: Result) -> None:
+    def result(self, result: RunResult) -> None:
         """One more run is done, and on disk."""
         ...
 
@@ -67,13 +67,13 @@ def run_sweep(
     plan: Plan,
     folder: Path,
     *,
-    crew: Crew | None = None,
-    watcher: Watcher | None = None,
+    workers: WorkerPool | None = None,
+    observer: SweepObserver | None = None,
     say: Callable[[str], None] = lambda _: None,
-) -> Outcome:
+) -> SweepOutcome:
     """Make those of a plan's runs that have no result in `folder` yet; a run that failed before is tried again.
 
-    crew: who works; a process for each core unless given. say: takes remarks on what takes time. BadInput before the
+    workers: who works; a process for each core unless given. say: takes remarks on what takes time. BadInput before the
     first run when the folder, its results or the crew cannot be used. Ending this call early, by an exception such as
     KeyboardInterrupt or by SIGKILL, loses the runs at work alone: the same call goes on where it stopped.
     """
@@ -88,29 +88,29 @@ def run_sweep(
         there = {result.key for result in done}
         todo = [run for run in distinct.values() if run.key not in there]
         if todo:
-            _make(todo, done, results, crew or LocalCrew(), watcher, say)
-        return Outcome(plan, dict(results.by_key), len(todo), time.perf_counter() - begun)
+            _make(todo, done, results, workers or LocalWorkers(), observer, say)
+        return SweepOutcome(plan, dict(results.by_key), len(todo), time.perf_counter() - begun)
 
 
 def _make(
     todo: list[Run],
-    done: list[Result],
+    done: list[RunResult],
     results: Results,
-    crew: Crew,
-    watcher: Watcher | None,
+    workers: WorkerPool,
+    observer: SweepObserver | None,
     say: Callable[[str], None],
 ) -> None:
     from patrol.process.warmup import warm
 
     warm(PACKAGES, say)
-    with crew:
-        if watcher is not None:
-            watcher.begin(todo, done, min(crew.size, len(todo)))
-        for found in crew.work([_task(run) for run in todo]):
-            result = Result(**found)
+    with workers:
+        if observer is not None:
+            observer.begin(todo, done, min(workers.size, len(todo)))
+        for found in workers.work([_task(run) for run in todo]):
+            result = RunResult(**found)
             results.add(result)
-            if watcher is not None:
-                watcher.result(result)
+            if observer is not None:
+                observer.result(result)
 
 
 def _task(run: Run) -> Task:

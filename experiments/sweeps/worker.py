@@ -62,10 +62,10 @@ def run_task(task: Task) -> Answer:
 
 def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str, str | None]:
     """A run's metrics, its trace hash, and why it is not to be believed, if it is not."""
-    from experiments.faults.belief_error import (
+    from experiments.inprocess import run_in_process
+    from experiments.sweeps.belief_error import (
         BeliefError,  # here: loads the kernels, which `greet` may have to compile
     )
-    from experiments.inprocess import run_in_process
     from patrol.scenario import load_scenario
 
     # Nothing comes between this process's world and its own verdict: no need to compute each run's fog twice.

@@ -15,11 +15,11 @@ from typing import Annotated, Any
 import typer
 
 from fogwatch.cli import (
-    chaos_hunt,
+    chaos_command,
     experiment,
     finished,
     key,
-    map_tools,
+    map_commands,
     paper,
     scenario,
     sweep,
@@ -42,11 +42,11 @@ app = typer.Typer(
     epilog="Try: fogwatch run yards --robots 5 --duration 600",
 )
 app.add_typer(scenario.app, name="scenario")
-app.add_typer(map_tools.app, name="map")
+app.add_typer(map_commands.app, name="map")
 app.add_typer(key.app, name="key")
 app.command(epilog=controls.EPILOG)(controls.control)
 app.command()(sweep.sweep)
-app.command()(chaos_hunt.chaos)
+app.command()(chaos_command.chaos)
 for command in (finished.report, finished.compare, finished.record, finished.recording):
     app.command(rich_help_panel=finished.PANEL)(command)
 app.command(rich_help_panel=finished.PANEL)(pages.replay)

@@ -10,11 +10,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.faults.cost import GROUPS, Finding, Setup, as_json, chosen, comparisons, findings, plan_of
+from experiments.faults.cost import GROUPS, FaultSetup, Finding, as_json, chosen, comparisons, findings, plan_of
 from experiments.faults.cost_page import page
 from experiments.sweeps.casetable import json_text, make_folder, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
-from fogwatch.cli.sweep import FAILED, ClusterAddress, Workers, crew_of, make_runs, with_interval
+from fogwatch.cli.sweep import FAILED, ClusterAddress, Workers, make_runs, with_interval, workers_of
 from fogwatch.pictures.fault_costs import costs_picture, curves_picture
 from fogwatch.progress import command_line, print_failures
 from fogwatch.progress import duration as time_text
@@ -69,13 +69,13 @@ def faults(
     if taken := [name for name in given if name.split(".")[0] in TAKEN or name in TAKEN]:
         raise BadInput(f"--set {taken[0]}: the experiment sets that itself; leave it out, or use an option")
     numbers = count_of_seeds(seeds, "--seeds")
-    setup = Setup(terrain, point, duration, robots, numbers, (folder / "fleet.key").resolve(), given)
+    setup = FaultSetup(terrain, point, duration, robots, numbers, (folder / "fleet.key").resolve(), given)
     tried = chosen(setup, [name.strip() for name in only.split(",")] if only else [])
     plan = plan_of(setup, tried)
     if not setup.key.exists():
         make_folder(folder)
         new_key(setup.key)
-    outcome = make_runs(plan, folder, crew_of(workers, cluster), console, foretell=True)
+    outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
     found, compared = findings(outcome, tried), comparisons(outcome, tried)
     _show(console, found)
     write_tables(outcome, folder)

@@ -15,12 +15,23 @@ from experiments.paper.calibrate import best_radius, calibration_plan, crossing,
 from experiments.paper.calibrate import radius_setups as setups_of
 from experiments.paper.orderings import HELD, NOT_HELD, Judged, judge_orderings
 from experiments.paper.orderings import as_json as ordering_as_json
-from experiments.paper.tables import Cell, Comparison, Setup, Table, as_json, as_lines, compare, fit_of, paper, plan_of
+from experiments.paper.tables import (
+    Cell,
+    PaperSetup,
+    PaperTable,
+    TableComparison,
+    as_json,
+    as_lines,
+    compare,
+    fit_of,
+    paper,
+    plan_of,
+)
 from experiments.paper.tables_page import page
 from experiments.sweeps.casetable import csv_text, json_text, write_text
 from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.stats import Fit
-from fogwatch.cli.sweep import FAILED, ClusterAddress, Workers, crew_of, make_runs, with_interval
+from fogwatch.cli.sweep import FAILED, ClusterAddress, Workers, make_runs, with_interval, workers_of
 from fogwatch.pictures.paper_tables import table_picture, terrain_picture
 from fogwatch.progress import command_line, print_failures
 from fogwatch.progress import duration as time_text
@@ -109,7 +120,7 @@ def calibrate(
     setups = setups_of(point, _numbers(ranges), base.seeds, base.settings)
     console = Console()
     folder = _folder(out, point)
-    outcome = make_runs(calibration_plan(setups), folder, crew_of(workers, cluster), console, foretell=True)
+    outcome = make_runs(calibration_plan(setups), folder, workers_of(workers, cluster), console, estimate_time=True)
     fits = fit_radii(setups, outcome)
     write_text(folder / "calibration.json", json_text(fits_as_json(point, base.seeds, fits)))
     grid = Grid(title=f"Tables 2 and 3 on points of {point:g} m", box=None, pad_edge=False, header_style="cyan")
@@ -130,13 +141,13 @@ def calibrate(
 
 
 def _reproduce(
-    tables: Sequence[Table], setup: Setup, out: Path | None, workers: int | None, cluster: str | None
+    tables: Sequence[PaperTable], setup: PaperSetup, out: Path | None, workers: int | None, cluster: str | None
 ) -> int:
     console = Console()
     folder = _folder(out, setup.point)
     plan = plan_of(tables, {"": setup})
     _say(console, f"points of {setup.point:g} m, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
-    outcome = make_runs(plan, folder, crew_of(workers, cluster), console, foretell=True)
+    outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
     comparisons = [compare(table, setup, outcome) for table in tables]
     for comparison in comparisons:
         _show(console, comparison)
@@ -155,7 +166,7 @@ def _reproduce(
     return FAILED if outcome.failed else 0
 
 
-def _terrain_pictures(comparisons: Sequence[Comparison], folder: Path) -> dict[str, str]:
+def _terrain_pictures(comparisons: Sequence[TableComparison], folder: Path) -> dict[str, str]:
     """Draw the tables' terrains; files by title."""
     names = dict.fromkeys(str(comparison.table.settings["terrain.builtin"]) for comparison in comparisons)
     for name in names:
@@ -163,7 +174,9 @@ def _terrain_pictures(comparisons: Sequence[Comparison], folder: Path) -> dict[s
     return {f"terrain {name}": f"terrain_{name}.png" for name in names}
 
 
-def _page(comparisons: Sequence[Comparison], judged: Sequence[Judged], setup: Setup, pictures: dict[str, str]) -> str:
+def _page(
+    comparisons: Sequence[TableComparison], judged: Sequence[Judged], setup: PaperSetup, pictures: dict[str, str]
+) -> str:
     """paper.md."""
     numbers = [comparison.table.number for comparison in comparisons]
     which = ["all"] if numbers == list(paper().tables) else ["table", *map(str, numbers)]
@@ -175,19 +188,19 @@ def _page(comparisons: Sequence[Comparison], judged: Sequence[Judged], setup: Se
 
 def _setup(
     point: float, sensor_range: float | None, seeds: int, duration: float | None, settings: list[str] | None
-) -> Setup:
+) -> PaperSetup:
     given = parse_overrides(settings or [])
     if duration is not None:
         given["duration"] = duration
     radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
-    return Setup(point, radius, count_of_seeds(seeds, "--seeds"), given)
+    return PaperSetup(point, radius, count_of_seeds(seeds, "--seeds"), given)
 
 
 def _folder(out: Path | None, point: float) -> Path:
     return out or Path("runs") / f"paper-{point:g}m"
 
 
-def _calibrated(setup: Setup) -> str:
+def _calibrated(setup: PaperSetup) -> str:
     found = paper().sensor_range(setup.point)
     if setup.sensor_range != found.range:
         return f" (calibrated for points of {found.point:g} m: {found.range:g} m)"
@@ -207,7 +220,7 @@ def _numbers(text: str) -> list[float]:
         raise BadInput(f"--ranges = {text}: expected numbers such as 10,11,12") from None
 
 
-def _show(console: Console, comparison: Comparison) -> None:
+def _show(console: Console, comparison: TableComparison) -> None:
     """A table on the terminal, as a grid; elsewhere cell by cell."""
     table, setup = comparison.table, comparison.setup
     _say(console, "")
@@ -245,7 +258,7 @@ def _plain(cell: Cell) -> str:
     return f"{with_interval(cell.found)} {cell.unit}{printed}{ratio}"
 
 
-def _show_fit(console: Console, comparisons: Sequence[Comparison], folder: Path) -> None:
+def _show_fit(console: Console, comparisons: Sequence[TableComparison], folder: Path) -> None:
     """How near each table comes, and Tables 2 and 3 together."""
     _say(console, "")
     for comparison in comparisons:

@@ -10,10 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.sweeps.casetable import CaseRow, case_rows, write_tables
-from experiments.sweeps.cluster import ClusterCrew
+from experiments.sweeps.cluster import ClusterWorkers
 from experiments.sweeps.plan import Plan, read_plan
-from experiments.sweeps.pool import Crew, LocalCrew
-from experiments.sweeps.runner import Outcome, run_sweep
+from experiments.sweeps.pool import LocalWorkers, WorkerPool
+from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import Estimate
 from fogwatch.progress import SweepProgress, duration, print_failures
 from patrol.errors import BadInput
@@ -59,7 +59,7 @@ def sweep(
     plan = read_plan(file, seeds)
     folder = out or Path("runs") / file.stem
     console = Console()
-    outcome = make_runs(plan, folder, crew_of(workers, cluster), console)
+    outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
     as_csv, as_json = write_tables(outcome, folder)
     print_cases(console, case_rows(outcome))
     print_failures(console, outcome)
@@ -68,23 +68,25 @@ def sweep(
     return FAILED if outcome.failed else 0
 
 
-def crew_of(workers: int | None, cluster: str | None) -> Crew:
+def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
     """Who makes the runs. BadInput when both kinds of workers are asked for."""
     if cluster is None:
-        return LocalCrew(workers)
+        return LocalWorkers(workers)
     if workers is not None:
         raise BadInput("--workers and --cluster: a cluster has its own workers; leave one of the two out")
-    return ClusterCrew(cluster)
+    return ClusterWorkers(cluster)
 
 
-def make_runs(plan: Plan, folder: Path, crew: Crew, console: Console, foretell: bool = False) -> Outcome:
+def make_runs(
+    plan: Plan, folder: Path, workers: WorkerPool, console: Console, estimate_time: bool = False
+) -> SweepOutcome:
     """Make a plan's runs with a progress bar; Ctrl-C leaves a folder to go on with.
 
-    foretell: try a few runs first, to say how long all will take.
+    estimate_time: try a few runs first, to say how long all will take.
     """
-    with SweepProgress(console, foretell=foretell) as progress:
+    with SweepProgress(console, estimate_time=estimate_time) as progress:
         try:
-            return run_sweep(plan, folder, crew=crew, watcher=progress, say=progress.say)
+            return run_sweep(plan, folder, workers=workers, observer=progress, say=progress.say)
         except KeyboardInterrupt:
             if progress.total:
                 progress.say(f"{progress.done} of {progress.total} runs are done; start again to go on in {folder}")

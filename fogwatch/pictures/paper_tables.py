@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.paper.tables import FAR_OFF, Cell, Comparison, Measure
+from experiments.paper.tables import FAR_OFF, Cell, Measure, TableComparison
 from fogwatch.pictures.drawing import Key, Layer, canvas, legend, paint, painted, save
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
@@ -33,7 +33,7 @@ LOGARITHMIC = 8.0
 DPI = 150
 
 
-def table_picture(comparison: Comparison, files: Sequence[Path]) -> None:
+def table_picture(comparison: TableComparison, files: Sequence[Path]) -> None:
     """Draw a table into files, of the kinds that their names end with. BadInput where that cannot be done."""
     try:
         from matplotlib.figure import Figure
@@ -82,7 +82,7 @@ def terrain_picture(terrain: Terrain, file: Path) -> None:
     save(figure, file)
 
 
-def _draw(axes: Axes, comparison: Comparison, measure: Measure) -> None:
+def _draw(axes: Axes, comparison: TableComparison, measure: Measure) -> None:
     """One measure: a group of bars for each column, a bar for each row."""
     table = comparison.table
     width = GROUP / len(table.rows)

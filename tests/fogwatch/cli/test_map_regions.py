@@ -8,7 +8,7 @@ import yaml
 from PIL import Image
 from typer.testing import CliRunner
 
-from fogwatch.cli.map_tools import app
+from fogwatch.cli.map_commands import app
 from patrol.errors import BadInput
 
 

@@ -12,9 +12,9 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from experiments.paper.tables import Setup, compare, paper, plan_of
-from experiments.sweeps.results import Result
-from experiments.sweeps.runner import Outcome
+from experiments.paper.tables import PaperSetup, compare, paper, plan_of
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.runner import SweepOutcome
 from fogwatch.cli import paper as paper_commands
 from fogwatch.cli.app import main
 from fogwatch.pictures.paper_tables import table_picture
@@ -111,15 +111,15 @@ def test_bad_input_is_one_line_and_exit_code_2(
 
 
 def test_a_grid_on_a_terminal_marks_what_is_far_off() -> None:
-    setup = Setup(0.5, 12.0, (1, 2))
+    setup = PaperSetup(0.5, 12.0, (1, 2))
     table = paper().table(7)
     plan = plan_of([table], {"": setup})
     results = {}
     for one in plan.runs:
         metrics = {"mfow_mean_s": 173.3 + one.seed, "dead_end_percent": 6.6}
-        results[one.key] = Result(one.key, one.case, one.seed, "ok", None, metrics, None, 1.0, "1")
+        results[one.key] = RunResult(one.key, one.case, one.seed, "ok", None, metrics, None, 1.0, "1")
     console = Console(record=True, width=120, force_terminal=True, file=io.StringIO())
-    paper_commands._show(console, compare(table, setup, Outcome(plan, results, 16, 1.0)))
+    paper_commands._show(console, compare(table, setup, SweepOutcome(plan, results, 16, 1.0)))
     shown = console.export_text()
     assert "5 cars, dead" in shown
     assert "(173.3)" in shown
@@ -129,8 +129,8 @@ def test_a_grid_on_a_terminal_marks_what_is_far_off() -> None:
 
 
 def test_a_picture_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
-    setup = Setup(0.5, 12.0, (1,))
+    setup = PaperSetup(0.5, 12.0, (1,))
     table = paper().table(7)
     plan = plan_of([table], {"": setup})
     with pytest.raises(BadInput, match="choose another --out"):
-        table_picture(compare(table, setup, Outcome(plan, {}, 0, 0.0)), [tmp_path / "absent" / "table_7.png"])
+        table_picture(compare(table, setup, SweepOutcome(plan, {}, 0, 0.0)), [tmp_path / "absent" / "table_7.png"])

@@ -19,7 +19,7 @@ import yaml
 from rich.console import Console
 
 from experiments.sweeps.plan import Run, read_plan
-from experiments.sweeps.results import Result
+from experiments.sweeps.results import RunResult
 from fogwatch.cli.app import guarded, main
 from fogwatch.progress import SweepProgress, duration
 from patrol.errors import BadInput
@@ -188,8 +188,8 @@ def test_the_progress_tells_what_is_left(tmp_path: Path) -> None:
     console = Console(record=True, width=200, force_terminal=False, file=io.StringIO())
     with SweepProgress(console, clock=lambda: next(times)) as progress:
         progress.begin(runs[:3], [], 2)
-        progress.result(Result("k", "one", 1, "ok", None, {"mfow_mean_s": 85.25}, None, 9.0, "1"))
-        progress.result(Result("l", "two", 2, "failed", "too bad", {}, None, 9.0, "1"))
+        progress.result(RunResult("k", "one", 1, "ok", None, {"mfow_mean_s": 85.25}, None, 9.0, "1"))
+        progress.result(RunResult("l", "two", 2, "failed", "too bad", {}, None, 9.0, "1"))
     assert console.export_text().splitlines() == [
         "3 runs to make; 2 at a time",
         "1/3 one seed 1: mean MFoW 85.2 s, 9.0 s; 20 s left",

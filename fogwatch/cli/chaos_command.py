@@ -30,19 +30,19 @@ def chaos(
     """
     if seed + runs - 1 > MAX_SEED:
         raise BadInput(f"--seed {seed}: the last seed would be above 2^63 - 1; give less")
-    from fogwatch.hunt import Hunt
+    from fogwatch.chaos_session import ChaosSession
     from fogwatch.launch.runfolder import RUNS, untaken
 
     heed(None, patience=0)  # any signal is KeyboardInterrupt, wherever we are
-    hunt = Hunt((out or untaken(RUNS / f"chaos-{seed}")).absolute(), processes, Console())
+    session = ChaosSession((out or untaken(RUNS / f"chaos-{seed}")).absolute(), processes, Console())
     try:
-        with hunt:
-            hunt.begin(seed, runs)
+        with session:
+            session.begin(seed, runs)
             for number in range(seed, seed + runs):
-                hunt.run(number, runs)
+                session.run(number, runs)
     except KeyboardInterrupt:
-        hunt.close(runs)
+        session.close(runs)
         raise
     finally:
-        hunt.tidy()
-    return hunt.close(runs)
+        session.tidy()
+    return session.close(runs)

@@ -17,10 +17,10 @@ from experiments.chaos import (
     IN_ONE_PROCESS,
     KEY,
     Breakage,
-    Patience,
-    Ran,
+    TimeLimit,
     TooSlow,
     Way,
+    WayResult,
     examine,
     narrow,
     random_scenario,
@@ -43,7 +43,7 @@ PROCESSES = "as processes"
 KEY_FILE = "fleet.key"
 
 
-class Hunt:
+class ChaosSession:
     """Runs scenarios, shows how far it is, and writes down what breaks; a context manager around its bar.
 
     Nothing but what breaks is written to its folder, which must be empty or not there yet.
@@ -212,27 +212,27 @@ class Hunt:
 def as_processes(keep: Path | None) -> Way:
     """The way of running a scenario as a fleet of processes. keep: where its run folder goes if not all is well."""
 
-    def run(scenario: Scenario) -> Ran:
-        patience = Patience()
+    def run(scenario: Scenario) -> WayResult:
+        limit = TimeLimit()
         with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-", ignore_cleanup_errors=True) as folder:
             out = Path(folder) / "run"
-            options = RunOptions(out, begin=patience.begin, stop=patience.lost, draw=False)
+            options = RunOptions(out, begin=limit.begin, stop=limit.exceeded, draw=False)
             well = False
             try:
                 result = execute(scenario, options)
-                patience.check(str(result.summary["ended"]))
+                limit.check(str(result.summary["ended"]))
                 well = result.verdict.valid
             except TooSlow:
                 well = True  # nobody knows, and there is nothing to look into
                 raise
             except KeyboardInterrupt:
                 well = True
-                patience.check("")
+                limit.check("")
                 raise
             finally:
                 if not well and keep is not None and out.exists():
                     shutil.move(out, keep)
-        return Ran(result.trace_hash, result.verdict, str(result.summary["ended"]))
+        return WayResult(result.trace_hash, result.verdict, str(result.summary["ended"]))
 
     return run
 
