@@ -32,19 +32,24 @@ if TYPE_CHECKING:
     from worldsim.verdict.judge import Verdict
 
 MOST_THREADS = 8
+"""Threads that minds in one process use at most."""
 EAGER = 16
-"""Fleets up to this size are spawned before it is known that they fit, so that their start takes less time."""
+"""Fleets of up to this many robots are started before the check that they fit, which saves time."""
 PROCESS_GB = 0.15
-"""Memory of one agent's process."""
+"""Memory of one agent's process, GB."""
 PACKAGES = ("patrol", "agent", "worldsim")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """What a run came to.
+    """The result of a run.
 
-    summary: as in summary.json. folder: where everything is. mfow_s: MFoW after each tick, s. interrupted: somebody
-    stopped it before its end.
+    Attributes:
+        summary: The summary, as in summary.json.
+        folder: The run folder.
+        mfow_s: MFoW after each tick, s; float64 (ticks,).
+        verdict: Whether the run kept all rules, check by check.
+        interrupted: Whether the run was stopped before its end.
     """
 
     summary: Mapping[str, Any]
@@ -55,7 +60,7 @@ class Result:
 
     @property
     def trace_hash(self) -> str:
-        """One number for everything that happened; equal for equal runs, however they were run."""
+        """The hash of all that happened, SHA-256 in hex; equal for equal runs, in one process or as many."""
         return str(self.summary["trace_hash"])
 
     def __repr__(self) -> str:
@@ -67,13 +72,21 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """How a run is to be done, and who is told.
+    """How to run a scenario, and where to show the progress.
 
-    port: of the router, or None for a free one. begin: called when the ticks are about to begin. stop: asked from then
-    on whether to end early; urgent: whether to end by force. Before that KeyboardInterrupt ends everything. draw:
-    whether to draw the final fog. recording, report: whether to write them when the run is over. recovery: whether to
-    run the scenario without its faults too, in one process, to judge recovery by. page: whether to serve one while
-    processes run.
+    Attributes:
+        out: The run folder, new or empty; None for ``runs/<name>-<time>``.
+        in_process: Whether to run in this process instead of one process per robot.
+        port: TCP port of the router; None for a free one.
+        display: Shows the progress.
+        begin: Called when the ticks are about to begin. Before that, KeyboardInterrupt ends everything.
+        stop: Asked from then on whether to end early.
+        urgent: Asked from then on whether to end by force.
+        draw: Whether to draw the final fog.
+        recording: Whether to write recording.mcap when the run has ended.
+        report: Whether to write report.html when the run has ended.
+        recovery: Whether to run the scenario without its faults too, in one process, to judge the recovery.
+        page: Whether to serve a live page while the processes run.
     """
 
     out: Path | None = None
@@ -103,17 +116,24 @@ def run(
 ) -> Result:
     """Run a scenario to its end.
 
-    scenario: a file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario file, or a
-    loaded scenario. out: folder for what the run leaves, new or empty; ``runs/<name>-<time>`` unless given.
-    in_process: in this process, or as one process per robot over Zenoh; both give the same trace. progress: called
-    with the run so far, at most ten times a second. overrides: values by dotted field, ``{"patrol.dilatation": 0}``.
-    recording, report: write recording.mcap and report.html into the run folder as well; `fogwatch record` and
-    `fogwatch report` make them at any later time, so that a loop over many runs need not wait for them. recovery: run
-    a scenario with faults without them too, so that the verdict can judge recovery.
+    Args:
+        scenario: A scenario file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario
+            file, or a loaded scenario.
+        out: The run folder, new or empty; ``runs/<name>-<time>`` unless given.
+        in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
+        progress: Called with the measures so far, at most ten times a second.
+        overrides: Values by dotted field, such as ``{"patrol.dilatation": 0}``.
+        recording: Whether to write recording.mcap as well; `fogwatch record` writes it at any later time.
+        report: Whether to write report.html as well; `fogwatch report` writes it at any later time.
+        recovery: Whether to run a scenario with faults without them too, so that the verdict can judge the recovery.
 
-    Raises BadInput, one line that says what is wrong; `fogwatch.launch.launcher.Failed` when processes could not be
-    brought
-    to run; KeyboardInterrupt after leaving everything in order.
+    Returns:
+        The result.
+
+    Raises:
+        BadInput: The input is wrong; the message is one line that says what, and how to mend it.
+        fogwatch.launch.launcher.Failed: The processes could not be brought to run.
+        KeyboardInterrupt: The run was interrupted before its first tick; nothing is left behind.
     """
     if isinstance(scenario, Scenario):
         loaded = load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
@@ -128,18 +148,28 @@ def run(
 
 
 def execute(scenario: Scenario, options: RunOptions) -> Result:
-    """Run a loaded scenario as wished.
+    """Run a loaded scenario.
 
-    Raises BadInput, and `fogwatch.launch.launcher.Failed` when no fleet would run.
+    Args:
+        scenario: The scenario.
+        options: How to run it.
+
+    Returns:
+        The result.
+
+    Raises:
+        BadInput: The scenario cannot be run, or the run folder cannot be used.
+        fogwatch.launch.launcher.Failed: The processes could not be brought to run.
+        KeyboardInterrupt: The run was interrupted before its first tick.
     """
     warm((*PACKAGES, "monitor") if options.recording or options.report else PACKAGES, options.display.say)
     folder = create(scenario, options.out, datetime.now().astimezone())
     try:
         resolved = folder.load()
-        fleet_key(resolved)  # whether it can be read is better known before there are processes
+        fleet_key(resolved)  # an error in it is reported before any process starts
         return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt):
-        if not folder.journal.exists():  # what has run is kept, whatever is wrong with it
+        if not folder.journal.exists():  # the ticks of a run that has begun are kept
             folder.discard()
         raise
     finally:
@@ -147,7 +177,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
 
 
 def _begin(options: RunOptions) -> None:
-    """The ticks are about to begin, unless somebody has wanted an end before."""
+    """Call `begin`, unless the run has been stopped before: then raise KeyboardInterrupt."""
     options.begin()
     if options.stop():
         raise KeyboardInterrupt
@@ -240,38 +270,38 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
 
 
 def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> None:
-    """Say what begins, now that nothing is wrong with it."""
+    """Show what is about to run, once its input is known to be right."""
     count = len(scenario.roster) - len(scenario.spares)
     robots = "1 robot" if count == 1 else f"{count} robots"
     if scenario.spares:
-        robots += f", {len(scenario.spares)} more to join,"
+        robots += f", up to {len(scenario.spares)} more may join,"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
 
 
 def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
-    """The fault-free mean MFoW (s), where it is wanted and one process can tell; that run needs no others."""
+    """The mean MFoW (s) without faults; None where it is not wanted, or one process cannot find it out."""
     scenario = prepared.scenario
     if not options.recovery or not scenario.faults or scenario.radio.via != "ether" or options.stop():
         return None
     from experiments.inprocess import fault_free_mfow
 
-    options.display.say("running it without its faults, to judge recovery by ...")
+    options.display.say("running the scenario without its faults, to judge the recovery ...")
     return fault_free_mfow(prepared, options.stop)
 
 
 def _check_memory(robots: int) -> None:
-    """Refuse a fleet of processes that this machine has no memory for, before it is brought down."""
+    """Refuse a fleet of processes that would exhaust the machine's memory."""
     needed_gb = robots * PROCESS_GB
     there_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
     if needed_gb > there_gb:
         raise BadInput(
-            f"{robots} robots as processes need about {needed_gb:.0f} GB of memory and there are {there_gb:.0f}; use "
-            "--in-process, or fewer robots"
+            f"{robots} robots as processes need about {needed_gb:.0f} GB of memory, and this machine has "
+            f"{there_gb:.0f} GB; use --in-process or fewer robots"
         )
 
 
 def _finish(launch: Launch) -> Mapping[str, int | None]:
-    """End all processes; who is interrupted at that ends them by force."""
+    """End all processes; an interruption meanwhile ends them by force."""
     try:
         return launch.finish()
     except KeyboardInterrupt:
@@ -279,7 +309,7 @@ def _finish(launch: Launch) -> Mapping[str, int | None]:
 
 
 def _write_static(prepared: Prepared, part: Path) -> None:
-    """Write the static fields for the processes, which go on as soon as the folder has its name."""
+    """Write the static fields for the processes, which wait until the folder is renamed."""
     from agent.bodies.refine import psi_field
     from agent.process import PSI
 
@@ -290,7 +320,7 @@ def _write_static(prepared: Prepared, part: Path) -> None:
 
 
 def _unfinished(static: Path) -> Path:
-    """Where static fields are written until they are whole."""
+    """The folder in which static fields are written until they are complete."""
     return static.with_suffix(".part")
 
 
@@ -302,7 +332,7 @@ def _result(
     summary: Mapping[str, Any],
     options: RunOptions,
 ) -> Result:
-    """Write the summary and what is derived from the journal."""
+    """Write the summary and the files that are made from the journal."""
     from patrol.journal import Journal
     from worldsim.output.record import INTERRUPTED
 
@@ -323,8 +353,8 @@ def _result(
             summary,
             folder.recording if options.recording else None,
             folder.report if options.report else None,
-            # An interrupted run is told of as well; only who asks once more has no time for that.
-            hurry=lambda: options.urgent() or (options.stop() and not asked),
+            # An interrupted run gets its files as well, unless it is interrupted a second time.
+            cancelled=lambda: options.urgent() or (options.stop() and not asked),
             say=options.display.say,
         )
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
@@ -347,16 +377,16 @@ def _draw(folder: RunFolder, prepared: Prepared, options: RunOptions) -> None:
 
 
 class _CallbackDisplay:
-    """Passes metrics on to a function and shows nothing else."""
+    """A display that passes metrics on to a function and shows nothing else."""
 
     def __init__(self, metrics: Callable[[Metrics], None]) -> None:
         self.metrics = metrics
 
     def say(self, line: str) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def notice(self, notice: Notice) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Nothing."""
+        """Do nothing."""

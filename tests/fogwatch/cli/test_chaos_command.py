@@ -103,7 +103,7 @@ def test_when_the_tries_run_out_it_says_so(
         "fogwatch.chaos_session.narrow", lambda scenario, _: Narrowed(scenario, scenario.faults[:2], False)
     )
     assert fogwatch("chaos", "--runs", "1", "--seed", "2000", "--out", str(tmp_path / "chaos")) == 1
-    assert "the tries ran out, so fewer may do" in capsys.readouterr().out
+    assert "the limit of tries was reached, so fewer may do" in capsys.readouterr().out
 
 
 def test_a_seed_is_never_too_large(capsys: pytest.CaptureFixture[str]) -> None:

@@ -119,7 +119,7 @@ def test_a_grid_on_a_terminal_marks_what_is_far_off() -> None:
         metrics = {"mfow_mean_s": 173.3 + one.seed, "dead_end_percent": 6.6}
         results[one.key] = RunResult(one.key, one.case, one.seed, "ok", None, metrics, None, 1.0, "1")
     console = Console(record=True, width=120, force_terminal=True, file=io.StringIO())
-    paper_commands._show(console, compare(table, setup, SweepOutcome(plan, results, 16, 1.0)))
+    paper_commands._print_comparison(console, compare(table, setup, SweepOutcome(plan, results, 16, 1.0)))
     shown = console.export_text()
     assert "5 cars, dead" in shown
     assert "(173.3)" in shown

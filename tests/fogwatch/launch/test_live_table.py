@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from fogwatch.launch.live_table import LiveTable, PlainDisplay, SilentDisplay, clock, headline, make_display
-from fogwatch.launch.summary_text import measures, print_report
+from fogwatch.launch.summary_text import measures, print_summary
 from patrol.net.telemetry import Metrics, Notice, RobotView
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
@@ -113,7 +113,7 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
     text = io.StringIO()
     for name in ("summary.json", "fog.png"):
         (tmp_path / name).touch()
-    print_report(Console(file=text, width=100), SUMMARY, tmp_path)
+    print_summary(Console(file=text, width=100), SUMMARY, tmp_path)
     shown = text.getvalue()
     for words in (
         "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
