@@ -1,7 +1,7 @@
-"""The paper's Tables 2 to 8: what each cell is run with, what was printed, and what our runs give.
+"""The paper's Tables 2 to 8: the settings of each cell, the printed values, and ours.
 
-`paper_data.json` beside this file holds the printed values and the settings. What the paper leaves open is assumed
-there in words, and shown with every table.
+`paper_data.json` beside this file holds the printed values and the settings. It also holds, in words, what is assumed
+where the paper leaves something open; that is shown with every table.
 """
 
 from __future__ import annotations
@@ -22,12 +22,17 @@ from patrol.scenario.explain import did_you_mean
 
 CALLED = "the paper's tables"
 FAR_OFF = 1.5
-"""A ratio to the paper's value beyond this, either way, is marked."""
+"""A value that differs from the paper's by more than this factor, either way, is marked."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A row or column of a table: its name and what it sets in the scenario, values by dotted field."""
+    """A row or column of a table.
+
+    Attributes:
+        name: Its name.
+        settings: What it sets in the scenario: values by dotted field.
+    """
 
     name: str
     settings: Mapping[str, object]
@@ -35,10 +40,14 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """What a table prints of its runs.
+    """A measure that a table prints.
 
-    suffix: of the names of the rows that hold it. metric: of a run's results. values: as printed, by row and column;
-    None where the paper says something in words alone.
+    Attributes:
+        suffix: What the names of its rows end with.
+        metric: Name of the metric in a run's results.
+        title: Its title.
+        unit: Its unit.
+        values: The printed values by row and column; None where the paper prints words or nothing.
     """
 
     suffix: str
@@ -50,7 +59,18 @@ class Measure:
 
 @dataclass(frozen=True, slots=True)
 class PaperTable:
-    """One of the paper's tables. assumed: what the paper leaves open, in words."""
+    """One of the paper's tables.
+
+    Attributes:
+        number: Its number.
+        title: Its title.
+        columns_are: What the columns vary.
+        settings: What all its cells set in the scenario, by dotted field.
+        assumed: What is assumed where the paper leaves something open.
+        rows: Its rows.
+        columns: Its columns.
+        measures: What it prints.
+    """
 
     number: int
     title: str
@@ -62,7 +82,15 @@ class PaperTable:
     measures: tuple[Measure, ...]
 
     def part(self, rows: Sequence[str], columns: Sequence[str]) -> PaperTable:
-        """The table with some of its rows and columns; all of them where none are named. BadInput for unknown ones."""
+        """The table with some of its rows and columns.
+
+        Args:
+            rows: Names of the rows to keep; all where there are none.
+            columns: Names of the columns to keep; all where there are none.
+
+        Raises:
+            BadInput: A name is unknown.
+        """
         kept_rows = self._indexes("row", self.rows, rows)
         kept_columns = self._indexes("column", self.columns, columns)
         measures = tuple(
@@ -77,7 +105,12 @@ class PaperTable:
         )
 
     def case(self, row: str, column: str) -> str:
-        """The name of a cell's case."""
+        """The name of the case of a cell.
+
+        Args:
+            row: Name of its row.
+            column: Name of its column.
+        """
         return f"table {self.number} {row} {column}"
 
     def _indexes(self, kind: str, variants: Sequence[Variant], wanted: Sequence[str]) -> list[int]:
@@ -92,7 +125,13 @@ class PaperTable:
 
 @dataclass(frozen=True, slots=True)
 class SensorRange:
-    """The sensor range (m) that fits Tables 2 and 3 on points of a size (m), and how that was found."""
+    """The sensor range that fits Tables 2 and 3 for a size of points.
+
+    Attributes:
+        point: Side of one grid point, m.
+        range: The sensor range, m.
+        found: How it was found.
+    """
 
     point: float
     range: float
@@ -101,7 +140,13 @@ class SensorRange:
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Some cells of one row, to be held against others."""
+    """Some cells of one row, one side of a conclusion.
+
+    Attributes:
+        table: Number of the table.
+        row: Name of the row.
+        columns: Names of the columns.
+    """
 
     table: int
     row: str
@@ -110,7 +155,13 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Ordering:
-    """Something that the paper concludes: the cells of one side are lower than those of the other."""
+    """A conclusion of the paper: the values of one side are lower than those of the other.
+
+    Attributes:
+        says: The conclusion in words.
+        lower: The side that should be lower.
+        higher: The other side.
+    """
 
     says: str
     lower: Side
@@ -119,7 +170,14 @@ class Ordering:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """Why some cells differ from the printed ones. rows, columns: all of the table's where none are named."""
+    """Why some cells differ from the printed ones.
+
+    Attributes:
+        table: Number of the table.
+        rows: Names of the rows; all where there are none.
+        columns: Names of the columns; all where there are none.
+        says: The reason.
+    """
 
     table: int
     rows: tuple[str, ...]
@@ -127,17 +185,30 @@ class Remark:
     says: str
 
     def is_on(self, table: int, row: str, column: str) -> bool:
-        """Whether it speaks of a cell."""
+        """Whether the remark is about a cell.
+
+        Args:
+            table: Number of the cell's table.
+            row: Name of its row.
+            column: Name of its column.
+        """
         named = (not self.rows or row in self.rows) and (not self.columns or column in self.columns)
         return table == self.table and named
 
 
 @dataclass(frozen=True, slots=True)
 class Paper:
-    """All that is kept of the paper.
+    """The data of the paper.
 
-    settings: of every cell. fit_tables, fit_below: what a sensor range is fitted to, namely those cells of these
-    tables that are printed below so many s.
+    Attributes:
+        source: Where the data is from.
+        settings: What every cell sets in the scenario, by dotted field.
+        sensor_ranges: The calibrated sensor ranges.
+        fit_tables: Numbers of the tables that a sensor range is fitted to.
+        fit_below: The fit uses the cells of these tables whose printed value is below this, s.
+        tables: The tables by number.
+        orderings: The conclusions.
+        remarks: Why some cells differ.
     """
 
     source: str
@@ -150,20 +221,31 @@ class Paper:
     remarks: tuple[Remark, ...]
 
     def table(self, number: int) -> PaperTable:
-        """A table by its number. BadInput for one that is not there."""
+        """A table.
+
+        Args:
+            number: Its number.
+
+        Raises:
+            BadInput: There is no such table.
+        """
         if number not in self.tables:
             known = f"{min(self.tables)} to {max(self.tables)}"
-            raise BadInput(f"table {number}: no such table; the paper has {known} that can be run")
+            raise BadInput(f"table {number}: no such table; tables {known} can be run")
         return self.tables[number]
 
     def sensor_range(self, point: float) -> SensorRange:
-        """The radius for points of a size, or for the nearest size for which one has been found."""
+        """The calibrated sensor range for a size of points, or for the nearest size that has one.
+
+        Args:
+            point: Side of one grid point, m.
+        """
         return min(self.sensor_ranges, key=lambda found: abs(found.point - point))
 
 
 @cache
 def paper() -> Paper:
-    """The paper's tables."""
+    """The data of the paper, read once."""
     raw = json.loads(files("experiments.paper").joinpath("paper_data.json").read_text(encoding="utf-8"))
     return Paper(
         source=raw["source"],
@@ -184,7 +266,14 @@ def paper() -> Paper:
 
 @dataclass(frozen=True, slots=True)
 class PaperSetup:
-    """What all cells are run with besides their own settings: point and sensor range (m), seeds, further settings."""
+    """What all cells are run with, besides their own settings.
+
+    Attributes:
+        point: Side of one grid point, m.
+        sensor_range: Sensor range, m.
+        seeds: The seeds.
+        settings: What else every cell sets in the scenario, by dotted field.
+    """
 
     point: float
     sensor_range: float
@@ -193,9 +282,17 @@ class PaperSetup:
 
 
 def plan_of(tables: Sequence[PaperTable], setups: Mapping[str, PaperSetup]) -> Plan:
-    """The runs of tables with each of some setups, whose names end the cases' names.
+    """The runs of some tables.
 
-    BadInput where a cell's scenario is not accepted. All setups need the same seeds.
+    Args:
+        tables: The tables.
+        setups: The setups that each cell is run with, by the ends of the cases' names; all with the same seeds.
+
+    Returns:
+        The plan.
+
+    Raises:
+        BadInput: A cell's scenario is not accepted.
     """
     cases = [
         Case(f"{table.case(row.name, column.name)}{end}", _settings(table, row, column, setup))
@@ -210,7 +307,15 @@ def plan_of(tables: Sequence[PaperTable], setups: Mapping[str, PaperSetup]) -> P
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One number of a table beside ours. values: ours by seed; found: their mean, None when no run has one."""
+    """One value of a table, the printed one and ours.
+
+    Attributes:
+        row: Name of its row.
+        column: Name of its column.
+        unit: Its unit.
+        paper: The printed value, or None.
+        values: Our values by seed.
+    """
 
     row: str
     column: str
@@ -220,25 +325,32 @@ class Cell:
 
     @property
     def found(self) -> Estimate | None:
-        """The mean over seeds."""
+        """The mean of our values over the seeds; None without any."""
         return estimate(list(self.values.values())) if self.values else None
 
     @property
     def ratio(self) -> float | None:
-        """Ours over the paper's."""
+        """Our mean divided by the printed value; None without one of them."""
         found = self.found
         return found.mean / self.paper if found is not None and self.paper else None
 
     @property
     def far_off(self) -> bool:
-        """Whether ours differs from the paper's by more than `FAR_OFF`, either way."""
+        """Whether our mean differs from the printed value by more than the factor `FAR_OFF`, either way."""
         ratio = self.ratio
         return ratio is not None and not 1.0 / FAR_OFF <= ratio <= FAR_OFF
 
 
 @dataclass(frozen=True, slots=True)
 class TableComparison:
-    """A table, ours beside the paper's; cells row by row, each measure after the other. wall_s: of all its runs, s."""
+    """A table, our values beside the printed ones.
+
+    Attributes:
+        table: The table.
+        setup: What all cells were run with.
+        cells: The cells, measure by measure and row by row.
+        wall_s: Wall time of all its runs, s.
+    """
 
     table: PaperTable
     setup: PaperSetup
@@ -246,12 +358,27 @@ class TableComparison:
     wall_s: float
 
     def cell(self, row: str, column: str) -> Cell | None:
-        """A cell by the names of its row (with its measure's suffix) and column, or None."""
+        """A cell.
+
+        Args:
+            row: Name of its row, with its measure's suffix.
+            column: Name of its column.
+
+        Returns:
+            The cell, or None if there is no such cell.
+        """
         return next((cell for cell in self.cells if (cell.row, cell.column) == (row, column)), None)
 
 
 def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: str = "") -> TableComparison:
-    """What a table's runs came to; end: of the names of the setup's cases."""
+    """Compare our values with a table.
+
+    Args:
+        table: The table.
+        setup: What all cells were run with.
+        outcome: The results of the plan.
+        end: What the names of the setup's cases end with.
+    """
     cells = []
     for measure in table.measures:
         for row, printed in zip(table.rows, measure.values, strict=True):
@@ -266,7 +393,15 @@ def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: st
 
 
 def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -> Fit | None:
-    """How near the mean MFoWs come to the printed ones, of those printed below so many s; None without any."""
+    """How well our mean MFoWs fit the printed ones.
+
+    Args:
+        comparisons: The tables.
+        below: Use only cells whose printed value is below this, s; None for all cells.
+
+    Returns:
+        The fit, or None if there is nothing to compare.
+    """
     pairs = [
         (found.mean, cell.paper)
         for comparison in comparisons
@@ -278,7 +413,14 @@ def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -
 
 
 def as_json(comparison: TableComparison) -> dict[str, Any]:
-    """A comparison for table_N.json. ci95: [low, high]; seeds: how many the mean is over; values: by seed."""
+    """The content of table_N.json.
+
+    Args:
+        comparison: The table.
+
+    Returns:
+        The content. ``ci95`` is [low, high], ``seeds`` the number of values, ``values`` holds them by seed.
+    """
     setup = comparison.setup
     return {
         "table": comparison.table.number,
@@ -306,7 +448,14 @@ def as_json(comparison: TableComparison) -> dict[str, Any]:
 
 
 def as_lines(comparison: TableComparison) -> Iterator[Sequence[object]]:
-    """A comparison for table_N.csv."""
+    """The content of table_N.csv.
+
+    Args:
+        comparison: The table.
+
+    Yields:
+        The values of each line.
+    """
     yield ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio"]
     for cell in comparison.cells:
         found = cell.found

@@ -123,7 +123,7 @@ def test_a_cluster_of_two_workers_gives_the_same_numbers(tmp_path: Path, referen
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "http://x:1"])
 def test_a_cluster_that_cannot_be_reached_is_said_before_anything_runs(tmp_path: Path, address: str) -> None:
     with pytest.raises(BadInput, match=r"--cluster = .*: cannot be reached"):
-        run_sweep(plan(SIX), tmp_path, workers=ClusterWorkers(address, patience_s=0.5))
+        run_sweep(plan(SIX), tmp_path, workers=ClusterWorkers(address, timeout_s=0.5))
     with open_results(tmp_path) as there:
         assert there.by_key == {}
 
