@@ -118,7 +118,11 @@ class SweepProgress:
             self.say(f"{self.done}/{self.total} {result.case} seed {result.seed}: {found}{result.wall_s:.1f} s; {left}")
 
     def say(self, text: str) -> None:
-        """Print a line above the bar."""
+        """Print a line above the bar.
+
+        Args:
+            text: The line.
+        """
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def _forecast(self, todo: list[Run], workers: int) -> str:

@@ -67,6 +67,12 @@ class Results:
     """
 
     def __init__(self, path: Path, file: FileIO) -> None:
+        """Read nothing yet.
+
+        Args:
+            path: The file.
+            file: The same, open for reading and appending, without a buffer.
+        """
         self.path = path
         self.by_key: dict[str, RunResult] = {}
         self.repaired = False

@@ -88,6 +88,10 @@ def command(
 
 
 def reflowed(function: Callable[..., Any]) -> str:
-    """A function's docstring with each paragraph on one line, so that it fits a terminal of any width."""
+    """A docstring with each paragraph on one line, so that it fits a terminal of any width.
+
+    Args:
+        function: The function that has the docstring.
+    """
     paragraphs = (inspect.getdoc(function) or "").split("\n\n")
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)

@@ -68,19 +68,26 @@ command(app, examples=map_regions.EXAMPLES)(map_regions.regions)
 
 
 def plain_lines(report: MapReport) -> Iterator[str]:
-    """The report as lines of text."""
-    yield f"{headline(report.terrain)}; {body(report)}"
-    for label, value, remark in areas(report):
+    """The result of a map check as lines of text.
+
+    Args:
+        report: The result.
+
+    Yields:
+        The lines.
+    """
+    yield f"{_headline(report.terrain)}; {_body(report)}"
+    for label, value, remark in _areas(report):
         yield f"  {label:<12} {value:10.1f} m²  {remark}".rstrip()
-    yield sealed_headline(report)
+    yield _sealed_headline(report)
     for number, part in enumerate(report.parts[:MOST_LINES], start=1):
-        yield f"  {number}: {part.area:.1f} m² around {place(part)}: {why(part)}"
-    yield doors_headline(report)
+        yield f"  {number}: {part.area:.1f} m² around {_place(part)}: {_why(part)}"
+    yield _doors_headline(report)
     for door in report.doors[:MOST_LINES]:
-        yield f"  {door.width:.2f} m at {place(door)}: {passing(door)}, {consequence(door)}"
+        yield f"  {door.width:.2f} m at {_place(door)}: {_passing(door)}, {_consequence(door)}"
 
 
-def headline(terrain: Terrain) -> str:
+def _headline(terrain: Terrain) -> str:
     """The terrain's name and size."""
     xmin, ymin, xmax, ymax = terrain.bounds
     about = (
@@ -90,13 +97,13 @@ def headline(terrain: Terrain) -> str:
     return f"{terrain.name}{about}: {size}"
 
 
-def body(report: MapReport) -> str:
+def _body(report: MapReport) -> str:
     """The body and the sensor that the report holds for."""
     sight = "line of sight" if report.line_of_sight else "through walls"
     return f"body radius {report.radius:g} m, sensor range {report.sensor_range:g} m, {sight}"
 
 
-def areas(report: MapReport) -> list[tuple[str, float, str]]:
+def _areas(report: MapReport) -> list[tuple[str, float, str]]:
     """The report's areas: label, area in m² and remark of each."""
     blind = max(report.unseen - report.unseen_sealed, 0.0)
     unseen = f"{report.unseen_sealed:.1f} m² in sealed-off parts, {blind:.1f} m² in blind corners"
@@ -109,7 +116,7 @@ def areas(report: MapReport) -> list[tuple[str, float, str]]:
     ]
 
 
-def sealed_headline(report: MapReport) -> str:
+def _sealed_headline(report: MapReport) -> str:
     """How many parts are sealed off."""
     small = f"{report.small_parts} small parts of {report.small_area:.1f} m² in total" if report.small_parts else ""
     if not report.parts:
@@ -119,16 +126,16 @@ def sealed_headline(report: MapReport) -> str:
     return f"sealed off: {parts}{shown}{f', and {small}' if small else ''}"
 
 
-def why(part: SealedPart) -> str:
+def _why(part: SealedPart) -> str:
     """Why a part cannot be reached, and how much of it is seen from outside."""
     reason = str(part.reason)
     if part.door is not None:
-        reason = f"its door at {place(part.door)} is too narrow, {part.door.width:.2f} m, and {passing(part.door)}"
+        reason = f"its door at {_place(part.door)} is too narrow, {part.door.width:.2f} m, and {_passing(part.door)}"
     where = "; touches the map's border" if part.at_border else ""
     return f"{reason}{where}; {_share(part)} of it is seen from outside"
 
 
-def doors_headline(report: MapReport) -> str:
+def _doors_headline(report: MapReport) -> str:
     """How many doors there are."""
     if not report.doors:
         return "doors: none; no narrow passage limits what can be reached"
@@ -139,17 +146,17 @@ def doors_headline(report: MapReport) -> str:
     )
 
 
-def passing(door: Door) -> str:
+def _passing(door: Door) -> str:
     """The largest radius that passes a door, rounded down so that it does."""
     return f"lets a radius of {math.floor(100.0 * door.radius + 1e-6) / 100.0:.2f} m pass"
 
 
-def consequence(door: Door) -> str:
+def _consequence(door: Door) -> str:
     """What area depends on a door."""
     return f"{'a wider body loses' if door.passes else 'this body loses'} {door.behind:.1f} m²"
 
 
-def place(at: SealedPart | Door) -> str:
+def _place(at: SealedPart | Door) -> str:
     """Coordinates in m."""
     return f"({at.x:.2f}, {at.y:.2f})"
 
@@ -162,26 +169,26 @@ def _share(part: SealedPart) -> str:
 
 
 def _print_tables(console: Console, report: MapReport) -> None:
-    console.print(headline(report.terrain), style="bold", highlight=False, markup=False)
-    console.print(body(report), highlight=False)
+    console.print(_headline(report.terrain), style="bold", highlight=False, markup=False)
+    console.print(_body(report), highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="cyan")
     table.add_column(justify="right")
     table.add_column(style="dim")
-    for label, value, remark in areas(report):
+    for label, value, remark in _areas(report):
         table.add_row(label, f"{value:.1f} m²", remark)
     console.print(table)
-    console.print(f"\n[bold]{sealed_headline(report)}[/bold]", highlight=False)
+    console.print(f"\n[bold]{_sealed_headline(report)}[/bold]", highlight=False)
     if report.parts:
         rows = [
-            (str(number), f"{part.area:.1f}", place(part), why(part))
+            (str(number), f"{part.area:.1f}", _place(part), _why(part))
             for number, part in enumerate(report.parts[:MOST_LINES], start=1)
         ]
         console.print(_table(("#", "m²", "around (m)", "why"), rows))
-    console.print(f"\n[bold]{doors_headline(report)}[/bold]", highlight=False)
+    console.print(f"\n[bold]{_doors_headline(report)}[/bold]", highlight=False)
     if report.doors:
         lines = [
-            (f"{door.width:.2f}", place(door), _yes(door.passes), passing(door), f"{door.behind:.1f}")
+            (f"{door.width:.2f}", _place(door), _yes(door.passes), _passing(door), f"{door.behind:.1f}")
             for door in report.doors[:MOST_LINES]
         ]
         console.print(_table(("width (m)", "at (m)", "passes", "", "m² behind"), lines))

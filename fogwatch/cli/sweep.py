@@ -116,7 +116,12 @@ def make_runs(
 
 
 def print_cases(console: Console, rows: list[CaseRow]) -> None:
-    """Print the cases' means as a table."""
+    """Print the cases' means as a table.
+
+    Args:
+        console: Where to print.
+        rows: The results case by case.
+    """
     shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
     compared = any(row.against for row in rows)
     titles = [*shown.values(), *(["change of MFoW (%)"] if compared else [])]
@@ -133,7 +138,11 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
 
 
 def with_interval(found: Estimate | None) -> str:
-    """A mean and half the width of its 95 % interval, as in "12.3 ±0.4"; "-" for None."""
+    """A mean and half the width of its 95 % interval, as in "12.3 ±0.4".
+
+    Args:
+        found: The mean; None gives "-".
+    """
     if found is None:
         return "-"
     return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"

@@ -15,7 +15,10 @@ from worldsim.fleet.process_control import Request, answer_line
 
 
 class ProcessController(Protocol):
-    """Starts, stops and ends robots' processes, as `fogwatch.launch.launcher.Launch` does. Robots go by number."""
+    """Starts, stops and ends robots' processes, as `fogwatch.launch.launcher.Launch` does.
+
+    Robots are given by number.
+    """
 
     def kill(self, robot: int) -> None:
         """Send SIGKILL and wait for the end."""
@@ -38,7 +41,12 @@ class ProcessController(Protocol):
         ...
 
     def restart(self, robot: int, incarnation: int) -> None:
-        """Start a new process."""
+        """Start a new process.
+
+        Args:
+            robot: Number of the robot.
+            incarnation: How often the robot has been started, this time included.
+        """
         ...
 
 

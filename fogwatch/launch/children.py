@@ -158,13 +158,23 @@ class Children:
         return child
 
     def signal(self, names: Sequence[str], number: signal.Signals) -> None:
-        """Send a signal to those of the named children that live."""
+        """Send a signal to children that live.
+
+        Args:
+            names: Names of children; others are ignored.
+            number: The signal.
+        """
         for name in names:
             if name in self.by_name and self.by_name[name].poll() is None:
                 self.by_name[name].process.send_signal(number)
 
     def wait(self, names: Sequence[str], limit_s: float) -> None:
-        """Wait until the named children have ended, at most `limit_s` of wall time, and not when it is urgent."""
+        """Wait until children have ended; not when it is urgent.
+
+        Args:
+            names: Names of children; others are ignored.
+            limit_s: How long to wait at most, s of wall time.
+        """
         until = time.monotonic() + limit_s
         while time.monotonic() < until and not self._urgent():
             if all(self.by_name[name].poll() is not None for name in names if name in self.by_name):
@@ -172,7 +182,11 @@ class Children:
             time.sleep(_POLL_S)
 
     def end(self, names: Sequence[str]) -> None:
-        """End the named children: SIGTERM, and SIGKILL where that does not help. A stopped one continues first."""
+        """End children: SIGTERM, then SIGKILL for those that do not heed it. A stopped one continues first.
+
+        Args:
+            names: Names of children.
+        """
         if not self._urgent():
             self.signal(names, signal.SIGTERM)
             self.signal(names, signal.SIGCONT)

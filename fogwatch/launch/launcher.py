@@ -151,7 +151,11 @@ class Launch:
         return {process_name(child.name, child.incarnation): child.code for child in judged}
 
     def describe_end(self, name: str) -> str:
-        """How a process ended, and the end of its log, for people."""
+        """How a process ended, and the end of its log, for people.
+
+        Args:
+            name: The process's name.
+        """
         return self.children.by_name[name].describe_end()
 
     # --- process control: what the world asks for, called on a thread of its own -------------------------------------
@@ -190,7 +194,12 @@ class Launch:
         self.children.end([name])
 
     def restart(self, robot: int, incarnation: int) -> None:
-        """Start a new process for a robot whose last one has ended, or that had none."""
+        """Start a new process for a robot whose last one has ended, or that had none.
+
+        Args:
+            robot: Number of the robot.
+            incarnation: How often the robot has been started, this time included.
+        """
         name = self.robots[robot - 1]
         if (last := self.children.by_name.get(name)) is not None:
             self.children.former.append(last)

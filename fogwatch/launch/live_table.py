@@ -35,15 +35,27 @@ class RunDisplay(Protocol):
     """Shows the progress of a run."""
 
     def say(self, line: str) -> None:
-        """Show a line of text."""
+        """Show a line of text.
+
+        Args:
+            line: The line.
+        """
         ...
 
     def metrics(self, metrics: Metrics) -> None:
-        """Show the measures of the run so far."""
+        """Show the measures of the run so far.
+
+        Args:
+            metrics: The measures.
+        """
         ...
 
     def notice(self, notice: Notice) -> None:
-        """Show an event."""
+        """Show an event.
+
+        Args:
+            notice: The event.
+        """
         ...
 
     def close(self) -> None:
@@ -143,7 +155,11 @@ def make_display(quiet: bool) -> RunDisplay:
 
 
 def headline(metrics: Metrics) -> str:
-    """The measures of a run so far in one line."""
+    """The measures of a run so far in one line.
+
+    Args:
+        metrics: The measures.
+    """
     rate = metrics.ticks_per_s
     step = metrics.time_s / metrics.k
     parts = [
