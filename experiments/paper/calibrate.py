@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from experiments.paper.tables import PaperSetup, TableComparison, compare, fit_of, paper, plan_of
+from experiments.paper.printed import paper
+from experiments.paper.tables import PaperSetup, TableComparison, compare, fit_of, plan_of
 from experiments.sweeps.plan import Plan
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Fit

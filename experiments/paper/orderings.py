@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.paper.tables import Ordering, Side, TableComparison
+from experiments.paper.printed import Ordering, Side
+from experiments.paper.tables import TableComparison
 from experiments.sweeps.stats import Estimate, estimate
 
 HELD = "held"

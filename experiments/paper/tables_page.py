@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.paper.orderings import Judged
-from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, Remark, TableComparison, fit_of, paper
+from experiments.paper.printed import Remark, paper
+from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, TableComparison, fit_of
 from experiments.sweeps.stats import Estimate, Fit
 from patrol.scenario.explain import show
 

@@ -15,18 +15,8 @@ from experiments.paper.calibrate import best_radius, calibration_plan, crossing,
 from experiments.paper.calibrate import radius_setups as setups_of
 from experiments.paper.orderings import HELD, NOT_HELD, Judged, judge_orderings
 from experiments.paper.orderings import as_json as ordering_as_json
-from experiments.paper.tables import (
-    Cell,
-    PaperSetup,
-    PaperTable,
-    TableComparison,
-    as_json,
-    as_lines,
-    compare,
-    fit_of,
-    paper,
-    plan_of,
-)
+from experiments.paper.printed import PaperTable, paper
+from experiments.paper.tables import Cell, PaperSetup, TableComparison, as_json, as_lines, compare, fit_of, plan_of
 from experiments.paper.tables_page import page
 from experiments.sweeps.casetable import csv_text, json_text, write_text
 from experiments.sweeps.plan import count_of_seeds

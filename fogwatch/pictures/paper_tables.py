@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.paper.tables import FAR_OFF, Cell, Measure, TableComparison
+from experiments.paper.printed import Measure
+from experiments.paper.tables import FAR_OFF, Cell, TableComparison
 from fogwatch.pictures.drawing import Key, Layer, canvas, legend, paint, painted, save
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain

@@ -11,7 +11,8 @@ import pytest
 
 from experiments.paper.calibrate import best_radius, calibration_plan, crossing, fit_as_json, fit_radii, radius_setups
 from experiments.paper.orderings import HELD, NOT_HELD, UNDECIDED, judge_orderings
-from experiments.paper.tables import PaperSetup, PaperTable, Side, as_json, as_lines, compare, fit_of, paper, plan_of
+from experiments.paper.printed import PaperTable, Side, paper
+from experiments.paper.tables import PaperSetup, as_json, as_lines, compare, fit_of, plan_of
 from experiments.sweeps.plan import Plan
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
@@ -156,13 +157,13 @@ def test_dead_ends_are_further_rows() -> None:
 @pytest.mark.parametrize(
     ("ask", "problem"),
     [
-        (lambda: paper().table(1), "table 1: no such table; the paper has 2 to 8"),
+        (lambda: paper().table(1), "table 1: no such table; choose from 2 to 8"),
         (lambda: paper().table(2).part(["f6"], []), "--rows = f6: table 2 has no such row"),
         (lambda: paper().table(2).part([], ["g0"]), "--columns = g0: table 2 has no such column"),
         (lambda: plan_of([paper().table(2)], {"": PaperSetup(0.5, -1.0, (1,))}), "override sensor.range = -1"),
         (
-            lambda: plan_of([paper().table(2)], {"": PaperSetup(0.5, 9.0, (1,), {"patrol.ground.fog": 1})}),
-            "patrol.ground.fog: unknown key",
+            lambda: plan_of([paper().table(2)], {"": PaperSetup(0.5, 9.0, (1,), {"patrol.fog": 1})}),
+            "patrol.fog: unknown key",
         ),
         (lambda: radius_setups(0.5, [10, 10], (1,), {}), "--ranges: expected different numbers"),
         (lambda: radius_setups(0.5, [math.nan], (1,), {}), "--ranges: expected different numbers"),

@@ -9,7 +9,8 @@ import pytest
 
 from experiments.paper import tables_page as paper_report
 from experiments.paper.orderings import judge_orderings
-from experiments.paper.tables import PaperSetup, Remark, TableComparison, compare, paper, plan_of
+from experiments.paper.printed import Remark, paper
+from experiments.paper.tables import PaperSetup, TableComparison, compare, plan_of
 from experiments.paper.tables_page import UNEXPLAINED, page
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome

@@ -47,7 +47,7 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
     ("words", "says"),
     [
         (("--only", "silense"), "--only silense: no such group or condition; did you mean silence"),
-        (("--set", "point=1"), "--set point: the experiment sets that itself"),
+        (("--set", "point=1"), "--set point: the experiment sets this field"),
         (("--seeds", "0"), "--seeds"),
         (("--terrain", "yard"), "yards"),
         (("--robots", "0"), "robots"),

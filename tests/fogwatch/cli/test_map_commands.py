@@ -69,7 +69,7 @@ def test_a_terminal_gets_tables(flat: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def test_builtins_are_called_reconstructions() -> None:
     told = output("check", "yards", "--point", "0.5", "--through-walls", "--range", "12")
     assert "a reconstruction of the paper's" in told
-    assert "sensor of 12 m, through walls" in told
+    assert "sensor range 12 m, through walls" in told
     assert "sealed off: nothing" in told
 
 

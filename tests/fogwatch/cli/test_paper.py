@@ -12,7 +12,8 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from experiments.paper.tables import PaperSetup, compare, paper, plan_of
+from experiments.paper.printed import paper
+from experiments.paper.tables import PaperSetup, compare, plan_of
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
 from fogwatch.cli import paper as paper_commands
@@ -95,7 +96,7 @@ def test_calibration_prints_what_each_radius_comes_to(
         (["table", "2", "--sensor-range", "-3"], "override sensor.range = -3"),
         (["table", "2", "--duration", "0.1"], "duration"),
         (["table", "2", "--seeds", "0"], "--seeds = 0"),
-        (["table", "2", "--set", "patrol.ground.fog=3"], "patrol.ground.fog: unknown key"),
+        (["table", "2", "--set", "patrol.fog=3"], "patrol.fog: unknown key"),
         (["table", "2", "--cluster", "nowhere"], "--cluster = nowhere: cannot be reached"),
         (["calibrate", "--ranges", "ten"], "--ranges = ten: expected numbers"),
         (["calibrate", "--ranges", "10,10"], "--ranges: expected different numbers"),

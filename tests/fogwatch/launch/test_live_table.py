@@ -117,10 +117,10 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
     shown = text.getvalue()
     for words in (
         "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
-        "MFoW        mean 60.0 s, most 90.0 s; lower bound 40.0 s, ratio 1.50",
+        "MFoW        mean 60.0 s, maximum 90.0 s; lower bound 40.0 s, ratio 1.50",
         "coverage    100.00 % of 8800 m² to patrol",
         "10 sent, 9 delivered, 1 dropped, 0 rejected",
-        "missed by 5 commands and 1 frames, 1 of which came too late",
+        "missed by 5 commands and 1 frames; 1 of them came too late",
         "verdict     invalid",
         "nobody lost: bert",
         f"{tmp_path}: fog.png, summary.json",
@@ -131,7 +131,7 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
 @pytest.mark.parametrize("short", [{"seen_share": 0.995}, {"simulated_s": 100.0}])
 def test_a_run_too_short_to_settle_is_not_held_against_the_bound(short: dict[str, float]) -> None:
     assert measures({**SUMMARY, **short})[1].endswith("lower bound 40.0 s")
-    assert measures({**SUMMARY, "bound_s": 0.0})[1].endswith("most 90.0 s")
+    assert measures({**SUMMARY, "bound_s": 0.0})[1].endswith("maximum 90.0 s")
 
 
 def test_the_report_of_a_run_without_ticks() -> None:
