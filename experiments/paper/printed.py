@@ -176,7 +176,7 @@ class Remark:
     columns: tuple[str, ...]
     says: str
 
-    def is_on(self, table: int, row: str, column: str) -> bool:
+    def applies_to(self, table: int, row: str, column: str) -> bool:
         """Whether the remark is about a cell.
 
         Args:
@@ -246,9 +246,7 @@ def paper() -> Paper:
         fit_tables=tuple(raw["fit"]["tables"]),
         fit_below=raw["fit"]["below"],
         tables={table["number"]: _table(table) for table in raw["tables"]},
-        orderings=tuple(
-            Ordering(says["says"], _side(says["lower"]), _side(says["higher"])) for says in raw["orderings"]
-        ),
+        orderings=tuple(Ordering(one["says"], _side(one["lower"]), _side(one["higher"])) for one in raw["orderings"]),
         remarks=tuple(
             Remark(one["table"], tuple(one.get("rows", ())), tuple(one.get("columns", ())), one["says"])
             for one in raw["remarks"]

@@ -168,7 +168,7 @@ def remark_on(number: int, cell: Cell, remarks: Sequence[Remark]) -> Remark | No
     Returns:
         The remark, or None if there is none.
     """
-    return next((remark for remark in remarks if remark.is_on(number, cell.row, cell.column)), None)
+    return next((remark for remark in remarks if remark.applies_to(number, cell.row, cell.column)), None)
 
 
 def _orderings(judged: Sequence[Judged]) -> Iterator[str]:

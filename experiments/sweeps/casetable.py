@@ -93,14 +93,14 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
     rows = case_rows(outcome)
     as_csv, as_json = folder / "summary.csv", folder / "summary.json"
     write_text(as_csv, csv_text(_csv_lines(rows)))
-    says = {
+    content = {
         "name": outcome.plan.name,
         "software": software(),
         "seeds": list(outcome.plan.seeds),
         "cases": [_json_row(row) for row in rows],
         "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
     }
-    write_text(as_json, json_text(says))
+    write_text(as_json, json_text(content))
     return as_csv, as_json
 
 
@@ -115,13 +115,13 @@ def csv_text(lines: Iterator[Sequence[object]]) -> str:
     return out.getvalue()
 
 
-def json_text(says: Any) -> str:
+def json_text(value: Any) -> str:
     """A value as indented JSON text.
 
     Args:
-        says: What `json.dumps` accepts, without NaN.
+        value: What `json.dumps` accepts, without NaN.
     """
-    return f"{json.dumps(says, indent=1, allow_nan=False)}\n"
+    return f"{json.dumps(value, indent=1, allow_nan=False)}\n"
 
 
 def make_folder(folder: Path) -> None:

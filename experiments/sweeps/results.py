@@ -168,8 +168,8 @@ def _line(result: RunResult) -> bytes:
 def _parse(line: bytes) -> RunResult | None:
     """The result in a line, or None if the line holds none."""
     try:
-        says: dict[str, Any] = json.loads(line.decode())
-        result = RunResult(**says)
+        fields: dict[str, Any] = json.loads(line.decode())
+        result = RunResult(**fields)
     except (ValueError, TypeError, RecursionError):
         return None
     whole = (

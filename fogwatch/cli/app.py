@@ -202,7 +202,7 @@ def run(
     }
     given = {field: value for field, value in overrides.items() if value is not None}
     if port is not None and not 0 < port < 65536:
-        raise BadInput(f"--port {port}: no TCP port; give one from 1 to 65535")
+        raise BadInput(f"--port {port}: is not a TCP port; give one from 1 to 65535")
     ending = heed(None, patience=0)
     scenario = open_scenario(what, {**given, **parse_overrides(settings or [])})
     served = page and not quiet and not in_process

@@ -135,7 +135,7 @@ class LiveTable:
             self._started = False
 
 
-class _Unread(Console):
+class _QuietOnBrokenPipe(Console):
     """A console that prints no more once its reader has left; the run goes on."""
 
     def on_broken_pipe(self) -> None:
@@ -148,7 +148,7 @@ def make_display(quiet: bool) -> RunDisplay:
     Args:
         quiet: Whether to show nothing at all.
     """
-    console = _Unread(stderr=True)
+    console = _QuietOnBrokenPipe(stderr=True)
     if quiet:
         return SilentDisplay()
     return LiveTable(console) if console.is_terminal else PlainDisplay(console)

@@ -1,4 +1,4 @@
-"""The launcher's end of the hands: real processes, stopped, killed and waited for."""
+"""The launcher's side of process control: real processes, stopped, killed and waited for."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SLEEPER = [sys.executable, "-c", "import time; print('here', flush=True); time.s
 
 
 class Office:
-    """A launcher with one robot's process, and the world's end of its hands."""
+    """A launcher with one robot's process, and the world's end of the control socket."""
 
     def __init__(self, folder: Path) -> None:
         self.launch = Launch(RunFolder(folder), "f", ["r1", "r2"], SilentDisplay(), lambda: False)
