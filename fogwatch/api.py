@@ -274,7 +274,7 @@ def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Non
     count = len(scenario.roster) - len(scenario.spares)
     robots = "1 robot" if count == 1 else f"{count} robots"
     if scenario.spares:
-        robots += f", up to {len(scenario.spares)} more may join,"
+        robots += f" ({len(scenario.spares)} more may join)"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
 
 

@@ -51,16 +51,25 @@ def check(what: What, settings: Settings = None) -> None:
     area = float(prepared.patrolled.sum()) * scenario.point**2
     given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(f"{what}: can run")
-    if len(scenario.roster) == 1:
-        typer.echo(f"  1 robot, {'at a given start' if given else 'placed at random'}")
-    else:
-        typer.echo(f"  {len(scenario.roster)} robots, {given} of them at a given start, the others placed at random")
+    typer.echo(f"  {_starts(len(scenario.roster), given)}")
     typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
     for line in _faults(scenario):
         typer.echo(f"  {line}")
     typer.echo(f"  scenario hash {digest}")
+
+
+def _starts(robots: int, given: int) -> str:
+    """How many robots there are, and how many of them start at a given place."""
+    count = "1 robot" if robots == 1 else f"{robots} robots"
+    if given == 0:
+        return f"{count}, placed at random"
+    if given == robots:
+        return f"{count}, at {'a given start' if robots == 1 else 'given starts'}"
+    return (
+        f"{count}, {given} of them at {'a given start' if given == 1 else 'given starts'}, the others placed at random"
+    )
 
 
 def _faults(scenario: Scenario) -> Iterator[str]:
