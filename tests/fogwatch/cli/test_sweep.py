@@ -100,7 +100,7 @@ def test_a_sweep_killed_half_way_makes_only_the_runs_that_are_missing(
     assert 12 <= len(before) < 24
     code, said, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "killed"), "--workers", "1")
     assert code == 0
-    assert f"{24 - len(before)} runs to make, {len(before)} are there already" in said
+    assert f"{24 - len(before)} runs to make, {len(before)} done already" in said
     after = results(tmp_path / "killed")
     assert after[: len(before)] == before
     assert set(Counter(one["key"] for one in after).values()) == {1}
@@ -124,7 +124,7 @@ def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(
         process.send_signal(signal.SIGINT)
         said, complained = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "1 of 2 runs are done; start again to go on in" in said
+    assert "1 of 2 runs are done; start again to continue in" in said
     assert "Traceback" not in complained
     assert len(results(tmp_path / "out")) == 1
     # Nobody holds the folder any more, and what was done is done.
