@@ -1,8 +1,8 @@
 """Chaos: many short random scenarios under random faults, and what must hold in each of them.
 
 A scenario is run in several ways. None may fail, every verdict must be valid, and all traces must be equal. Where that
-does not hold, `narrow` looks for fewer faults that break it in the same way. A run that takes too long says nothing of
-that: `TooSlow`.
+does not hold, `narrow` looks for fewer faults that break it in the same way. A run that takes too long proves nothing
+either way: `TooSlow`.
 """
 
 from __future__ import annotations
@@ -28,26 +28,32 @@ from worldsim.output.record import COMPLETED, DESERTED
 from worldsim.verdict.judge import Verdict
 
 KEY = b"chaos has no secrets"
-"""The fleets' key, where they have one."""
+"""The key of fleets that have one."""
 LIMIT_S = 600.0
-"""Wall time after which a run of a few seconds is broken off; see `TooSlow`."""
+"""Wall time after which a run, which should take seconds, is broken off; see `TooSlow`."""
 MOST_TRIES = 200
-"""Runs that `narrow` makes at most."""
+"""Limit of the runs that `narrow` makes."""
 
 PACKAGES = ("patrol", "agent", "worldsim", "experiments", "fogwatch")
 
 SPARE = 0.3
-"""Share of the fleets that a spare robot joins."""
+"""Share of the fleets that have a spare robot, which joins."""
 
 DIFFERENT = "traces differ"
-"""The kind of breakage where ways of running a scenario do not give the same trace."""
+"""What went wrong where the ways of running a scenario do not give the same trace."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Ran:
-    """What one way of running a scenario came to. ended: why, as in the journal."""
+class WayResult:
+    """The result of one way of running a scenario.
+
+    Attributes:
+        trace: The trace hash.
+        verdict: The verdict.
+        ended: Why the run ended, as in the journal.
+    """
 
     trace: str
     verdict: Verdict
@@ -56,48 +62,72 @@ class Ran:
 
 @dataclass(frozen=True, slots=True)
 class Breakage:
-    """What did not hold. kind: the same for breakages that are alike. detail: for people, maybe of many lines."""
+    """What did not hold in a scenario.
 
-    kind: str
+    Attributes:
+        what: What went wrong, in words that are the same for breakages of the same sort.
+        detail: More of it for people, possibly many lines.
+        way: The way of running the scenario that went wrong; empty where two ways differ.
+    """
+
+    what: str
     detail: str
+    way: str = ""
+
+    @property
+    def kind(self) -> str:
+        """The way and what went wrong; equal for breakages of the same sort."""
+        return f"{self.way}: {self.what}" if self.way else self.what
 
 
 class TooSlow(Exception):
-    """A run was broken off because it took too long, so nobody knows whether it holds."""
+    """A run was broken off because it took too long, so that it is unknown whether it holds."""
 
 
-class Patience:
-    """Tells when a run has taken `LIMIT_S` of wall time since it began."""
+class TimeLimit:
+    """Reports when a run has taken `LIMIT_S` of wall time since it began."""
 
     def __init__(self) -> None:
         self._end = math.inf
         self._lost = False
 
     def begin(self) -> None:
-        """Time counts from now on."""
+        """Start the time."""
         self._end = time.monotonic() + LIMIT_S
 
-    def lost(self) -> bool:
-        """Whether the run shall stop; a run asks for it, and never does if it is done in time."""
+    def exceeded(self) -> bool:
+        """Whether the time is over, so that the run must stop; runs call this again and again."""
         self._lost = self._lost or time.monotonic() > self._end
         return self._lost
 
     def check(self, ended: str) -> None:
-        """Raise `TooSlow` for a run that ended so because it was told to stop."""
+        """Raise an error for a run that was stopped by the limit.
+
+        Args:
+            ended: Why the run ended, as in the journal.
+
+        Raises:
+            TooSlow: The run did not reach its end because the time was over.
+        """
         if self._lost and ended not in (COMPLETED, DESERTED):
             raise TooSlow(f"broken off after {LIMIT_S:g} s")
 
 
-Way = Callable[[Scenario], Ran]
+Way = Callable[[Scenario], WayResult]
 
 
 # --- one scenario ----------------------------------------------------------------------------------------------------
 
 
 def random_scenario(seed: int, key: Path) -> Scenario:
-    """A short scenario that `seed` alone decides, with its faults written out.
+    """A short random scenario with its faults written out.
 
-    key: the file that a fleet's key is in, where it has one.
+    Args:
+        seed: Decides the scenario.
+        key: The file of the fleet's key, named in scenarios whose fleet has one.
+
+    Returns:
+        The scenario.
     """
     dice = Draws(seed, Purpose.CHAOS)
     step = dice.choice(0.5, 0.5, 0.5, 0.25, 1.0)
@@ -178,36 +208,67 @@ def _intruder(dice: Draws, terrain: str, point: float) -> dict[str, Any]:
 # --- whether it holds ------------------------------------------------------------------------------------------------
 
 
-def in_process(scenario: Scenario) -> Ran:
-    """One run in this process, its records judged when it is over."""
-    patience = Patience()
-    patience.begin()
-    return _ran(run_in_process(scenario, stop=patience.lost), patience)
+def in_process(scenario: Scenario) -> WayResult:
+    """Run a scenario in this process and judge its records afterwards.
+
+    Args:
+        scenario: The scenario.
+
+    Returns:
+        The result.
+
+    Raises:
+        TooSlow: The run took too long.
+    """
+    limit = TimeLimit()
+    limit.begin()
+    return _ran(run_in_process(scenario, stop=limit.exceeded), limit)
 
 
-def replayed(scenario: Scenario) -> Ran:
-    """The same from the scenario as a file, judged as it goes on."""
+def replayed(scenario: Scenario) -> WayResult:
+    """Write a scenario to a file, read it again, run it in this process, and judge it tick by tick.
+
+    Args:
+        scenario: The scenario.
+
+    Returns:
+        The result.
+
+    Raises:
+        TooSlow: The run took too long.
+    """
     with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-") as folder:
         file = Path(folder) / "scenario.yaml"
         file.write_text(dump_scenario(scenario), encoding="utf-8")
         again = load_scenario(file)
-    patience = Patience()
-    patience.begin()
-    return _ran(run_in_process(again, keep=False, verify_fog=False, stop=patience.lost), patience)
+    limit = TimeLimit()
+    limit.begin()
+    return _ran(run_in_process(again, keep=False, verify_fog=False, stop=limit.exceeded), limit)
 
 
-def _ran(outcome: Outcome, patience: Patience) -> Ran:
+def _ran(outcome: Outcome, limit: TimeLimit) -> WayResult:
     end = outcome.journal.end
     ended = end.reason if end else ""
-    patience.check(ended)
-    return Ran(outcome.summary["trace_hash"], outcome.verdict, ended)
+    limit.check(ended)
+    return WayResult(outcome.summary["trace_hash"], outcome.verdict, ended)
 
 
 IN_ONE_PROCESS: Mapping[str, Way] = {"in process": in_process, "replayed": replayed}
 
 
 def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
-    """Run a scenario in all ways; the first thing that does not hold, or None. Raises `TooSlow`, with the way."""
+    """Run a scenario in several ways.
+
+    Args:
+        scenario: The scenario.
+        ways: The ways by name.
+
+    Returns:
+        The first thing that does not hold, or None.
+
+    Raises:
+        TooSlow: A run took too long; the message names the way.
+    """
     traces: dict[str, str] = {}
     for name, way in ways.items():
         try:
@@ -215,15 +276,17 @@ def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
         except TooSlow as slow:
             raise TooSlow(f"{name}: {slow}") from None
         except BadInput as bad:
-            return Breakage(f"{name}: refused", str(bad))
-        except Exception as error:  # noqa: BLE001 - whatever it is, finding it is the purpose
-            return Breakage(f"{name}: {type(error).__name__} at {_raised_at(error)}", traceback.format_exc())
+            return Breakage("refused", str(bad), name)
+        except Exception as error:  # noqa: BLE001 - to find any error is the purpose
+            what = f"{type(error).__name__} at {_raised_at(error)}"
+            return Breakage(what, traceback.format_exc(), name)
         if ran.ended not in (COMPLETED, DESERTED):
-            return Breakage(f"{name}: not completed", ran.ended)
+            return Breakage("not completed", ran.ended, name)
         if not ran.verdict.valid:
             failed = ran.verdict.failed
             details = "\n".join(f"{check.name}: {check.detail}" for check in failed)
-            return Breakage(f"{name}: {ran.verdict.outcome} by {', '.join(check.name for check in failed)}", details)
+            what = f"{ran.verdict.outcome} by {', '.join(check.name for check in failed)}"
+            return Breakage(what, details, name)
         traces[name] = ran.trace
     if len(set(traces.values())) > 1:
         return Breakage(DIFFERENT, "\n".join(f"{name}: {trace}" for name, trace in traces.items()))
@@ -245,7 +308,12 @@ def _raised_at(error: Exception) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Fewest(Generic[T]):
-    """Items that still break. least: whether it was tried for each of them that they do not without it."""
+    """The result of `fewest`.
+
+    Attributes:
+        items: Items that still break.
+        least: Whether it is known that leaving out any one of them mends it.
+    """
 
     items: tuple[T, ...]
     least: bool
@@ -253,7 +321,13 @@ class Fewest(Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Narrowed:
-    """A scenario whose other faults do nothing, those that it keeps, and whether none of them can be left out."""
+    """The result of `narrow`.
+
+    Attributes:
+        scenario: The scenario; its faults are those kept, and some without an effect.
+        kept: The faults that are kept.
+        least: Whether it is known that none of them can be left out.
+    """
 
     scenario: Scenario
     kept: tuple[Any, ...]
@@ -261,10 +335,17 @@ class Narrowed:
 
 
 def with_faults(scenario: Scenario, faults: Sequence[Any]) -> Scenario:
-    """The scenario with these of its faults alone, under the ids that they have and with the same draws.
+    """A scenario with some of its faults, under the same ids and with the same random draws.
 
-    A fault's place in the list enters its draws. So what is left out before another leaves something at its place that
-    does nothing: a clock that is not wrong.
+    A fault's place in the list enters its draws. A fault left out before another is therefore replaced by one without
+    an effect: a clock fault with no offset.
+
+    Args:
+        scenario: The scenario.
+        faults: Those of its faults that are kept.
+
+    Returns:
+        The new scenario.
     """
     ids = {fault.id for fault in faults}
     last = max((place for place, fault in enumerate(scenario.faults) if fault.id in ids), default=-1)
@@ -276,16 +357,33 @@ def with_faults(scenario: Scenario, faults: Sequence[Any]) -> Scenario:
 
 
 def narrow(scenario: Scenario, breaks: Callable[[Scenario], bool], most: int = MOST_TRIES) -> Narrowed:
-    """A scenario that `breaks` with as few of its faults as delta debugging finds in `most` tries."""
+    """Reduce a scenario that breaks to few of its faults.
+
+    Args:
+        scenario: The scenario.
+        breaks: Whether a scenario breaks in the same way.
+        most: Limit of the calls of `breaks`.
+
+    Returns:
+        A scenario that still breaks.
+    """
     found = fewest(list(scenario.faults), lambda faults: breaks(with_faults(scenario, faults)), most)
     return Narrowed(with_faults(scenario, found.items), found.items, found.least)
 
 
 def fewest(items: Sequence[T], breaks: Callable[[Sequence[T]], bool], most: int = MOST_TRIES) -> Fewest[T]:
-    """Some of the items, in their order, that still break, of which none can be left out; fewer tries may end earlier.
+    """Reduce items to few that still break, by delta debugging.
 
-    Delta debugging (Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", 2002): parts of the
-    items are left out, ever smaller ones, as long as what remains breaks. All of them together must break.
+    Parts of the items are left out, ever smaller ones, as long as the rest breaks (Zeller and Hildebrandt, "Simplifying
+    and isolating failure-inducing input", 2002).
+
+    Args:
+        items: The items, which together must break.
+        breaks: Whether some of the items break.
+        most: Limit of the calls of `breaks`.
+
+    Returns:
+        Items that still break, in their order. None of them can be left out, unless the limit was reached.
     """
     kept = list(items)
     tries = 0

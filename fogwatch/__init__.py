@@ -1,7 +1,7 @@
-"""The front door of the project.
+"""The command `fogwatch` and its Python interface.
 
-The command `fogwatch`, the launcher that runs a fleet as separate processes, the router between them, the
-run folder and the pictures. From Python:
+The package also holds the launcher, which runs a fleet as separate processes, the router between them, the run folder
+and the pictures. From Python:
 
     result = fogwatch.run("yards", overrides={"duration": 600})
 """
@@ -17,7 +17,7 @@ __all__ = ["Result", "run"]
 
 
 def __getattr__(name: str) -> Any:
-    """Load what a run needs when somebody first asks for it, so that children and short commands start quickly."""
+    """Import what a run needs on first use, so that child processes and short commands start quickly."""
     if name in __all__:
         from fogwatch import api
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.launch.live_table import Show, Silent
+from fogwatch.launch.live_table import RunDisplay, SilentDisplay
 from fogwatch.launch.runfolder import RunFolder, create
 from patrol.errors import BadInput
 from patrol.net.telemetry import Metrics, Notice, Watcher
@@ -32,19 +32,24 @@ if TYPE_CHECKING:
     from worldsim.verdict.judge import Verdict
 
 MOST_THREADS = 8
+"""Threads that minds in one process use at most."""
 EAGER = 16
-"""Fleets up to this size are spawned before it is known that they fit, so that their start takes less time."""
+"""Fleets of up to this many robots are started before the check that they fit, which saves time."""
 PROCESS_GB = 0.15
-"""Memory of one agent's process."""
+"""Memory of one agent's process, GB."""
 PACKAGES = ("patrol", "agent", "worldsim")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """What a run came to.
+    """The result of a run.
 
-    summary: as in summary.json. folder: where everything is. mfow_s: MFoW after each tick, s. interrupted: somebody
-    stopped it before its end.
+    Attributes:
+        summary: The summary, as in summary.json.
+        folder: The run folder.
+        mfow_s: MFoW after each tick, s; float64 (ticks,).
+        verdict: Whether the run kept all rules, check by check.
+        interrupted: Whether the run was stopped before its end.
     """
 
     summary: Mapping[str, Any]
@@ -55,7 +60,7 @@ class Result:
 
     @property
     def trace_hash(self) -> str:
-        """One number for everything that happened; equal for equal runs, however they were run."""
+        """The hash of all that happened, SHA-256 in hex; equal for equal runs, in one process or as many."""
         return str(self.summary["trace_hash"])
 
     def __repr__(self) -> str:
@@ -66,20 +71,28 @@ class Result:
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
-    """How a run is to be done, and who is told.
+class RunOptions:
+    """How to run a scenario, and where to show the progress.
 
-    port: of the router, or None for a free one. begin: called when the ticks are about to begin. stop: asked from then
-    on whether to end early; urgent: whether to end by force. Before that KeyboardInterrupt ends everything. draw:
-    whether to draw the final fog. recording, report: whether to write them when the run is over. recovery: whether to
-    run the scenario without its faults too, in one process, to judge recovery by. page: whether to serve one while
-    processes run.
+    Attributes:
+        out: The run folder, new or empty; None for ``runs/<name>-<time>``.
+        in_process: Whether to run in this process instead of one process per robot.
+        port: TCP port of the router; None for a free one.
+        display: Shows the progress.
+        begin: Called when the ticks are about to begin. Before that, KeyboardInterrupt ends everything.
+        stop: Asked from then on whether to end early.
+        urgent: Asked from then on whether to end by force.
+        draw: Whether to draw the final fog.
+        recording: Whether to write recording.mcap when the run has ended.
+        report: Whether to write report.html when the run has ended.
+        recovery: Whether to run the scenario without its faults too, in one process, to judge the recovery.
+        page: Whether to serve a live page while the processes run.
     """
 
     out: Path | None = None
     in_process: bool = False
     port: int | None = None
-    show: Show = field(default_factory=Silent)
+    display: RunDisplay = field(default_factory=SilentDisplay)
     begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
@@ -103,17 +116,24 @@ def run(
 ) -> Result:
     """Run a scenario to its end.
 
-    scenario: a file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario file, or a
-    loaded scenario. out: folder for what the run leaves, new or empty; ``runs/<name>-<time>`` unless given.
-    in_process: in this process, or as one process per robot over Zenoh; both give the same trace. progress: called
-    with the run so far, at most ten times a second. overrides: values by dotted field, ``{"patrol.dilatation": 0}``.
-    recording, report: write recording.mcap and report.html into the run folder as well; `fogwatch record` and
-    `fogwatch report` make them at any later time, so that a loop over many runs need not wait for them. recovery: run
-    a scenario with faults without them too, so that the verdict can judge recovery.
+    Args:
+        scenario: A scenario file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario
+            file, or a loaded scenario.
+        out: The run folder, new or empty; ``runs/<name>-<time>`` unless given.
+        in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
+        progress: Called with the measures so far, at most ten times a second.
+        overrides: Values by dotted field, such as ``{"patrol.dilatation": 0}``.
+        recording: Whether to write recording.mcap as well; `fogwatch record` writes it at any later time.
+        report: Whether to write report.html as well; `fogwatch report` writes it at any later time.
+        recovery: Whether to run a scenario with faults without them too, so that the verdict can judge the recovery.
 
-    Raises BadInput, one line that says what is wrong; `fogwatch.launch.launcher.Failed` when processes could not be
-    brought
-    to run; KeyboardInterrupt after leaving everything in order.
+    Returns:
+        The result.
+
+    Raises:
+        BadInput: The input is wrong; the message is one line that says what, and how to mend it.
+        fogwatch.launch.launcher.Failed: The processes could not be brought to run.
+        KeyboardInterrupt: The run was interrupted before its first tick; nothing is left behind.
     """
     if isinstance(scenario, Scenario):
         loaded = load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
@@ -121,60 +141,70 @@ def run(
         loaded = load_scenario(scenario, overrides)
     else:
         loaded = open_scenario(str(scenario), overrides)
-    show = Silent() if progress is None else _Calling(progress)
+    display = SilentDisplay() if progress is None else _CallbackDisplay(progress)
     where = None if out is None else Path(out)
-    wishes = Wishes(where, in_process, show=show, recording=recording, report=report, recovery=recovery)
-    return execute(loaded, wishes)
+    options = RunOptions(where, in_process, display=display, recording=recording, report=report, recovery=recovery)
+    return execute(loaded, options)
 
 
-def execute(scenario: Scenario, wishes: Wishes) -> Result:
-    """Run a loaded scenario as wished.
+def execute(scenario: Scenario, options: RunOptions) -> Result:
+    """Run a loaded scenario.
 
-    Raises BadInput, and `fogwatch.launch.launcher.Failed` when no fleet would run.
+    Args:
+        scenario: The scenario.
+        options: How to run it.
+
+    Returns:
+        The result.
+
+    Raises:
+        BadInput: The scenario cannot be run, or the run folder cannot be used.
+        fogwatch.launch.launcher.Failed: The processes could not be brought to run.
+        KeyboardInterrupt: The run was interrupted before its first tick.
     """
-    warm((*PACKAGES, "monitor") if wishes.recording or wishes.report else PACKAGES, wishes.show.say)
-    folder = create(scenario, wishes.out, datetime.now().astimezone())
+    warm((*PACKAGES, "monitor") if options.recording or options.report else PACKAGES, options.display.say)
+    folder = create(scenario, options.out, datetime.now().astimezone())
     try:
         resolved = folder.load()
-        fleet_key(resolved.radio.key)  # whether it can be read is better known before there are processes
-        return (_in_this_process if wishes.in_process else _as_processes)(resolved, folder, wishes)
+        fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
+        return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt):
-        if not folder.journal.exists():  # what has run is kept, whatever is wrong with it
+        if not folder.journal.exists():  # the ticks of a run that has begun are kept
             folder.discard()
         raise
     finally:
-        wishes.show.close()
+        options.display.close()
 
 
-def _begin(wishes: Wishes) -> None:
-    """The ticks are about to begin, unless somebody has wanted an end before."""
-    wishes.begin()
-    if wishes.stop():
+def _begin(options: RunOptions) -> None:
+    """Call `begin`, unless the run has been stopped before: then raise KeyboardInterrupt."""
+    options.begin()
+    if options.stop():
         raise KeyboardInterrupt
 
 
-def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
+def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
     from experiments.inprocess import run_in_process
     from patrol.prepare import prepare
     from worldsim.output.ticks_table import TicksTable
 
     prepared = prepare(scenario)
-    _announce(scenario, folder, wishes)
+    _announce(scenario, folder, options)
     names = {spec.number: spec.name for spec in scenario.roster}
     points = int(np.count_nonzero(prepared.patrolled))
     watcher = Watcher(names, points, scenario.step, scenario.ticks, time.monotonic)
-    _begin(wishes)
-    baseline_s = _baseline(prepared, wishes)
+    _begin(options)
+    baseline_s = _baseline(prepared, options)
     with closing(TicksTable(folder.ticks, scenario.step)) as table:
 
         def on_tick(record: TickRecord) -> None:
             table.tick(record)
             metrics = watcher.take(record)
             if metrics is not None:
-                wishes.show.metrics(metrics)
+                options.display.metrics(metrics)
 
         def on_event(event: Event) -> None:
-            wishes.show.notice(watcher.notice(event))
+            options.display.notice(watcher.notice(event))
 
         outcome = run_in_process(
             prepared,
@@ -182,14 +212,14 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> R
             started=datetime.now(UTC).isoformat(timespec="seconds"),
             progress=on_tick,
             events=on_event,
-            stop=wishes.stop,
+            stop=options.stop,
             threads=min(len(names), os.cpu_count() or 1, MOST_THREADS),
             baseline_s=baseline_s,
         )
-    return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, wishes)
+    return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 
 
-def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Result:
+def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
     from fogwatch.launch.launcher import WORLD, Failed, Launch
     from patrol.prepare import prepare
     from worldsim.timeline import Timeline
@@ -199,13 +229,15 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     prepared = prepare(scenario) if len(names) > EAGER else None
     fleet = f"{scenario.name}-{os.urandom(4).hex()}"
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
-    launch = Launch(folder, fleet, names, wishes.show, wishes.stop, wishes.port, wishes.urgent, absent, wishes.page)
+    launch = Launch(
+        folder, fleet, names, options.display, options.stop, options.port, options.urgent, absent, options.page
+    )
     try:
         launch.start()
         prepared = prepared or prepare(scenario)
-        _announce(scenario, folder, wishes)
+        _announce(scenario, folder, options)
         _write_static(prepared, _unfinished(folder.static))
-        _begin(wishes)
+        _begin(options)
         _unfinished(folder.static).rename(folder.static)
         launch.watch()
     except BaseException:
@@ -223,53 +255,53 @@ def _as_processes(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> Resu
     if not folder.journal.exists():
         if launch.interrupted:
             raise KeyboardInterrupt
-        raise Failed(launch.obituary(WORLD))
+        raise Failed(launch.describe_end(WORLD))
     if exit_codes[WORLD] != 0:
-        wishes.show.say(launch.obituary(WORLD))
+        options.display.say(launch.describe_end(WORLD))
     try:
         journal = read_journal(folder.journal)
     except BadInput as bad:
         raise Failed(str(bad)) from None
     operated = prepared_as_operated(prepared, journal.events)
-    verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, wishes))
+    verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, options))
     wall_s = journal.end.notes.get("wall_s") if journal.end else None
     summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
-    return _result(folder, operated, journal, verdict, summary, wishes)
+    return _result(folder, operated, journal, verdict, summary, options)
 
 
-def _announce(scenario: Scenario, folder: RunFolder, wishes: Wishes) -> None:
-    """Say what begins, now that nothing is wrong with it."""
+def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> None:
+    """Show what is about to run, once its input is known to be right."""
     count = len(scenario.roster) - len(scenario.spares)
     robots = "1 robot" if count == 1 else f"{count} robots"
     if scenario.spares:
-        robots += f", {len(scenario.spares)} more to join,"
-    wishes.show.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
+        robots += f" ({len(scenario.spares)} more may join)"
+    options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
 
 
-def _baseline(prepared: Prepared, wishes: Wishes) -> float | None:
-    """The fault-free mean MFoW (s), where it is wanted and one process can tell; that run needs no others."""
+def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
+    """The mean MFoW (s) without faults; None where it is not wanted, or one process cannot find it out."""
     scenario = prepared.scenario
-    if not wishes.recovery or not scenario.faults or scenario.radio.via != "ether" or wishes.stop():
+    if not options.recovery or not scenario.faults or scenario.radio.via != "ether" or options.stop():
         return None
     from experiments.inprocess import fault_free_mfow
 
-    wishes.show.say("running it without its faults, to judge recovery by ...")
-    return fault_free_mfow(prepared, wishes.stop)
+    options.display.say("running the scenario without its faults, to judge the recovery ...")
+    return fault_free_mfow(prepared, options.stop)
 
 
 def _check_memory(robots: int) -> None:
-    """Refuse a fleet of processes that this machine has no memory for, before it is brought down."""
+    """Refuse a fleet of processes that would exhaust the machine's memory."""
     needed_gb = robots * PROCESS_GB
     there_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
     if needed_gb > there_gb:
         raise BadInput(
-            f"{robots} robots as processes need about {needed_gb:.0f} GB of memory and there are {there_gb:.0f}; use "
-            "--in-process, or fewer robots"
+            f"{robots} robots as processes need about {needed_gb:.0f} GB of memory, and this machine has "
+            f"{there_gb:.0f} GB; use --in-process or fewer robots"
         )
 
 
 def _finish(launch: Launch) -> Mapping[str, int | None]:
-    """End all processes; who is interrupted at that ends them by force."""
+    """End all processes; an interruption meanwhile ends them by force."""
     try:
         return launch.finish()
     except KeyboardInterrupt:
@@ -277,7 +309,7 @@ def _finish(launch: Launch) -> Mapping[str, int | None]:
 
 
 def _write_static(prepared: Prepared, part: Path) -> None:
-    """Write the static fields for the processes, which go on as soon as the folder has its name."""
+    """Write the static fields for the processes, which wait until the folder is renamed."""
     from agent.build import save_psi
 
     prepared.save(part)
@@ -285,7 +317,7 @@ def _write_static(prepared: Prepared, part: Path) -> None:
 
 
 def _unfinished(static: Path) -> Path:
-    """Where static fields are written until they are whole."""
+    """The folder in which static fields are written until they are complete."""
     return static.with_suffix(".part")
 
 
@@ -295,63 +327,63 @@ def _result(
     journal: RunRecord,
     verdict: Verdict,
     summary: Mapping[str, Any],
-    wishes: Wishes,
+    options: RunOptions,
 ) -> Result:
-    """Write the summary and what is derived from the journal."""
+    """Write the summary and the files that are made from the journal."""
     from patrol.journal import Journal
     from worldsim.output.record import INTERRUPTED
 
-    asked = wishes.stop()
+    asked = options.stop()
     folder.write_summary(summary)
     step = prepared.scenario.step
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
-    if wishes.draw and len(mfow_s) and not wishes.urgent():
-        wishes.show.say("drawing the final fog ...")
-        _draw(folder, prepared, wishes)
-    if len(mfow_s) and isinstance(journal, Journal) and (wishes.recording or wishes.report):
+    if options.draw and len(mfow_s) and not options.urgent():
+        options.display.say("drawing the final fog ...")
+        _draw(folder, prepared, options)
+    if len(mfow_s) and isinstance(journal, Journal) and (options.recording or options.report):
         from fogwatch.launch.derived import derive
 
-        wishes.show.say(f"writing {' and '.join(_derived(wishes))} ...")
+        options.display.say(f"writing {' and '.join(_derived(options))} ...")
         derive(
             journal,
             prepared,
             summary,
-            folder.recording if wishes.recording else None,
-            folder.report if wishes.report else None,
-            # An interrupted run is told of as well; only who asks once more has no time for that.
-            hurry=lambda: wishes.urgent() or (wishes.stop() and not asked),
-            say=wishes.show.say,
+            folder.recording if options.recording else None,
+            folder.report if options.report else None,
+            # An interrupted run gets its files as well, unless it is interrupted a second time.
+            cancelled=lambda: options.urgent() or (options.stop() and not asked),
+            say=options.display.say,
         )
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
     return Result(summary, folder.path, mfow_s, verdict, interrupted)
 
 
-def _derived(wishes: Wishes) -> list[str]:
-    return ["the recording"] * wishes.recording + ["the report"] * wishes.report
+def _derived(options: RunOptions) -> list[str]:
+    return ["the recording"] * options.recording + ["the report"] * options.report
 
 
-def _draw(folder: RunFolder, prepared: Prepared, wishes: Wishes) -> None:
+def _draw(folder: RunFolder, prepared: Prepared, options: RunOptions) -> None:
     try:
         from fogwatch.pictures.run_end import run_picture
 
         run_picture(folder.path, folder.picture, prepared)
     except ImportError as error:
-        wishes.show.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
+        options.display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
     except (BadInput, OSError) as error:
-        wishes.show.say(f"no picture: {error}")
+        options.display.say(f"no picture: {error}")
 
 
-class _Calling:
-    """Passes metrics on to a function and shows nothing else."""
+class _CallbackDisplay:
+    """A display that passes metrics on to a function and shows nothing else."""
 
     def __init__(self, metrics: Callable[[Metrics], None]) -> None:
         self.metrics = metrics
 
     def say(self, line: str) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def notice(self, notice: Notice) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Nothing."""
+        """Do nothing."""

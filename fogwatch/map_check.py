@@ -1,6 +1,6 @@
-"""What a map offers a body: how much of it can be reached and seen, what is sealed off and by what, the doors.
+"""Map check: how much of a map a body reaches and sees, which parts are sealed off and why, and the doors.
 
-Pure analysis; `fogwatch map check` prints it and draws it.
+Pure analysis; `fogwatch map check` prints the result and draws it.
 """
 
 from __future__ import annotations
@@ -30,10 +30,17 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SealedPart:
-    """Free space that the body cannot reach. Areas in m2.
+    """Free space that the body cannot reach.
 
-    x, y: a place inside, in m. seen: how much of the area is seen from outside the part. standable: where the body's
-    centre could be. at_border: it touches the map's border. door: the one that is too narrow, where that is the reason.
+    Attributes:
+        x: East coordinate of a place inside, m.
+        y: North coordinate of the place, m.
+        area: Area of the part, m².
+        seen: Area of it that is seen from outside the part, m².
+        standable: Area of the places where the body's centre could be, m².
+        at_border: Whether it touches the map's border.
+        reason: Why it cannot be reached.
+        door: The door that is too narrow, where that is the reason; else None.
     """
 
     x: float
@@ -48,13 +55,25 @@ class SealedPart:
 
 @dataclass(frozen=True, eq=False)
 class MapReport:
-    """All that a map check finds. Lengths in m, areas in m2.
+    """The result of a map check.
 
-    free: free space. fits: places where the body's centre may be. reachable: of these, those in reach of the starts.
-    patrolled: what is seen from there. unseen: passable space that never is, and of that, unseen_sealed in the sealed
-    parts, listed or not. parts: sealed-off parts, largest first; small_parts and small_area: those not listed.
-    doors: those on the way to free space around the starts, narrowest first. sealed: int32 (h, w), number of the listed
-    part (from 1) or 0.
+    Attributes:
+        terrain: The ground.
+        fields: The body's static fields.
+        radius: Radius of the body, m.
+        sensor_range: Range of the sensor, m.
+        line_of_sight: Whether obstacles block the sensor.
+        free: Area of the free space, m².
+        fits: Area of the places where the body's centre may be, m².
+        reachable: Area of those places that can be reached from the starts, m².
+        patrolled: Area that is seen from them, m².
+        unseen: Area of the passable space that is never seen, m².
+        unseen_sealed: Area of that in sealed-off parts, listed or not, m².
+        parts: The listed sealed-off parts, largest first.
+        small_parts: Number of sealed-off parts that are too small to list.
+        small_area: Their area in total, m².
+        doors: The doors between the starts and the free space around them, narrowest first.
+        sealed: int32 (height, width): the number of the listed part at a point, from 1, or 0.
     """
 
     terrain: Terrain
@@ -82,10 +101,20 @@ def check_map(
     line_of_sight: bool = True,
     starts: Sequence[Pose] = (),
 ) -> MapReport:
-    """What `terrain` offers a body of `radius` m with a sensor of `sensor_range` m.
+    """Check a map for a body and a sensor.
 
-    starts: where the robots start; where random ones would, when there are none.
-    Raises BadInput where the body fits nowhere or not at a start.
+    Args:
+        terrain: The ground.
+        radius: Radius of the body, m.
+        sensor_range: Range of the sensor, m.
+        line_of_sight: Whether obstacles block the sensor.
+        starts: Where the robots start; without any, a place where random starts would be.
+
+    Returns:
+        The result.
+
+    Raises:
+        BadInput: The body fits nowhere, or not at a start.
     """
     if not starts:
         part = np.flatnonzero(starting_part(terrain, radius))
@@ -121,7 +150,7 @@ def check_map(
 
 
 def _sealed_parts(rooms: Rooms, fields: StaticFields) -> list[tuple[SealedPart, list[int]]]:
-    """Every part without a start, with its rooms; what is too narrow for the body but all seen is left out."""
+    """Every part without a start, with its rooms, except parts too narrow for the body that are seen entirely."""
     found = []
     for number, node in enumerate(rooms.nodes):
         leaves = rooms.leaves[number]

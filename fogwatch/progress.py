@@ -1,4 +1,4 @@
-"""How far a sweep is: a bar with the time left on a terminal, one line a run elsewhere."""
+"""The progress of a sweep: a bar with the time left on a terminal, one line per run elsewhere."""
 
 from __future__ import annotations
 
@@ -15,12 +15,20 @@ from rich.table import Table
 
 from experiments.sweeps.plan import Run
 from experiments.sweeps.probe import seconds_per_run
-from experiments.sweeps.results import Result
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.runner import SweepOutcome
 
 
 def bar_on(console: Console, left: ProgressColumn) -> Progress:
-    """A bar of things done, with what is left in its last column; cleared away in the end, and only on a terminal."""
+    """A progress bar, which shows on a terminal only and is cleared away in the end.
+
+    Args:
+        console: Where it shows.
+        left: Its last column, for the time left.
+
+    Returns:
+        The bar, not yet started.
+    """
     return Progress(
         TextColumn("{task.description}", style="cyan"),
         BarColumn(),
@@ -34,11 +42,22 @@ def bar_on(console: Console, left: ProgressColumn) -> Progress:
 
 
 class SweepProgress:
-    """Shows a sweep's progress (`experiments.sweeps.runner.Watcher`); a context manager that clears its bar away."""
+    """Shows the progress of a sweep; a context manager that clears its bar away.
 
-    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic, foretell: bool = False) -> None:
-        """clock: in s, for the time left. foretell: try a few runs first, to say how long all will take."""
-        self._foretell = foretell
+    It implements `experiments.sweeps.runner.SweepObserver`.
+    """
+
+    def __init__(
+        self, console: Console, clock: Callable[[], float] = time.monotonic, estimate_time: bool = False
+    ) -> None:
+        """Show nothing yet.
+
+        Args:
+            console: Where the progress shows.
+            clock: The time in s, from which the time left is computed.
+            estimate_time: Whether to try a few runs first, to say how long all will take.
+        """
+        self._estimate_time = estimate_time
         self._console = console
         self._clock = clock
         self._begun = 0.0
@@ -48,17 +67,17 @@ class SweepProgress:
 
     @property
     def made(self) -> int:
-        """How many runs have been made."""
+        """The number of runs made so far."""
         return self._made
 
     @property
     def total(self) -> int:
-        """How many runs there are in all."""
+        """The number of all runs."""
         return self._there + self._todo
 
     @property
     def done(self) -> int:
-        """How many of them have a result."""
+        """The number of runs that have a result, from this start or an earlier one."""
         return self._there + self._made
 
     def __enter__(self) -> Self:
@@ -68,16 +87,26 @@ class SweepProgress:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._bar.stop()
 
-    def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
-        """The runs still to be made, and the results that were there."""
+    def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
+        """Print how many runs there are to make.
+
+        Args:
+            todo: The runs to make.
+            done: The results of earlier starts.
+            workers: How many runs are made at a time.
+        """
         self._todo, self._there = len(todo), len(done)
-        there = f", {self._there} are there already" if self._there else ""
+        there = f", {self._there} done already" if self._there else ""
         self.say(f"{self._todo} runs to make{there}; {workers} at a time{self._forecast(todo, workers)}")
         self._bar.update(self._task, total=self.total, completed=self.done)
         self._begun = self._clock()
 
-    def result(self, result: Result) -> None:
-        """One more run is done."""
+    def result(self, result: RunResult) -> None:
+        """Show that one more run is done.
+
+        Args:
+            result: The run's result.
+        """
         self._made += 1
         left = self._left()
         self._bar.update(self._task, completed=self.done, description=f"{result.case} seed {result.seed}", left=left)
@@ -89,12 +118,18 @@ class SweepProgress:
             self.say(f"{self.done}/{self.total} {result.case} seed {result.seed}: {found}{result.wall_s:.1f} s; {left}")
 
     def say(self, text: str) -> None:
-        """Print a line above the bar."""
+        """Print a line above the bar.
+
+        Args:
+            text: The line.
+        """
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def _forecast(self, todo: list[Run], workers: int) -> str:
-        each = seconds_per_run(todo) if self._foretell else None
-        return "" if each is None else f", {duration(each)} each: about {duration(each * len(todo) / workers)}"
+        each = seconds_per_run(todo) if self._estimate_time else None
+        return (
+            "" if each is None else f", about {duration(each)} per run, {duration(each * len(todo) / workers)} in all"
+        )
 
     def _left(self) -> str:
         spent = self._clock() - self._begun
@@ -102,30 +137,44 @@ class SweepProgress:
 
 
 def duration(seconds: float) -> str:
-    """A time for people: 42 s, 7 min, 2 h 05 min."""
+    """A duration for people, such as "42 s", "7 min" or "2 h 05 min".
+
+    Args:
+        seconds: The duration in s.
+    """
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def print_failures(console: Console, outcome: Outcome) -> None:
-    """The runs that failed, and what to make of results from other versions."""
+def print_failures(console: Console, outcome: SweepOutcome) -> None:
+    """Print the runs that failed, and a warning where some results are from another version.
+
+    Args:
+        console: Where to print.
+        outcome: The results of a sweep.
+    """
     if outcome.failed:
         table = Table("case", "seed", "why", box=None, pad_edge=False, header_style="red", title="failed runs")
         for run in outcome.failed:
             table.add_row(run.case, str(run.seed), run.error)
         console.print(table, highlight=False, markup=False)
-        console.print("start again to try them again", style="red")
+        console.print("start again to repeat the failed runs", style="red")
     if outcome.other_software:
         versions = ", ".join(outcome.other_software)
         console.print(
-            f"some results were made by fogwatch {versions}; choose a new --out to make them anew", style="red"
+            f"some results are from fogwatch {versions}; to repeat them with this version, choose a new --out",
+            style="red",
         )
 
 
 def command_line(*command: str) -> str:
-    """The command that is running, as it was given, for the pages that it makes; without where its output goes."""
+    """The command line of this process, for the pages that it writes, without the options that change no result.
+
+    Args:
+        command: The words of the command, such as "paper", "all"; used alone where this process is another command.
+    """
     given = list(sys.argv[1:])
     if tuple(given[: len(command)]) != command:
         return shlex.join(["fogwatch", *command])

@@ -9,12 +9,14 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.readiness import report_ready
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
@@ -66,7 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     key = os.environ.pop(KEY, "")
     open_source = source_opener(options, ending)
     try:
-        serve(open_source, options.host, options.page_port, key, ending, announced=bool(key), key_name=KEY)
+        opened = partial(report_ready, options.ready)
+        serve(
+            open_source, options.host, options.page_port, key, ending, announced=bool(key), key_name=KEY, opened=opened
+        )
     except BadInput as bad:
         print(f"monitor: {bad}", file=sys.stderr)
         return 2
@@ -247,4 +252,5 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--page-port", "N", "TCP port of the page (default: a free one)", type=int, default=0)
     add("--wait", "S", "how long to wait for the fleet, s (default: 60)", type=float, default=60.0)
     add("--lifeline", "FD", "file descriptor of the launcher's pipe, set by the launcher", type=int)
+    add("--ready", "FD", "file descriptor of a pipe on which to report the page's address", type=int)
     return parser.parse_args(arguments)

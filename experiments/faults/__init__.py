@@ -1,1 +1,1 @@
-"""What faults cost: the experiment and its page."""
+"""The faults experiment: what faults cost, and the page of its results."""

@@ -1,7 +1,7 @@
-"""What faults cost: the paper's final algorithm, without and with claims, under everything that may befall a fleet.
+"""The faults experiment: what faults cost the paper's final algorithm, without and with claims.
 
-Each *condition* is what happens; each is run with every *variant* of the algorithm and every seed. Costs are ratios to
-the same variant's run of the same seed without faults.
+A *condition* is a set of faults. Each is run with every *variant* of the algorithm and every seed. A cost is the ratio
+to the run of the same variant and seed without faults.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.sweeps.plan import Base, Case, Plan, make_plan
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate
 from patrol.errors import BadInput, did_you_mean
 from patrol.radio.message import MAX_TRAIL
@@ -33,17 +33,25 @@ BURSTS = (0.25, 0.5, 0.75, 0.85)
 BURST_TICKS = 8
 REACHES_M = (20, 40, 80)
 TRAIL = MAX_TRAIL
-"""Past positions in a frame, where it carries any."""
+"""Past positions in a frame, in conditions with a trail."""
 
 FORGED_M = 25.0
-"""How far off forged positions are."""
+"""Offset of forged positions, m."""
 
 Faults = list[dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Something that happens. group: of conditions shown together. x: its place on the group's axis, or None."""
+    """A set of faults whose cost is measured.
+
+    Attributes:
+        group: The conditions that are shown together.
+        name: Its name in the group.
+        faults: The faults, as in a scenario.
+        x: Its value on the group's axis; None where the group has no axis.
+        settings: What else it sets in the scenario, by dotted field.
+    """
 
     group: str
     name: str
@@ -53,8 +61,18 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
-    """What all runs share. robots: of the whole fleet. key: file with a fleet key. duration: s. point: m."""
+class FaultSetup:
+    """What all runs share.
+
+    Attributes:
+        terrain: Name of a built-in terrain.
+        point: Side of one grid point, m.
+        duration: Simulated time of each run, s.
+        robots: Number of robots of the whole fleet.
+        seeds: The seeds that each condition is run with.
+        key: File with a fleet key.
+        settings: What else each run sets in the scenario, by dotted field.
+    """
 
     terrain: str
     point: float
@@ -66,7 +84,7 @@ class Setup:
 
     @property
     def mapping(self) -> dict[str, object]:
-        """As settings of a scenario."""
+        """The setup as settings of a scenario, by dotted field."""
         common: dict[str, object] = {
             "terrain.builtin": self.terrain,
             "point": self.point,
@@ -78,29 +96,41 @@ class Setup:
 
 GROUPS: Mapping[str, str] = {
     "quiet": "no faults, for comparison",
-    "loss": "each frame lost by itself",
-    "loss with trail": f"each frame lost by itself, frames with the last {TRAIL} positions",
+    "loss": "each frame lost independently",
+    "loss with trail": f"each frame lost independently, frames with the last {TRAIL} positions",
     "bursts": f"frames lost in bursts of {BURST_TICKS} on average",
     "bursts with trail": f"frames lost in bursts of {BURST_TICKS}, frames with the last {TRAIL} positions",
-    "silence": "the radio shut down",
+    "silence": "no robot sends",
     "death": "robots killed, and restarted",
     "fleet": "fleets of other sizes, and robots that join",
-    "partition": "the fleet parted in halves",
-    "range": "a radio that reaches only so far",
+    "partition": "the fleet partitioned into halves",
+    "range": "a radio of limited range",
     "forgery": "forged positions, without and with a key",
 }
 """Groups of conditions, in the order they are shown in."""
 
 
-def conditions(setup: Setup) -> list[Condition]:
-    """Everything that is tried."""
+def conditions(setup: FaultSetup) -> list[Condition]:
+    """All conditions.
+
+    Args:
+        setup: What all runs share.
+    """
     return [Condition("quiet", QUIET, []), *_losses(), *_radio(setup), *_robots(setup), *_forgeries(setup)]
 
 
-def chosen(setup: Setup, names: Sequence[str]) -> list[Condition]:
-    """Some conditions, by the names of groups or their own (GROUP: NAME), or all where none is named. BadInput.
+def chosen(setup: FaultSetup, names: Sequence[str]) -> list[Condition]:
+    """Some of the conditions, always including the one without faults, which the others are compared with.
 
-    Always those without faults, which all others are compared with.
+    Args:
+        setup: What all runs share.
+        names: Names of groups, or of conditions as GROUP: NAME; all conditions where there are none.
+
+    Returns:
+        The conditions.
+
+    Raises:
+        BadInput: A name is unknown.
     """
     every = conditions(setup)
     own = [f"{condition.group}: {condition.name}" for condition in every]
@@ -111,8 +141,16 @@ def chosen(setup: Setup, names: Sequence[str]) -> list[Condition]:
     return [condition for condition, name in zip(every, own, strict=True) if {condition.group, name} & wanted]
 
 
-def plan_of(setup: Setup, tried: Sequence[Condition]) -> Plan:
-    """Every run."""
+def plan_of(setup: FaultSetup, tried: Sequence[Condition]) -> Plan:
+    """The plan of all runs.
+
+    Args:
+        setup: What all runs share.
+        tried: The conditions.
+
+    Raises:
+        BadInput: A scenario is not accepted.
+    """
     cases = [
         Case(case_name(condition, variant), {**setup.mapping, **sets, **condition.settings, "faults": condition.faults})
         for variant, sets in VARIANTS.items()
@@ -122,7 +160,12 @@ def plan_of(setup: Setup, tried: Sequence[Condition]) -> Plan:
 
 
 def case_name(condition: Condition, variant: str) -> str:
-    """The name of a condition's runs with a variant."""
+    """The name of the case of a condition and a variant.
+
+    Args:
+        condition: The condition.
+        variant: Name of the variant.
+    """
     return f"{condition.group}: {condition.name}, {variant}"
 
 
@@ -136,7 +179,7 @@ def _losses() -> Iterator[Condition]:
             yield Condition(f"bursts{end}", f"{100 * rate:g} % lost", burst, rate, settings)
 
 
-def _radio(setup: Setup) -> Iterator[Condition]:
+def _radio(setup: FaultSetup) -> Iterator[Condition]:
     third = setup.duration / 3.0
     silence: dict[str, Any] = {"kind": "silence", "who": "all"}
     yield Condition("silence", "total silence", [silence])
@@ -148,7 +191,7 @@ def _radio(setup: Setup) -> Iterator[Condition]:
         yield Condition("range", f"{reach} m", [{"kind": "range", "reach": reach}], float(reach))
 
 
-def _robots(setup: Setup) -> Iterator[Condition]:
+def _robots(setup: FaultSetup) -> Iterator[Condition]:
     fifth = setup.duration / 5.0
     last = f"r{setup.robots}"
     kill: dict[str, Any] = {"kind": "kill", "who": last, "at": fifth}
@@ -170,7 +213,7 @@ def _robots(setup: Setup) -> Iterator[Condition]:
         yield Condition("fleet", "two robots join", joining)
 
 
-def _forgeries(setup: Setup) -> Iterator[Condition]:
+def _forgeries(setup: FaultSetup) -> Iterator[Condition]:
     forged: dict[str, dict[str, Any]] = {
         "all positions shifted": {"kind": "spoof", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}},
         "one robot's positions at random": {"kind": "spoof", "as": "one", "payload": "random"},
@@ -187,11 +230,18 @@ def _forgeries(setup: Setup) -> Iterator[Condition]:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a condition came to with a variant.
+    """The results of a condition with a variant, means over the seeds.
 
-    mfow, late: mean MFoW over the whole run and over its second half, s. cost: the first as a ratio to the run of the
-    same seed without faults. delivered: share of the frames. belief: mean error of the believed ages, s. stay: the
-    longest that any robot of any run stayed within a metre of one place, s.
+    Attributes:
+        condition: The condition.
+        variant: Name of the variant.
+        mfow: Mean MFoW over the run, s.
+        late: Mean MFoW over the second half of the run, s.
+        cost: `mfow` as a ratio to the run of the same seed without faults.
+        delivered: Share of the frames that were delivered.
+        belief: Mean error of the believed ages, s.
+        collisions: Number of collisions.
+        stay: Longest time that any robot of any run stayed within 1 m of one place, s.
     """
 
     condition: Condition
@@ -205,13 +255,18 @@ class Finding:
     stay: float | None
 
 
-def findings(outcome: Outcome, tried: Sequence[Condition]) -> list[Finding]:
-    """What the runs came to, variant by variant."""
+def findings(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[Finding]:
+    """The results of the runs, variant by variant.
+
+    Args:
+        outcome: The results of the plan.
+        tried: The conditions.
+    """
     quiet = next(condition for condition in tried if condition.group == "quiet")
     return [_finding(outcome, condition, quiet, variant) for variant in VARIANTS for condition in tried]
 
 
-def _finding(outcome: Outcome, condition: Condition, quiet: Condition, variant: str) -> Finding:
+def _finding(outcome: SweepOutcome, condition: Condition, quiet: Condition, variant: str) -> Finding:
     name = case_name(condition, variant)
 
     def values(metric: str, case: str = name) -> Mapping[int, float]:
@@ -238,8 +293,15 @@ def _mean(values: Any) -> Estimate | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
-    """A measure of some runs as a ratio to that of others, seed by seed. group: of comparisons shown together."""
+class FaultComparison:
+    """A measure of some runs as a ratio to that of others, seed by seed.
+
+    Attributes:
+        group: The comparisons that are shown together.
+        what: What is compared.
+        variant: Name of the variant.
+        ratio: Mean of the ratios.
+    """
 
     group: str
     what: str
@@ -247,30 +309,35 @@ class Comparison:
     ratio: Estimate
 
 
-Cell = tuple[Condition, str]
-"""A condition, and a variant that it is run with."""
+ConditionVariant = tuple[Condition, str]
+"""A condition and the name of a variant that it is run with."""
 
 AGAINST: Mapping[str, str] = {
     "claims": "mean MFoW with claims, as a ratio to that without under the same faults",
     "trail": f"mean MFoW where frames have the last {TRAIL} positions, as a ratio to that where they have none",
-    "fleet": "late mean MFoW after a death, as a ratio to that of a fleet that has been of that size all along",
+    "fleet": "late mean MFoW after a death, as a ratio to that of a fleet of that size from the start",
 }
 """Groups of comparisons, in the order they are shown in."""
 
 
-def comparisons(outcome: Outcome, tried: Sequence[Condition]) -> list[Comparison]:
-    """What can be compared of what was tried: of the seeds that both sides have."""
+def comparisons(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[FaultComparison]:
+    """All comparisons that the tried conditions allow, over the seeds that both sides have.
+
+    Args:
+        outcome: The results of the plan.
+        tried: The conditions.
+    """
     found = []
     for group, what, metric, these, those in _pairs(tried):
         ours, theirs = outcome.values(case_name(*these), metric), outcome.values(case_name(*those), metric)
         ratio = _mean(ours[seed] / theirs[seed] for seed in ours if theirs.get(seed))
         if ratio is not None:
-            found.append(Comparison(group, what, these[1], ratio))
+            found.append(FaultComparison(group, what, these[1], ratio))
     return found
 
 
-def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Cell, Cell]]:
-    """Group, what is compared, the measure, and the two sides."""
+def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, ConditionVariant, ConditionVariant]]:
+    """The comparisons: group, what is compared, the measure, and the two sides."""
     plain, claims = VARIANTS
     by_name = {(condition.group, condition.name): condition for condition in tried}
     for (group, name), condition in by_name.items():
@@ -287,8 +354,14 @@ def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Cell, Ce
             yield "fleet", f"{after}: {alike.name}", "mfow_late_mean_s", (died, variant), (alike, variant)
 
 
-def as_json(setup: Setup, found: Sequence[Finding], compared: Sequence[Comparison]) -> dict[str, Any]:
-    """For faults.json: each mean with its 95 % interval."""
+def as_json(setup: FaultSetup, found: Sequence[Finding], compared: Sequence[FaultComparison]) -> dict[str, Any]:
+    """The content of faults.json: each mean with its 95 % interval.
+
+    Args:
+        setup: What all runs share.
+        found: The results.
+        compared: The comparisons.
+    """
     measures = ("mfow", "late", "cost", "delivered", "belief", "collisions")
     return {
         "set": dict(setup.mapping),

@@ -1,10 +1,10 @@
-"""What faults cost, as one Markdown page."""
+"""The page of the faults experiment, in Markdown."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from experiments.faults.cost import AGAINST, GROUPS, QUIET, VARIANTS, Comparison, Finding, Setup
+from experiments.faults.cost import AGAINST, GROUPS, QUIET, VARIANTS, FaultComparison, FaultSetup, Finding
 from experiments.sweeps.stats import Estimate
 
 HEADS = (
@@ -20,44 +20,54 @@ HEADS = (
 
 
 def page(
-    setup: Setup,
+    setup: FaultSetup,
     found: Sequence[Finding],
-    compared: Sequence[Comparison],
+    compared: Sequence[FaultComparison],
     *,
     command: str,
     wall_s: float,
     failed: int,
     pictures: Sequence[str],
 ) -> str:
-    """The page. command: that made it. wall_s: of all its runs added up, s. failed: runs. pictures: files to show."""
+    """The page as Markdown.
+
+    Args:
+        setup: What all runs share.
+        found: The results.
+        compared: The comparisons.
+        command: The command line that made the page.
+        wall_s: Wall time of all runs together, s.
+        failed: Number of failed runs.
+        pictures: Files of pictures to show.
+    """
     parts = (*_head(setup, command, wall_s, failed, pictures), *_comparisons(compared), *_groups(found))
     return "\n".join([*parts, ""])
 
 
-def _head(setup: Setup, command: str, wall_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
+def _head(setup: FaultSetup, command: str, wall_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
     yield "# What faults cost"
     yield ""
-    yield f"Made by `{command}`: {wall_s / 60.0:.0f} min of computing on one core."
+    yield f"Made by `{command}`: {wall_s / 60.0:.0f} min of computing time on one core."
     yield ""
     where = f"`{setup.terrain}`, {setup.robots} robots, {setup.duration:g} s, points of {setup.point:g} m"
-    yield f"{where}, seeds {', '.join(map(str, setup.seeds))}; everything else as a scenario has it by default:"
-    yield "cars under the paper's final algorithm and giving way (`patrol.give_way`), without and with claims"
+    yield f"{where}, seeds {', '.join(map(str, setup.seeds))}; all other settings have their defaults:"
+    yield "cars that follow the paper's final algorithm and give way (`patrol.give_way`), without and with claims"
     yield "(`patrol.separation: claims`)."
     for name, value in setup.settings.items():
-        yield f"Set everywhere: `{name}: {value}`."
+        yield f"Set in every run: `{name}: {value}`."
     yield ""
     yield (
-        "Numbers are means over the seeds ± their 95 % interval. Cost: mean MFoW as a ratio to the run of the same "
-        "variant and seed without faults. Late: mean MFoW of the second half of the run, whatever is still going on "
-        "then. Belief error: how far the ages that robots believe are from the true ones, in the mean over points, "
-        "robots and time. Longest stay: the longest that a living robot of any of the runs kept within a metre of one "
-        "place."
+        "Numbers are means over the seeds ± half their 95 % interval. Cost: mean MFoW as a ratio to the run of the "
+        "same variant and seed without faults. Late: mean MFoW of the second half of the run, whether or not faults "
+        "are active then. Belief error: absolute difference between the believed and the true age of a point, averaged "
+        "over points, robots and time. Longest stay: the longest time that a living robot of any run stayed within a "
+        "metre of one place."
     )
     if failed:
         yield ""
-        yield f"**{failed} runs failed or were not valid and are left out.**"
+        yield f"**{failed} runs failed or were not valid; they are left out.**"
     else:
-        yield "Every run's verdict was valid: what was lost, delayed or forged was recomputed draw by draw."
+        yield "Every run's verdict is valid: each loss, delay and forgery was recomputed from its random draw."
     for picture in pictures:
         yield ""
         yield f"![{picture}]({picture})"
@@ -77,7 +87,7 @@ def _groups(found: Sequence[Finding]) -> Iterator[str]:
                     yield from (_row(one) for one in here if (one.condition.name, one.variant) == (name, variant))
 
 
-def _comparisons(compared: Sequence[Comparison]) -> Iterator[str]:
+def _comparisons(compared: Sequence[FaultComparison]) -> Iterator[str]:
     for group, title in AGAINST.items():
         here = [one for one in compared if one.group == group]
         if here:

@@ -1,1 +1,1 @@
-"""The paper's tables: ours beside the printed ones."""
+"""The paper's tables: our values beside the printed ones."""

@@ -1,6 +1,6 @@
-"""The sensor range that the paper does not give: the one whose runs come nearest to its Tables 2 and 3.
+"""Calibration of the sensor range, which the paper does not give: the one that fits its Tables 2 and 3 best.
 
-MFoW is a maximum, so fine points show slivers that coarse ones hide: a radius belongs to a size of points.
+MFoW is a maximum, and fine points reveal slivers that coarse ones hide, so each size of points has its own range.
 """
 
 from __future__ import annotations
@@ -11,16 +11,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from experiments.paper.tables import Comparison, Setup, compare, fit_of, paper, plan_of
+from experiments.paper.printed import paper
+from experiments.paper.tables import PaperSetup, TableComparison, compare, fit_of, plan_of
 from experiments.sweeps.plan import Plan
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Fit
 from patrol.errors import BadInput
 
 
 @dataclass(frozen=True, slots=True)
 class RadiusFit:
-    """How near a radius (m) comes. near: over the cells that the radius is fitted to. whole: over all of them."""
+    """How well a sensor range fits.
+
+    Attributes:
+        radius: The sensor range, m.
+        near: The fit over the cells that the range is fitted to.
+        whole: The fit over all cells.
+    """
 
     radius: float
     near: Fit
@@ -28,26 +35,51 @@ class RadiusFit:
 
     @property
     def miss(self) -> float:
-        """What is minimised: how far the median ratio is from 1, as |ln|."""
+        """What is minimised: |ln| of the median ratio."""
         return abs(math.log(self.near.median_ratio))
 
 
 def radius_setups(
     point: float, radii: Sequence[float], seeds: tuple[int, ...], settings: Mapping[str, object]
-) -> dict[str, Setup]:
-    """A setup for each radius (m), by the end of its cases' names. BadInput for radii that make no sense."""
+) -> dict[str, PaperSetup]:
+    """A setup for each sensor range.
+
+    Args:
+        point: Side of one grid point, m.
+        radii: The sensor ranges, m.
+        seeds: The seeds that each cell is run with.
+        settings: What every cell sets in the scenario, by dotted field.
+
+    Returns:
+        The setups by the ends of their cases' names.
+
+    Raises:
+        BadInput: A range is not a positive number, or occurs twice, or there is none.
+    """
     if not radii or any(not math.isfinite(radius) or radius <= 0.0 for radius in radii) or len({*radii}) < len(radii):
         raise BadInput("--ranges: expected different numbers above 0, in m, such as 10,11,12,13,14")
-    return {f" range {radius:g}": Setup(point, radius, seeds, settings) for radius in radii}
+    return {f" range {radius:g}": PaperSetup(point, radius, seeds, settings) for radius in radii}
 
 
-def calibration_plan(setups: Mapping[str, Setup]) -> Plan:
-    """The runs of the tables that a radius is fitted to, with every setup."""
+def calibration_plan(setups: Mapping[str, PaperSetup]) -> Plan:
+    """The runs of the tables that the range is fitted to.
+
+    Args:
+        setups: The setups by the ends of their cases' names.
+    """
     return plan_of([paper().table(number) for number in paper().fit_tables], setups)
 
 
-def fit_radii(setups: Mapping[str, Setup], outcome: Outcome) -> list[RadiusFit]:
-    """How near each radius comes, in the setups' order; one without any run is left out."""
+def fit_radii(setups: Mapping[str, PaperSetup], outcome: SweepOutcome) -> list[RadiusFit]:
+    """How well each sensor range fits.
+
+    Args:
+        setups: The setups by the ends of their cases' names.
+        outcome: The results of the plan.
+
+    Returns:
+        The fits in the setups' order; ranges without results are left out.
+    """
     found = []
     for end, setup in setups.items():
         beside = [compare(paper().table(number), setup, outcome, end) for number in paper().fit_tables]
@@ -58,12 +90,26 @@ def fit_radii(setups: Mapping[str, Setup], outcome: Outcome) -> list[RadiusFit]:
 
 
 def best_radius(fits: Sequence[RadiusFit]) -> RadiusFit | None:
-    """The radius that comes nearest."""
+    """The sensor range that fits best.
+
+    Args:
+        fits: The fits.
+
+    Returns:
+        The best of them, or None if there are none.
+    """
     return min(fits, key=lambda one: one.miss, default=None)
 
 
 def crossing(fits: Sequence[RadiusFit]) -> float | None:
-    """Between the radii tried, where the median ratio passes 1 (linear in its logarithm); None where it does not."""
+    """The sensor range at which the median ratio is 1, interpolated linearly in its logarithm.
+
+    Args:
+        fits: The fits of the ranges that were tried.
+
+    Returns:
+        The range in m, or None if the ratio does not pass 1 between them.
+    """
     ordered = sorted(fits, key=lambda one: one.radius)
     for one, other in itertools.pairwise(ordered):
         a, b = math.log(one.near.median_ratio), math.log(other.near.median_ratio)
@@ -75,7 +121,13 @@ def crossing(fits: Sequence[RadiusFit]) -> float | None:
 
 
 def fits_as_json(point: float, seeds: Sequence[int], fits: Sequence[RadiusFit]) -> dict[str, Any]:
-    """For calibration.json."""
+    """The content of calibration.json.
+
+    Args:
+        point: Side of one grid point, m.
+        seeds: The seeds.
+        fits: The fits.
+    """
     best = best_radius(fits)
     return {
         "point": point,
@@ -88,8 +140,15 @@ def fits_as_json(point: float, seeds: Sequence[int], fits: Sequence[RadiusFit]) 
     }
 
 
-def fit_as_json(comparisons: Sequence[Comparison]) -> dict[str, Any] | None:
-    """The fit of those tables together that a radius is fitted to, for fit.json; None unless all of them are there."""
+def fit_as_json(comparisons: Sequence[TableComparison]) -> dict[str, Any] | None:
+    """The content of fit.json: the fit of the tables together that the sensor range is fitted to.
+
+    Args:
+        comparisons: The tables that were run.
+
+    Returns:
+        The content, or None unless all those tables were run.
+    """
     wanted = [one for one in comparisons if one.table.number in paper().fit_tables]
     near, whole = fit_of(wanted, paper().fit_below), fit_of(wanted)
     if len(wanted) < len(paper().fit_tables) or near is None or whole is None:

@@ -1,4 +1,4 @@
-"""What the paper concludes from its tables, held against our runs with an interval of confidence."""
+"""The paper's conclusions from its tables, tested on our values with confidence intervals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.paper.tables import Comparison, Ordering, Side
+from experiments.paper.printed import Ordering, Side
+from experiments.paper.tables import TableComparison
 from experiments.sweeps.stats import Estimate, estimate
 
 HELD = "held"
@@ -17,9 +18,12 @@ UNDECIDED = "undecided"
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """An ordering and what our runs say of it.
+    """A conclusion of the paper and what our values say about it.
 
-    ratio: of the side that should be lower to the other, a geometric mean with its 95 % interval; None without runs.
+    Attributes:
+        ordering: The conclusion.
+        ratio: Ratio of the side that should be lower to the other: geometric mean with its 95 % interval; None without
+            values.
     """
 
     ordering: Ordering
@@ -27,7 +31,7 @@ class Judged:
 
     @property
     def verdict(self) -> str:
-        """HELD when the interval lies below 1, NOT_HELD when it lies above, otherwise UNDECIDED."""
+        """`HELD` if the interval lies below 1, `NOT_HELD` if it lies above, otherwise `UNDECIDED`."""
         if self.ratio is None or self.ratio.low is None or self.ratio.high is None:
             return UNDECIDED
         if self.ratio.high < 1.0:
@@ -35,11 +39,18 @@ class Judged:
         return NOT_HELD if self.ratio.low > 1.0 else UNDECIDED
 
 
-def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[Comparison]) -> list[Judged]:
-    """Judge those orderings whose tables were run.
+def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[TableComparison]) -> list[Judged]:
+    """Judge the conclusions whose tables were run.
 
-    Sides with the same columns are compared cell by cell and seed by seed; otherwise, seed by seed, the geometric mean
-    over the columns of one side with that of the other. Values of 0 have no ratio and are left out.
+    Sides with the same columns are compared cell by cell and seed by seed. Otherwise, the geometric means over the
+    columns of each side are compared seed by seed. Values of 0 have no ratio and are left out.
+
+    Args:
+        orderings: The conclusions.
+        comparisons: The tables that were run.
+
+    Returns:
+        The judged conclusions.
     """
     tables = {comparison.table.number: comparison for comparison in comparisons}
     return [
@@ -50,7 +61,11 @@ def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[Compari
 
 
 def as_json(judged: Judged) -> dict[str, Any]:
-    """For orderings.json."""
+    """One entry of orderings.json.
+
+    Args:
+        judged: The judged conclusion.
+    """
     ratio = judged.ratio
     return {
         "says": judged.ordering.says,
@@ -61,7 +76,7 @@ def as_json(judged: Judged) -> dict[str, Any]:
     }
 
 
-def _ratio(ordering: Ordering, tables: Mapping[int, Comparison]) -> Estimate | None:
+def _ratio(ordering: Ordering, tables: Mapping[int, TableComparison]) -> Estimate | None:
     lower, higher = (_logs(side, tables[side.table]) for side in (ordering.lower, ordering.higher))
     if ordering.lower.columns != ordering.higher.columns:
         lower, higher = _by_seed(lower), _by_seed(higher)
@@ -74,8 +89,8 @@ def _ratio(ordering: Ordering, tables: Mapping[int, Comparison]) -> Estimate | N
     return Estimate(math.exp(found.mean), low, high, found.count)
 
 
-def _logs(side: Side, comparison: Comparison) -> dict[tuple[str, int], float]:
-    """Logarithms by column and seed."""
+def _logs(side: Side, comparison: TableComparison) -> dict[tuple[str, int], float]:
+    """Logarithms of the values by column and seed."""
     found = {}
     for column in side.columns:
         cell = comparison.cell(side.row, column)
@@ -86,7 +101,7 @@ def _logs(side: Side, comparison: Comparison) -> dict[tuple[str, int], float]:
 
 
 def _by_seed(logs: Mapping[tuple[str, int], float]) -> dict[tuple[str, int], float]:
-    """Means over the columns, of the seeds that have all of them."""
+    """Means over the columns by seed, of the seeds that have all columns."""
     columns = {column for column, _ in logs}
     seeds = dict.fromkeys(seed for _, seed in logs)
     whole = [seed for seed in seeds if all((column, seed) in logs for column in columns)]

@@ -1,6 +1,6 @@
-"""The paper's tables as one Markdown page: ours beside the printed, what differs and why, and what the paper concludes.
+"""The paper's tables as one Markdown page: our values beside the printed ones, what differs and why, the conclusions.
 
-Pure text: pictures are linked by the names that they are given.
+The page links the pictures by the file names that it is given.
 """
 
 from __future__ import annotations
@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.paper.orderings import Judged
-from experiments.paper.tables import FAR_OFF, Cell, Comparison, Remark, Setup, fit_of, paper
+from experiments.paper.printed import Remark, paper
+from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, TableComparison, fit_of
 from experiments.sweeps.stats import Estimate, Fit
 from patrol.errors import quoted
 
@@ -16,18 +17,23 @@ UNEXPLAINED = "not explained"
 
 
 def page(
-    comparisons: Sequence[Comparison],
+    comparisons: Sequence[TableComparison],
     judged: Sequence[Judged],
-    setup: Setup,
+    setup: PaperSetup,
     *,
     command: str,
     wall_s: float,
     pictures: Mapping[str, str],
 ) -> str:
-    """The page.
+    """The page as Markdown.
 
-    command: that made it. wall_s: of all its runs added up, each on one core, s. pictures: file by title, drawn
-    terrains among them.
+    Args:
+        comparisons: The tables.
+        judged: The judged conclusions.
+        setup: What all cells were run with.
+        command: The command line that made the page.
+        wall_s: Wall time of all runs together, each on one core, s.
+        pictures: Files of the pictures by title, those of terrains included.
     """
     return "\n".join(
         [
@@ -42,25 +48,25 @@ def page(
     )
 
 
-def _head(setup: Setup, command: str, wall_s: float) -> Iterator[str]:
+def _head(setup: PaperSetup, command: str, wall_s: float) -> Iterator[str]:
     calibrated = paper().sensor_range(setup.point)
     yield "# The paper's tables, side by side"
     yield ""
-    yield f"Made by `{command}`: {_minutes(wall_s)} of computing on one core."
+    yield f"Made by `{command}`: {_minutes(wall_s)} of computing time on one core."
     yield ""
     radius = f"sensor range {setup.sensor_range:g} m"
     if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):
         radius += f" ({calibrated.found})"
     yield f"Points of {setup.point:g} m, {radius}, seeds {', '.join(map(str, setup.seeds))}."
     fixed = (f"`{field}: {quoted(value)}`" for field, value in paper().settings.items() if field not in setup.settings)
-    yield f"Every cell has {', '.join(fixed)}."
+    yield f"All cells share these settings of the paper: {', '.join(fixed)}."
     for field, value in setup.settings.items():
-        yield f"Set everywhere: `{field}: {quoted(value)}`."
+        yield f"Set in addition: `{field}: {quoted(value)}`."
     yield (
-        "MFoW depends on the size of the points, as it is a maximum: compare only like with like. Each cell reads: our "
-        "mean over the seeds ± its 95 % interval, the printed value in brackets, and the ratio of the two. What the "
-        f"paper leaves open is assumed as said under each table. Ratios beyond {FAR_OFF:g}, either way, are bold, and "
-        "listed further down, with a word on why where we have one."
+        "MFoW is a maximum, so it depends on the size of the points: compare only runs with the same size. Each cell "
+        "shows our mean over the seeds ± half its 95 % interval, the printed value in brackets, and the ratio of the "
+        "two. Where the paper leaves something open, the table lists what is assumed. Values that differ by more than "
+        f"a factor of {FAR_OFF:g} are bold, and listed below with the reason where it is known."
     )
 
 
@@ -71,17 +77,18 @@ def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
         yield "## The terrains"
         yield ""
         yield (
-            "The paper's figures are lost. These are reconstructions from their sizes and a few words. How far the "
-            "wedges of `yards` reach was chosen by the one-robot cell of Table 4 (wave, mode), before the algorithm "
-            "was quite what it is now; nothing else is fitted, so all other cells are predictions."
+            "The paper's figures of the terrains are not available. These are reconstructions from the sizes and the "
+            "short descriptions in the text. The length of the wedges of `yards` was fitted to the one-robot cell of "
+            "Table 4 (wave, mode), with an earlier version of the algorithm. Nothing else is fitted, so all other "
+            "cells are predictions."
         )
         yield ""
     for title, file in drawn.items():
         yield f"![{title}]({file})"
 
 
-def _fits(comparisons: Sequence[Comparison]) -> Iterator[str]:
-    """How near each table comes, in one table."""
+def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
+    """How well each table fits, in one table."""
     rows: list[tuple[str, Fit | None]] = [
         (f"Table {comparison.table.number}", fit_of([comparison])) for comparison in comparisons
     ]
@@ -91,7 +98,7 @@ def _fits(comparisons: Sequence[Comparison]) -> Iterator[str]:
         rows.append((f"Tables {names}, printed below {paper().fit_below:g} s", fit_of(fitted, paper().fit_below)))
         rows.append((f"Tables {names}, all", fit_of(fitted)))
     yield ""
-    yield "## How near"
+    yield "## Fit"
     yield ""
     yield "| MFoW of | cells | median ratio | RMS log error | correlation of logs |"
     yield "|---|---|---|---|---|"
@@ -101,7 +108,7 @@ def _fits(comparisons: Sequence[Comparison]) -> Iterator[str]:
             yield f"| {name} | {found.cells} | {found.median_ratio:.3f} | {found.rms_log_error:.3f} | {correlation} |"
 
 
-def _table(comparison: Comparison, pictures: Mapping[str, str]) -> Iterator[str]:
+def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator[str]:
     table = comparison.table
     yield ""
     yield f"## Table {table.number}: {table.title}"
@@ -128,8 +135,8 @@ def _beside(cell: Cell) -> str:
     return text
 
 
-def _far_off(comparisons: Sequence[Comparison]) -> Iterator[str]:
-    """Every far-off cell under the remark that speaks of it."""
+def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
+    """Every far-off cell under the remark about it."""
     by_remark: dict[str, list[str]] = {}
     total = far = 0
     for comparison in comparisons:
@@ -142,7 +149,7 @@ def _far_off(comparisons: Sequence[Comparison]) -> Iterator[str]:
                 name = f"Table {number} {cell.row}, {comparison.table.columns_are} {cell.column} (x {cell.ratio:.2f})"
                 by_remark.setdefault(remark.says if remark else UNEXPLAINED, []).append(name)
     yield ""
-    yield f"## Cells that differ by more than {FAR_OFF:g} times"
+    yield f"## Cells that differ by more than a factor of {FAR_OFF:g}"
     yield ""
     yield f"{far} of {total} cells."
     for says, names in by_remark.items():
@@ -151,22 +158,31 @@ def _far_off(comparisons: Sequence[Comparison]) -> Iterator[str]:
 
 
 def remark_on(number: int, cell: Cell, remarks: Sequence[Remark]) -> Remark | None:
-    """The first remark that speaks of a table's cell."""
-    return next((remark for remark in remarks if remark.is_on(number, cell.row, cell.column)), None)
+    """The first remark about a cell.
+
+    Args:
+        number: Number of its table.
+        cell: The cell.
+        remarks: The remarks.
+
+    Returns:
+        The remark, or None if there is none.
+    """
+    return next((remark for remark in remarks if remark.applies_to(number, cell.row, cell.column)), None)
 
 
 def _orderings(judged: Sequence[Judged]) -> Iterator[str]:
     if not judged:
         return
     yield ""
-    yield "## What the paper concludes"
+    yield "## The paper's conclusions"
     yield ""
     yield (
-        "The ratio is the geometric mean, over the cells named and the seeds, of the side that should be lower to the "
-        "other. Held: its 95 % interval lies below 1; not held: above."
+        "The ratio divides the side that should be lower by the other side; it is a geometric mean over the cells "
+        "named and the seeds. Held: its 95 % interval lies below 1. Not held: it lies above 1."
     )
     yield ""
-    yield "| the paper says | here | ratio, 95 % interval |"
+    yield "| conclusion | here | ratio, 95 % interval |"
     yield "|---|---|---|"
     for one in judged:
         yield f"| {one.ordering.says} | {one.verdict} | {_ratio(one.ratio)} |"

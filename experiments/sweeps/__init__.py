@@ -1,1 +1,1 @@
-"""Many runs: what to run, who runs it, and what came out."""
+"""Sweeps: the plan of many runs, the workers that make them, and the results."""

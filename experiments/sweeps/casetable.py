@@ -1,4 +1,4 @@
-"""A sweep's numbers case by case: means over seeds with their intervals, as rows, CSV and JSON."""
+"""The results of a sweep case by case: means over seeds with their intervals, as rows, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate
 from experiments.sweeps.worker import software
 from patrol.errors import BadInput, quoted
@@ -18,10 +18,18 @@ from patrol.errors import BadInput, quoted
 
 @dataclass(frozen=True, slots=True)
 class CaseRow:
-    """One case: what it sets, how many of its runs have numbers and how many failed, and each metric's mean.
+    """The results of one case.
 
-    against: the case that it is compared with, or None. change: by how many percent each metric's mean is above that
-    case's, with the interval of the differences seed by seed.
+    Attributes:
+        case: The case's name.
+        settings: What it sets in the base scenario, by dotted field.
+        runs: Number of its runs that have results.
+        failed: Number of its runs that failed.
+        metrics: Mean of each metric over the seeds.
+        values: Values of each metric by seed.
+        against: The case that it is compared with, or None.
+        change: By how many percent each metric's mean is above that case's, with the interval of the differences seed
+            by seed.
     """
 
     case: str
@@ -34,8 +42,15 @@ class CaseRow:
     change: Mapping[str, Estimate]
 
 
-def case_rows(outcome: Outcome) -> list[CaseRow]:
-    """One row a case, in the plan's order; a metric that no run has is left out."""
+def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
+    """The results of a sweep, one row per case.
+
+    Args:
+        outcome: The results of the runs.
+
+    Returns:
+        The rows in the plan's order; metrics that no run has are left out.
+    """
     names = dict.fromkeys(name for result in outcome.results.values() if result.ok for name in result.metrics)
     rows = []
     for case in outcome.plan.cases:
@@ -61,36 +76,62 @@ def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate |
     return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
 
 
-def write_tables(outcome: Outcome, folder: Path) -> tuple[Path, Path]:
-    """Write summary.csv and summary.json into the folder; returns where they are."""
+def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
+    """Write summary.csv and summary.json.
+
+    Args:
+        outcome: The results of the runs.
+        folder: The folder to write to.
+
+    Returns:
+        The paths of the two files.
+
+    Raises:
+        BadInput: A file cannot be written.
+    """
     rows = case_rows(outcome)
     as_csv, as_json = folder / "summary.csv", folder / "summary.json"
     write_text(as_csv, csv_text(_csv_lines(rows)))
-    says = {
+    content = {
         "name": outcome.plan.name,
         "software": software(),
         "seeds": list(outcome.plan.seeds),
         "cases": [_json_row(row) for row in rows],
         "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
     }
-    write_text(as_json, json_text(says))
+    write_text(as_json, json_text(content))
     return as_csv, as_json
 
 
 def csv_text(lines: Iterator[Sequence[object]]) -> str:
-    """Lines of values as CSV; None is empty."""
+    """Values as CSV text.
+
+    Args:
+        lines: The values, line by line; None gives an empty field.
+    """
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerows(lines)
     return out.getvalue()
 
 
-def json_text(says: Any) -> str:
-    """A value as readable JSON."""
-    return f"{json.dumps(says, indent=1, allow_nan=False)}\n"
+def json_text(value: Any) -> str:
+    """A value as indented JSON text.
+
+    Args:
+        value: What `json.dumps` accepts, without NaN.
+    """
+    return f"{json.dumps(value, indent=1, allow_nan=False)}\n"
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, unless it is there; BadInput where that cannot be done."""
+    """Make a folder, unless it exists.
+
+    Args:
+        folder: The folder.
+
+    Raises:
+        BadInput: It cannot be made.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -98,7 +139,15 @@ def make_folder(folder: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file; BadInput where that cannot be done."""
+    """Write a file, and its folder if it is missing.
+
+    Args:
+        path: The file.
+        text: Its new content.
+
+    Raises:
+        BadInput: It cannot be written.
+    """
     make_folder(path.parent)
     try:
         path.write_text(text, encoding="utf-8")

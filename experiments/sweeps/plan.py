@@ -1,16 +1,16 @@
-"""What a sweep is to run: a base scenario, the cases that vary it, and the seeds that each case is run with.
+"""The plan of a sweep: a base scenario, the cases that vary it, and the seeds that each case is run with.
 
 A sweep file is YAML::
 
-    base: yards-five.yaml            # a scenario file, or a scenario written out here
+    base: yards-five.yaml            # a scenario file, or the keys and values of a scenario
     grid:                            # every combination of these values is a case
       patrol.dilatation: [0, 2, 5]
       robots.count: [1, 3]
-    cases:                           # or cases by name; with a grid too, each case is run on the whole grid
+    cases:                           # named cases; together with a grid, each case is run on the whole grid
       - {name: mode, set: {patrol.direction: mode}}
       - {name: vector, set: {patrol.direction: vector}}
-    seeds: 3                         # seeds 1 to 3, or a list of seeds; without it the base's own
-    against: {patrol.dilatation: 0}  # compare each case, seed by seed, with the one that differs in this alone
+    seeds: 3                         # seeds 1 to 3, or a list of seeds (default: the base scenario's seed)
+    against: {patrol.dilatation: 0}  # compare each case, seed by seed, with the case that differs only in this
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from patrol.scenario import Scenario, load_scenario, scenario_hash
 from patrol.yaml_text import parse_yaml, read_text
 
 MAX_RUNS = 100_000
+"""Limit of the runs in a sweep."""
 
 _KEYS = ("name", "base", "grid", "cases", "seeds", "against")
 _CASE_KEYS = ("name", "set")
@@ -36,7 +37,12 @@ _CASE_KEYS = ("name", "set")
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A name, and what it sets in the base scenario: values by dotted field."""
+    """A variation of the base scenario.
+
+    Attributes:
+        name: The case's name.
+        settings: What it sets in the base scenario: values by dotted field.
+    """
 
     name: str
     settings: Mapping[str, object]
@@ -44,7 +50,14 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run to make. key: SHA-256 (hex) of what the resolved scenario means, its seed included."""
+    """One run to make.
+
+    Attributes:
+        key: SHA-256 (hex) of the meaning of the resolved scenario, its seed included.
+        case: Name of its case.
+        seed: Its seed.
+        scenario: The resolved scenario.
+    """
 
     key: str
     case: str
@@ -54,9 +67,14 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Every run of a sweep, case by case; runs of different cases that mean the same have the same key.
+    """All runs of a sweep. Runs of different cases that mean the same have the same key.
 
-    against: settings of the cases that others are compared with.
+    Attributes:
+        name: The sweep's name.
+        cases: The cases.
+        seeds: The seeds that each case is run with.
+        runs: The runs, case by case.
+        against: Settings of the cases that others are compared with.
     """
 
     name: str
@@ -66,11 +84,22 @@ class Plan:
     against: Mapping[str, object] = default(default_factory=dict)
 
     def runs_of(self, case: str) -> list[Run]:
-        """The runs of one case, one a seed."""
+        """The runs of a case, one per seed.
+
+        Args:
+            case: Name of the case.
+        """
         return [run for run in self.runs if run.case == case]
 
     def partner(self, case: Case) -> Case | None:
-        """The case that this one is compared with: alike but for what `against` says. None for such a case itself."""
+        """The case that another is compared with.
+
+        Args:
+            case: The case to compare.
+
+        Returns:
+            The case that differs only in the settings of `against`; None if there is none, or `case` has them itself.
+        """
         wanted = {**case.settings, **self.against}
         if wanted == case.settings:
             return None
@@ -79,7 +108,13 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """A scenario to vary, not yet checked. folder: of its relative paths. called: what errors call it."""
+    """A scenario to vary, not yet checked.
+
+    Attributes:
+        raw: The scenario's keys and values.
+        folder: The folder that its relative paths begin at.
+        called: What errors call it.
+    """
 
     raw: Mapping[str, Any]
     folder: Path
@@ -89,32 +124,57 @@ class Base:
 def make_plan(
     name: str, base: Base, cases: Iterable[Case], seeds: Sequence[int], against: Mapping[str, object] | None = None
 ) -> Plan:
-    """Resolve and check every run; BadInput, which names the case, for the first that cannot be."""
+    """Make a plan: resolve and check all its runs.
+
+    Args:
+        name: The sweep's name.
+        base: The scenario to vary.
+        cases: The cases.
+        seeds: The seeds that each case is run with.
+        against: Settings of the cases that others are compared with.
+
+    Returns:
+        The plan.
+
+    Raises:
+        BadInput: There are too many runs, or a case is wrong; the message names it.
+    """
     cases = tuple(cases)
     _names_differ(cases, base.called)
     if len(cases) * len(seeds) > MAX_RUNS:
-        raise BadInput(f"{base.called}: {len(cases)} cases x {len(seeds)} seeds; at most {MAX_RUNS} runs fit a sweep")
+        raise BadInput(f"{base.called}: {len(cases)} cases x {len(seeds)} seeds; a sweep has at most {MAX_RUNS} runs")
     runs = [_run(base, case, seed) for case in cases for seed in seeds]
     plan = Plan(name, cases, tuple(seeds), tuple(runs), against or {})
     if plan.against and not any(plan.partner(case) for case in cases):
         raise BadInput(
-            f"{base.called}: against = {quoted(against)}: no two cases differ in just that; vary it in the grid"
+            f"{base.called}: against = {quoted(against)}: no two cases differ only in that; vary it in the grid"
         )
     return plan
 
 
 def read_plan(path: Path, seeds: int | None = None) -> Plan:
-    """The plan in a sweep file; seeds: a count instead of the file's."""
+    """Read a sweep file.
+
+    Args:
+        path: The file.
+        seeds: Use seeds 1 to this number instead of the file's; None for the file's.
+
+    Returns:
+        The plan.
+
+    Raises:
+        BadInput: The file cannot be read, or something in it is wrong.
+    """
     raw = parse_yaml(read_text(path), str(path))
     if not isinstance(raw, dict) or "base" not in raw:
-        raise BadInput(f"{path}: no sweep; give 'base:', a scenario or its file, and 'grid:', 'cases:' or 'seeds:'")
+        raise BadInput(f"{path}: is no sweep; give 'base:', a scenario or its file, and 'grid:', 'cases:' or 'seeds:'")
     for key in raw:
         if key not in _KEYS:
             raise BadInput(f"{path}: {key}: unknown key; {did_you_mean(str(key), _KEYS)}")
     base = _base(raw["base"], path)
     name = raw.get("name", path.stem)
     if not isinstance(name, str) or not name:
-        raise BadInput(f"{path}: name = {quoted(name)}: expected a text")
+        raise BadInput(f"{path}: name = {quoted(name)}: expected text")
     numbers = count_of_seeds(seeds, "--seeds") if seeds is not None else _seeds(raw.get("seeds"), base, path)
     against = raw.get("against")
     if not (
@@ -125,7 +185,15 @@ def read_plan(path: Path, seeds: int | None = None) -> Plan:
 
 
 def count_of_seeds(count: int, called: str) -> tuple[int, ...]:
-    """Seeds 1 to `count`; BadInput for a count that makes no sense."""
+    """Seeds 1 to `count`.
+
+    Args:
+        count: Number of seeds.
+        called: What errors call the number.
+
+    Raises:
+        BadInput: The number is out of range.
+    """
     if not 1 <= count <= MAX_RUNS:
         raise BadInput(f"{called} = {count}: expected a whole number from 1 to {MAX_RUNS}")
     return tuple(range(1, count + 1))
@@ -151,7 +219,7 @@ def _base(given: object, path: Path) -> Base:
     raw = parse_yaml(read_text(file), str(file))
     if not isinstance(raw, dict):
         raise BadInput(
-            f"{path}: base = {given}: that file holds no scenario; name one such as examples/yards-five.yaml"
+            f"{path}: base = {given}: that file holds no scenario; name one, such as examples/yards-five.yaml"
         )
     return Base({"name": file.stem, **raw}, file.parent, str(file))
 
@@ -174,21 +242,21 @@ def _cases(raw: Mapping[str, Any], path: Path) -> list[Case]:
     grid = _grid(raw.get("grid"), path)
     count = len(named) * prod(len(values) for values in grid.values())
     if count > MAX_RUNS:
-        raise BadInput(f"{path}: grid: makes {count} cases; at most {MAX_RUNS} runs fit a sweep")
+        raise BadInput(f"{path}: grid: makes {count} cases; a sweep has at most {MAX_RUNS} runs")
     short = _short_names(list(grid))
     found = []
     for case, values in product(named, product(*grid.values())):
         chosen = dict(zip(grid, values, strict=True))
         for field in case.settings:
             if field in chosen:
-                raise BadInput(f"{path}: {field}: is set by case {case.name} and by the grid; leave one out")
+                raise BadInput(f"{path}: {field}: is set by case {case.name} and by the grid; set it in one of them")
         parts = [case.name, *(f"{short[field]}={_plain(value)}" for field, value in chosen.items())]
         found.append(Case(" ".join(part for part in parts if part), {**case.settings, **chosen}))
     return [Case("base", {})] if [case.name for case in found] == [""] else found
 
 
 def _named(given: object, path: Path) -> Iterator[Case]:
-    """The cases by name; one without a name and settings when there are none."""
+    """The named cases; one without a name and settings where there are none."""
     if given is None:
         yield Case("", {})
         return
@@ -227,7 +295,7 @@ def _names_differ(cases: Sequence[Case], called: str) -> None:
 
 
 def _short_names(fields: Sequence[str]) -> dict[str, str]:
-    """The last parts of dotted fields where they differ, otherwise the whole."""
+    """The last part of each dotted field where it is unique, otherwise the whole field."""
     last = Counter(field.rpartition(".")[2] for field in fields)
     return {field: tail if last[tail := field.rpartition(".")[2]] == 1 else field for field in fields}
 

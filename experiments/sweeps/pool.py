@@ -1,4 +1,4 @@
-"""Who makes a sweep's runs: worker processes on this machine."""
+"""The workers that make the runs of a sweep: processes of this machine."""
 
 from __future__ import annotations
 
@@ -18,36 +18,57 @@ from experiments.sweeps.worker import Answer, Task, answer
 from patrol.errors import BadInput
 
 GRACE_S = 2.0
-"""How long a worker that has closed its answers may take to end by itself."""
+"""How long a worker that has closed its output may take to end by itself."""
 
 
-class Crew(Protocol):
-    """Workers that make runs; a context manager that leaves none behind."""
+class WorkerPool(Protocol):
+    """Workers that make runs; a context manager that ends them.
+
+    Attributes:
+        size: How many runs they make at a time.
+    """
 
     size: int
 
     def __enter__(self) -> Self:
-        """Get ready. BadInput when there is nobody to work."""
+        """Get ready. Raises BadInput if there are no workers."""
         ...
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Let everybody go, in the middle of a run if need be."""
+        """End the workers, in the middle of a run if need be."""
         ...
 
     def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
-        """The answer to every task, as they come."""
+        """Make runs.
+
+        Args:
+            tasks: The runs to make.
+
+        Yields:
+            The answer to each task, as soon as there is one.
+        """
         ...
 
 
-class LocalCrew:
-    """Processes on this machine, each making one run at a time.
+class LocalWorkers:
+    """Processes of this machine, each making one run at a time (`WorkerPool`).
 
-    They are started anew and share nothing with this process. One that dies fails its run and is replaced; all leave
-    by themselves when this process dies.
+    They share nothing with this process. If one dies, its run has failed and it is replaced. All of them end by
+    themselves when this process dies.
+
+    Attributes:
+        size: Number of processes.
     """
 
     def __init__(self, size: int | None = None) -> None:
-        """size: how many processes; one for each core that this process may use, unless given."""
+        """Start no process yet.
+
+        Args:
+            size: Number of processes; None for one per core that this process may use.
+
+        Raises:
+            BadInput: The number is below 1.
+        """
         if size is not None and size < 1:
             raise BadInput(f"--workers = {size}: expected 1 or more")
         self.size = size or cores()
@@ -62,24 +83,31 @@ class LocalCrew:
             worker.end()
 
     def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
-        """The answer to every task, as they come."""
+        """Make runs.
+
+        Args:
+            tasks: The runs to make.
+
+        Yields:
+            The answer to each task, as soon as there is one.
+        """
         waiting = deque(tasks)
         with selectors.DefaultSelector() as selector:
             for _ in range(min(self.size, len(waiting))):
-                self._hire(selector, waiting.popleft())
+                self._start_worker(selector, waiting.popleft())
             while self._workers:
                 for ready, _ in selector.select():
                     assert not isinstance(ready.fileobj, int)
                     yield self._take(selector, ready.fileobj, waiting)  # type: ignore[arg-type]
 
-    def _hire(self, selector: selectors.BaseSelector, task: Task) -> None:
+    def _start_worker(self, selector: selectors.BaseSelector, task: Task) -> None:
         worker = _Worker()
         self._workers[worker.answers] = worker
         selector.register(worker.answers, selectors.EVENT_READ)
         worker.give(task)
 
     def _take(self, selector: selectors.BaseSelector, answers: IO[bytes], waiting: deque[Task]) -> Answer:
-        """A worker's answer, or what to say for it when it has died; then its next task, or its leave."""
+        """Take a worker's answer, or make one if it has died; then give it its next task, or end it."""
         worker = self._workers[answers]
         task, line = worker.task, answers.readline()
         died = not line.endswith(b"\n")
@@ -88,7 +116,7 @@ class LocalCrew:
             del self._workers[answers]
             code = worker.end(died)
             if waiting:
-                self._hire(selector, waiting.popleft())
+                self._start_worker(selector, waiting.popleft())
         else:
             worker.give(waiting.popleft())
             code = 0
@@ -99,22 +127,22 @@ class LocalCrew:
 
 
 def cores() -> int:
-    """How many processor cores this process may use."""
+    """The number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _cause(code: int) -> str:
-    """What an exit code says of the end of a process."""
+    """The end of a process in words, from its exit code."""
     if code == -signal.SIGKILL:
         return "killed; was there too little memory?"
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
 class _Worker:
-    """One worker process and what it is at."""
+    """One worker process and its task."""
 
     def __init__(self) -> None:
-        # A group of its own: a terminal's Ctrl-C is for this process, which then ends its workers.
+        # In a group of its own: Ctrl-C on a terminal reaches this process alone, which then ends its workers.
         command = [sys.executable, "-P", "-m", "experiments.sweeps.worker"]
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, process_group=0)
@@ -125,14 +153,14 @@ class _Worker:
         self.task: Task = {}
 
     def give(self, task: Task) -> None:
-        """Hand over the next task; one that has died meanwhile is noticed by the end of its answers."""
+        """Send the next task; if the worker has died meanwhile, the end of its output shows that."""
         self.task = task
         with suppress(BrokenPipeError):
             self._tasks.write(json.dumps(task).encode() + b"\n")
             self._tasks.flush()
 
     def end(self, died: bool = False) -> int:
-        """End the process, whatever it is doing, and return its exit code; one that died is let die."""
+        """End the process, whatever it is doing; the exit code. One that is dying gets `GRACE_S` to end."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE_S if died else 0.0)
         self._process.kill()

@@ -1,4 +1,4 @@
-"""How long runs will take on this machine, from the first ticks of a few of them."""
+"""An estimate of how long runs take on this machine, from the first ticks of a few of them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,25 @@ from experiments.sweeps.plan import Run
 from patrol.errors import BadInput
 
 MOST = 6
-"""Runs that are tried."""
+"""Number of runs that are tried."""
 
 TICKS = 100
-"""Ticks of each."""
+"""Number of ticks of each."""
 
 ENOUGH_S = 15.0
-"""No further run is tried after so many seconds."""
+"""Wall time after which no further run is tried, s."""
 
 
 def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_counter) -> float | None:
-    """The mean time (s) of a run, from some of them spread over the list; None when none of those can be made."""
+    """Estimate the mean wall time of a run.
+
+    Args:
+        runs: The runs; some of them, spread over the list, are tried.
+        clock: The time in s.
+
+    Returns:
+        The mean time in s, or None if none of the tried runs can be made.
+    """
     from experiments.inprocess import run_in_process  # loads the kernels
     from patrol.prepare import prepare
 
@@ -33,7 +41,7 @@ def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_
             prepared = prepare(short)
             ready = clock()
             run_in_process(prepared, keep=False)
-        except BadInput:  # the sweep will say so
+        except BadInput:  # the sweep reports it
             continue
         found.append(ready - first + (clock() - ready) * scenario.ticks / short.ticks)
         if clock() - begun > ENOUGH_S:

@@ -1,7 +1,8 @@
-"""The results of a sweep's runs: one JSON line each, on disk before the next is begun to be believed.
+"""The results of a sweep's runs: one JSON line each, written to disk as soon as a run is done.
 
-`results.jsonl` only grows. A process or machine that dies leaves at most one torn line at its end, which is cut off
-when the file is opened again, and that run is repeated. Damage anywhere else is an error and never mended silently.
+`results.jsonl` only grows. A process or machine that dies leaves at most one incomplete line at its end, which is cut
+off when the file is opened again, and that run is repeated. Damage anywhere else is an error and never repaired
+silently.
 """
 
 from __future__ import annotations
@@ -25,12 +26,19 @@ FAILED = "failed"
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
-    """What one run came to.
+class RunResult:
+    """The result of one run.
 
-    key: as the plan has it. case, seed: for people; another case may mean the same run. outcome: ok or failed; error:
-    why it failed, in one line. metrics: the summary's numbers, the same whatever machine ran it. wall_s: how long it
-    took, s. software: the version that ran it.
+    Attributes:
+        key: The run's key in the plan.
+        case: Name of its case, for people; another case may mean the same run.
+        seed: Its seed.
+        outcome: ``ok`` or ``failed``.
+        error: Why it failed, in one line; None if it did not.
+        metrics: The summary's numbers, which do not depend on the machine.
+        trace_hash: The hash of its trace; None if there is none.
+        wall_s: How long it took, s.
+        software: The version of fogwatch that made it.
     """
 
     key: str
@@ -45,21 +53,37 @@ class Result:
 
     @property
     def ok(self) -> bool:
-        """Whether there are numbers to believe."""
+        """Whether the run is valid."""
         return self.outcome == OK
 
 
 class Results:
-    """A sweep's results, those on disk and those that are added; open it with `open_results`."""
+    """The results of a sweep, on disk and in memory; opened with `open_results`.
+
+    Attributes:
+        path: The file.
+        by_key: The results by the keys of their runs.
+        repaired: Whether the end of the file was repaired.
+    """
 
     def __init__(self, path: Path, file: FileIO) -> None:
+        """Read nothing yet.
+
+        Args:
+            path: The file.
+            file: The same, open for reading and appending, without a buffer.
+        """
         self.path = path
-        self.by_key: dict[str, Result] = {}
+        self.by_key: dict[str, RunResult] = {}
         self.repaired = False
         self._file = file
 
     def read(self) -> None:
-        """Read what is on disk and mend the end of the file; the last result of a key counts."""
+        """Read what is on disk and repair the end of the file; of several results of a run, the last counts.
+
+        Raises:
+            BadInput: A line is damaged.
+        """
         self._file.seek(0)
         data = self._file.read()
         whole, _, rest = data.rpartition(b"\n")
@@ -73,15 +97,22 @@ class Results:
                 )
             self.by_key[result.key] = result
         if rest:
-            self._mend(rest, len(data) - len(rest))
+            self._repair(rest, len(data) - len(rest))
 
-    def add(self, result: Result) -> None:
-        """Append a result; it is on disk when this returns. BadInput when the disk does not take it."""
+    def add(self, result: RunResult) -> None:
+        """Append a result; it is on disk when this returns.
+
+        Args:
+            result: The result.
+
+        Raises:
+            BadInput: It cannot be written.
+        """
         self._write(_line(result))
         self.by_key[result.key] = result
 
-    def _mend(self, rest: bytes, end: int) -> None:
-        """Deal with a last line that does not end: keep it if it is whole, otherwise cut it off."""
+    def _repair(self, rest: bytes, end: int) -> None:
+        """Repair a last line without an end: keep it if it is complete, otherwise cut it off."""
         self.repaired = True
         result = _parse(rest)
         if result is None:
@@ -96,14 +127,23 @@ class Results:
                 data = data[self._file.write(data) :]
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise BadInput(f"{self.path}: cannot be written ({error.strerror}); make room, then start again") from None
+            raise BadInput(
+                f"{self.path}: cannot be written ({error.strerror}); free some space, then start again"
+            ) from None
 
 
 @contextmanager
 def open_results(folder: Path) -> Iterator[Results]:
-    """The results in a folder, which is made when missing, for this process alone.
+    """Open the results in a folder, for this process alone.
 
-    BadInput for a folder that cannot be used, a damaged file, and a folder in which another sweep is at work.
+    Args:
+        folder: The folder, which is made if it is missing.
+
+    Yields:
+        The results.
+
+    Raises:
+        BadInput: The folder cannot be used, its file is damaged, or another sweep is writing there.
     """
     path = folder / FILE
     try:
@@ -121,15 +161,15 @@ def open_results(folder: Path) -> Iterator[Results]:
         yield results
 
 
-def _line(result: Result) -> bytes:
+def _line(result: RunResult) -> bytes:
     return json.dumps(asdict(result), allow_nan=False, separators=(",", ":")).encode() + b"\n"
 
 
-def _parse(line: bytes) -> Result | None:
-    """The result in a line, or None for anything else."""
+def _parse(line: bytes) -> RunResult | None:
+    """The result in a line, or None if the line holds none."""
     try:
-        says: dict[str, Any] = json.loads(line.decode())
-        result = Result(**says)
+        fields: dict[str, Any] = json.loads(line.decode())
+        result = RunResult(**fields)
     except (ValueError, TypeError, RecursionError):
         return None
     whole = (

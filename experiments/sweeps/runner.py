@@ -1,4 +1,4 @@
-"""Running many: a plan's runs on a crew of workers, each result on disk as it comes, and no run made twice."""
+"""Making the runs of a plan: on workers, each result on disk as soon as it is there, and no run made twice."""
 
 from __future__ import annotations
 
@@ -9,39 +9,51 @@ from pathlib import Path
 from typing import Protocol
 
 from experiments.sweeps.plan import Plan, Run
-from experiments.sweeps.pool import Crew, LocalCrew
-from experiments.sweeps.results import Result, Results, open_results
+from experiments.sweeps.pool import LocalWorkers, WorkerPool
+from experiments.sweeps.results import Results, RunResult, open_results
 from experiments.sweeps.worker import PACKAGES, Task, software
 from patrol.scenario import as_mapping
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """What a plan's runs came to.
+class SweepOutcome:
+    """The results of a plan's runs.
 
-    results: by key. made: how many runs this sweep made; the others were there. wall_s: how long that took.
+    Attributes:
+        plan: The plan.
+        results: The results by the keys of their runs.
+        made: Number of runs made now; the other results were there.
+        wall_s: How long that took, s.
     """
 
     plan: Plan
-    results: Mapping[str, Result]
+    results: Mapping[str, RunResult]
     made: int
     wall_s: float
 
     @property
-    def failed(self) -> list[Result]:
-        """The runs that have no numbers to believe, each once."""
+    def failed(self) -> list[RunResult]:
+        """The results of the runs that failed, each once."""
         return [result for result in self._distinct() if not result.ok]
 
     @property
     def other_software(self) -> list[str]:
-        """Other versions of this software that made some of the runs."""
+        """The other versions of fogwatch that made some of the runs."""
         return sorted({result.software for result in self._distinct()} - {software()})
 
-    def _distinct(self) -> list[Result]:
+    def _distinct(self) -> list[RunResult]:
         return [self.results[key] for key in dict.fromkeys(run.key for run in self.plan.runs) if key in self.results]
 
     def values(self, case: str, metric: str) -> dict[int, float]:
-        """A metric of a case by seed, of the runs that have one."""
+        """The values of a metric.
+
+        Args:
+            case: Name of a case.
+            metric: Name of a metric.
+
+        Returns:
+            The values by seed, of the valid runs of the case that have the metric.
+        """
         found = {}
         for run in self.plan.runs_of(case):
             result = self.results.get(run.key)
@@ -51,15 +63,25 @@ class Outcome:
         return found
 
 
-class Watcher(Protocol):
-    """Somebody who looks on."""
+class SweepObserver(Protocol):
+    """Is informed about the progress of a sweep."""
 
-    def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
-        """The runs still to be made, and the results that were there."""
+    def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
+        """The sweep begins.
+
+        Args:
+            todo: The runs to make.
+            done: The results that were there.
+            workers: How many runs are made at a time.
+        """
         ...
 
-    def result(self, result: Result) -> None:
-        """One more run is done, and on disk."""
+    def result(self, result: RunResult) -> None:
+        """One more run is done, and its result on disk.
+
+        Args:
+            result: The result.
+        """
         ...
 
 
@@ -67,20 +89,32 @@ def run_sweep(
     plan: Plan,
     folder: Path,
     *,
-    crew: Crew | None = None,
-    watcher: Watcher | None = None,
+    workers: WorkerPool | None = None,
+    observer: SweepObserver | None = None,
     say: Callable[[str], None] = lambda _: None,
-) -> Outcome:
-    """Make those of a plan's runs that have no result in `folder` yet; a run that failed before is tried again.
+) -> SweepOutcome:
+    """Make the runs of a plan that have no valid result in a folder yet.
 
-    crew: who works; a process for each core unless given. say: takes remarks on what takes time. BadInput before the
-    first run when the folder, its results or the crew cannot be used. Ending this call early, by an exception such as
-    KeyboardInterrupt or by SIGKILL, loses the runs at work alone: the same call goes on where it stopped.
+    Ending this call early, by an exception such as KeyboardInterrupt or by SIGKILL, loses only the runs in progress:
+    the same call continues where it stopped.
+
+    Args:
+        plan: The runs.
+        folder: Where the results are kept.
+        workers: The workers; a process per core unless given.
+        observer: Informed about the progress.
+        say: Takes lines for the user.
+
+    Returns:
+        The results, old and new.
+
+    Raises:
+        BadInput: The folder, its results or the workers cannot be used.
     """
     begun = time.perf_counter()
     with open_results(folder) as results:
         if results.repaired:
-            say(f"{results.path}: the last line was cut off in the middle; it is mended")
+            say(f"{results.path}: the last line was incomplete and has been repaired")
         distinct: dict[str, Run] = {}
         for run in plan.runs:
             distinct.setdefault(run.key, run)
@@ -88,29 +122,29 @@ def run_sweep(
         there = {result.key for result in done}
         todo = [run for run in distinct.values() if run.key not in there]
         if todo:
-            _make(todo, done, results, crew or LocalCrew(), watcher, say)
-        return Outcome(plan, dict(results.by_key), len(todo), time.perf_counter() - begun)
+            _make(todo, done, results, workers or LocalWorkers(), observer, say)
+        return SweepOutcome(plan, dict(results.by_key), len(todo), time.perf_counter() - begun)
 
 
 def _make(
     todo: list[Run],
-    done: list[Result],
+    done: list[RunResult],
     results: Results,
-    crew: Crew,
-    watcher: Watcher | None,
+    workers: WorkerPool,
+    observer: SweepObserver | None,
     say: Callable[[str], None],
 ) -> None:
     from patrol.process.warmup import warm
 
     warm(PACKAGES, say)
-    with crew:
-        if watcher is not None:
-            watcher.begin(todo, done, min(crew.size, len(todo)))
-        for found in crew.work([_task(run) for run in todo]):
-            result = Result(**found)
+    with workers:
+        if observer is not None:
+            observer.begin(todo, done, min(workers.size, len(todo)))
+        for found in workers.work([_task(run) for run in todo]):
+            result = RunResult(**found)
             results.add(result)
-            if watcher is not None:
-                watcher.result(result)
+            if observer is not None:
+                observer.result(result)
 
 
 def _task(run: Run) -> Task:

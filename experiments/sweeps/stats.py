@@ -1,4 +1,4 @@
-"""Means with their uncertainty, and how near a set of numbers comes to a printed one."""
+"""Means with confidence intervals, and the fit of our numbers to printed ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,14 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A mean over `count` values and its interval of confidence, None for fewer than two values."""
+    """A mean with its confidence interval.
+
+    Attributes:
+        mean: The mean.
+        low: Lower end of the interval; None for fewer than two values.
+        high: Upper end of the interval; None for fewer than two values.
+        count: Number of values.
+    """
 
     mean: float
     low: float | None
@@ -20,7 +27,7 @@ class Estimate:
 
     @property
     def half(self) -> float | None:
-        """Half the interval's width."""
+        """Half the width of the interval, or None."""
         return None if self.low is None or self.high is None else (self.high - self.low) / 2.0
 
     @property
@@ -30,13 +37,24 @@ class Estimate:
 
 
 def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
-    """The mean of independent values with Student's interval; ValueError without any value."""
+    """The mean of independent values with Student's interval.
+
+    Args:
+        values: The values.
+        confidence: Probability that the interval holds the true mean.
+
+    Returns:
+        The mean and its interval.
+
+    Raises:
+        ValueError: There is no value.
+    """
     if not values:
-        raise ValueError("no values, no mean")
+        raise ValueError("a mean needs at least one value")
     mean = math.fsum(values) / len(values)
     if len(values) == 1:
         return Estimate(mean, None, None, 1)
-    from scipy.special import stdtrit  # an extra's library, and slow to load
+    from scipy.special import stdtrit  # an optional dependency, and slow to load
 
     spread = float(np.std(values, ddof=1)) / math.sqrt(len(values))
     half = float(stdtrit(len(values) - 1, 0.5 + confidence / 2.0)) * spread
@@ -45,9 +63,13 @@ def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """How near numbers come to printed ones: median of ours / theirs, root mean square of ln(ours / theirs).
+    """How well our numbers fit printed ones.
 
-    correlation: Pearson's, of the logarithms; None where one side does not vary.
+    Attributes:
+        cells: Number of pairs.
+        median_ratio: Median of ours / theirs.
+        rms_log_error: Root mean square of ln(ours / theirs).
+        correlation: Pearson's correlation of the logarithms; None where one side does not vary.
     """
 
     cells: int
@@ -57,10 +79,21 @@ class Fit:
 
 
 def fit(ours: Sequence[float], theirs: Sequence[float]) -> Fit:
-    """Compare positive numbers with as many positive printed ones."""
+    """Compare our numbers with printed ones.
+
+    Args:
+        ours: Our numbers, positive.
+        theirs: The printed numbers, positive, in the same order.
+
+    Returns:
+        The fit.
+
+    Raises:
+        ValueError: There are no numbers, or not as many on both sides.
+    """
     a, b = np.log(np.asarray(ours, dtype=np.float64)), np.log(np.asarray(theirs, dtype=np.float64))
     if a.size == 0 or a.shape != b.shape:
-        raise ValueError("a fit needs as many printed numbers as found ones, and at least one")
+        raise ValueError("a fit needs as many printed numbers as ours, and at least one")
     error = a - b
     varies = a.size > 1 and float(np.ptp(a)) > 0.0 and float(np.ptp(b)) > 0.0
     return Fit(

@@ -1,8 +1,7 @@
-"""One run of a sweep, wherever it is made: the same function for a local worker process and for a Dask worker.
+"""One run of a sweep: the same function for a local worker process and for a Dask worker.
 
-Run as a program (``python -P -m experiments.sweeps.worker``) it takes tasks as JSON lines from its standard input and
-answers
-each with a JSON line, until the input ends: at once, even in the middle of a run, for then whoever asked is gone.
+As a program (``python -P -m experiments.sweeps.worker``) it reads tasks as JSON lines from the standard input and
+answers each with a JSON line. It ends when the input ends, even in the middle of a run, since its parent is gone then.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from typing import Any
 from patrol.errors import BadInput
 
 Task = dict[str, Any]
-"""key, case, seed: of the run; scenario: resolved, as plain lists, texts and numbers."""
+"""A run to make: its key, case, seed, and scenario (resolved, as plain lists, texts and numbers)."""
 
 Answer = dict[str, Any]
 """The fields of `experiments.sweeps.results.Result`."""
@@ -29,16 +28,20 @@ Answer = dict[str, Any]
 Metrics = dict[str, float | None]
 
 PACKAGES = ("patrol", "agent", "worldsim")
-"""Whose kernels a run needs."""
+"""The packages whose kernels a run needs."""
 
 
 def software() -> str:
-    """The version of this software."""
+    """The version of fogwatch."""
     return version("fogwatch")
 
 
-def greet() -> str:
-    """Make sure that this machine can run tasks: compile the kernels once; returns the version of the software."""
+def prepare_worker() -> str:
+    """Compile the kernels, so that this machine can run tasks.
+
+    Returns:
+        The version of fogwatch.
+    """
     from patrol.process.warmup import warm
 
     warm(PACKAGES, lambda _: None)
@@ -46,7 +49,14 @@ def greet() -> str:
 
 
 def run_task(task: Task) -> Answer:
-    """Make one run; a run that cannot be made or believed comes back as a failed one and raises nothing."""
+    """Make one run.
+
+    Args:
+        task: The run.
+
+    Returns:
+        The answer; a run that raises an error or has no valid verdict is a failed one.
+    """
     begun = time.perf_counter()
     metrics: Metrics = {}
     trace = error = None
@@ -56,19 +66,17 @@ def run_task(task: Task) -> Answer:
         error = str(problem)
     except Exception as problem:  # noqa: BLE001 - one failed run must not end the others
         error = f"{type(problem).__name__}: {problem}"
-    gc.collect()  # minds lie in reference cycles, few objects with large arrays: many runs would hold hundreds of MB
+    gc.collect()  # minds are few objects with large arrays, in reference cycles: many runs would hold hundreds of MB
     return answer(task, error, metrics, trace, time.perf_counter() - begun)
 
 
 def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str, str | None]:
-    """A run's metrics, its trace hash, and why it is not to be believed, if it is not."""
-    from experiments.faults.belief_error import (
-        BeliefError,  # here: loads the kernels, which `greet` may have to compile
-    )
+    """A run's metrics, its trace hash, and the failed checks of its verdict, or None if it is valid."""
     from experiments.inprocess import run_in_process
+    from experiments.sweeps.belief_error import BeliefError  # here: loads kernels that `prepare_worker` compiles
     from patrol.scenario import load_scenario
 
-    # Nothing comes between this process's world and its own verdict: no need to compute each run's fog twice.
+    # The world and the verdict are in one process, so the verdict need not compute the fog a second time.
     belief = BeliefError()
     outcome = run_in_process(load_scenario(scenario), keep=False, verify_fog=False, look=belief.look)
     doubts = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
@@ -83,7 +91,15 @@ def answer(
     trace: str | None = None,
     wall_s: float = 0.0,
 ) -> Answer:
-    """The answer to a task."""
+    """The answer to a task.
+
+    Args:
+        task: The task.
+        error: Why the run failed; None if it did not.
+        metrics: The metrics.
+        trace: The trace hash.
+        wall_s: How long the run took, s.
+    """
     return {
         "key": task["key"],
         "case": task["case"],
@@ -98,7 +114,15 @@ def answer(
 
 
 def metrics_of(summary: Mapping[str, Any]) -> dict[str, float | None]:
-    """The numbers of a summary that depend on the scenario alone; of robots their sum, or mean or most by its name."""
+    """The numbers of a summary that depend on the scenario alone, not on the machine.
+
+    Args:
+        summary: The summary, as in summary.json.
+
+    Returns:
+        The metrics by name; those of single robots are summed, except the mean ``dead_end_percent`` and the maximum
+        ``longest_stay_s``.
+    """
     robots = list(summary["robots"].values())
     plain = (
         "mfow_mean_s",
@@ -124,7 +148,7 @@ def metrics_of(summary: Mapping[str, Any]) -> dict[str, float | None]:
 def main() -> None:
     """Answer tasks until the input ends."""
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # whatever else is printed must not get between the answers
+    os.dup2(2, 1)  # other output must not mix with the answers
     tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(tasks,), daemon=True).start()
     while True:

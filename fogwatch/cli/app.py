@@ -15,17 +15,19 @@ from typing import Annotated, Any
 import typer
 
 from fogwatch.cli import (
-    chaos_hunt,
+    chaos_command,
+    control,
     experiment,
-    finished,
     key,
-    map_tools,
+    map_commands,
+    page,
     paper,
+    recording_commands,
+    report_commands,
     scenario,
     sweep,
 )
-from fogwatch.cli import control as controls
-from fogwatch.cli import page as pages
+from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
 from patrol.errors import BadInput
 from patrol.process.lifeline import heed
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
@@ -34,79 +36,158 @@ INTERRUPTED = 130
 UNKNOWN = 3
 
 app = typer.Typer(
+    cls=OrderedGroup,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Patrol with no centre: robots that share only their positions and are drawn to what nobody has seen for "
-    "longest.",
-    epilog="Try: fogwatch run yards --robots 5 --duration 600",
+    help="Decentralised patrolling: robots that exchange nothing but their positions, and go where nobody has looked "
+    "for longest.",
+    epilog="Example:\n  fogwatch run yards --robots 5 --duration 600\n\n"
+    "Each command has its own help, with an example: fogwatch run --help",
 )
-app.add_typer(scenario.app, name="scenario")
-app.add_typer(map_tools.app, name="map")
-app.add_typer(key.app, name="key")
-app.command(epilog=controls.EPILOG)(controls.control)
-app.command()(sweep.sweep)
-app.command()(chaos_hunt.chaos)
-for command in (finished.report, finished.compare, finished.record, finished.recording):
-    app.command(rich_help_panel=finished.PANEL)(command)
-app.command(rich_help_panel=finished.PANEL)(pages.replay)
-app.command()(pages.monitor)
-app.add_typer(paper.app, name="paper")
-app.add_typer(experiment.app, name="experiment")
+for group, name, panel in (
+    (map_commands.app, "map", START),
+    (scenario.app, "scenario", START),
+    (key.app, "key", START),
+    (experiment.app, "experiment", MANY),
+    (paper.app, "paper", MANY),
+):
+    app.add_typer(group, name=name, rich_help_panel=panel)
+command(app, examples=page.MONITOR_EXAMPLES, exit_codes=page.EXIT_CODES, panel=RUNNING)(page.monitor)
+command(app, examples=control.EXAMPLES, exit_codes=control.EXIT_CODES, panel=RUNNING)(control.control)
+command(
+    app,
+    examples=recording_commands.RECORD_EXAMPLES,
+    exit_codes="0 the recording is complete, 2 bad input, 130 interrupted before a fleet answered",
+    panel=RUNNING,
+)(recording_commands.record)
+command(app, examples=page.REPLAY_EXAMPLES, exit_codes=page.EXIT_CODES, panel=FINISHED)(page.replay)
+command(app, examples=report_commands.REPORT_EXAMPLES, panel=FINISHED)(report_commands.report)
+command(app, examples=report_commands.COMPARE_EXAMPLES, panel=FINISHED)(report_commands.compare)
+command(
+    app,
+    examples=recording_commands.RECORDING_EXAMPLES,
+    exit_codes="0 the recording is complete, or was repaired; 1 it is cut off or damaged; 2 bad input",
+    panel=FINISHED,
+)(recording_commands.recording)
+command(app, examples=sweep.EXAMPLES, exit_codes=sweep.EXIT_CODES, panel=MANY)(sweep.sweep)
+command(app, examples=chaos_command.EXAMPLES, exit_codes=chaos_command.EXIT_CODES, panel=MANY)(chaos_command.chaos)
 
-EXIT_CODES = "Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown (it could not be judged), 130 interrupted."
 PAGE_SPARES = 2
-"""How many robots a page can add unless the scenario or the command line says so."""
+"""How many robots may join a run with a live page, unless the scenario or the command line says so."""
 BODY = "Robots"
 RUN = "Run"
+OUTPUT = "Output"
 
 
-@app.command(epilog=EXIT_CODES)
+@command(
+    app,
+    examples=[
+        "fogwatch run yards --robots 5 --duration 600",
+        "fogwatch run my-map.yaml --model car --radius 0.4 --pace realtime",
+        "fogwatch run examples/yards-five.yaml --set patrol.dilatation=2 --seed 7",
+    ],
+    exit_codes="0 verdict valid, 1 verdict invalid, 2 bad input, 3 verdict unknown (the run could not be judged), 130 "
+    "interrupted",
+    panel=START,
+)
 def run(
     what: Annotated[
         str,
         typer.Argument(
             metavar="SCENARIO",
-            help=f"A scenario file, a map_server map, or a built-in terrain: {', '.join(BUILTINS)}.",
+            help=f"Scenario file, map file (map_server's YAML) or built-in terrain: {', '.join(BUILTINS)}.",
         ),
     ],
-    robots: Annotated[int | None, typer.Option(metavar="N", help="How many robots.", rich_help_panel=BODY)] = None,
+    robots: Annotated[int | None, typer.Option(metavar="N", help="Number of robots.", rich_help_panel=BODY)] = None,
     spare: Annotated[
         int | None,
-        typer.Option(metavar="N", help="How many more may join; 2 where there is a page.", rich_help_panel=BODY),
+        typer.Option(
+            metavar="N",
+            help="Robots that may join during the run (default: 2 with a live page, else 0).",
+            rich_help_panel=BODY,
+        ),
     ] = None,
-    model: Annotated[str | None, typer.Option(metavar="car|holonomic", help="Kind.", rich_help_panel=BODY)] = None,
-    radius: Annotated[float | None, typer.Option(metavar="M", help="Body radius, m.", rich_help_panel=BODY)] = None,
-    speed: Annotated[float | None, typer.Option(metavar="M/S", help="Top speed, m/s.", rich_help_panel=BODY)] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="car|holonomic", help="Body model.", rich_help_panel=BODY)
+    ] = None,
+    radius: Annotated[float | None, typer.Option(metavar="M", help="Body radius in m.", rich_help_panel=BODY)] = None,
+    speed: Annotated[float | None, typer.Option(metavar="M/S", help="Top speed in m/s.", rich_help_panel=BODY)] = None,
     start: Annotated[
         list[str] | None,
-        typer.Option(metavar="X,Y", help="Start of the next robot, m. Repeatable.", rich_help_panel=BODY),
+        typer.Option(
+            metavar="X,Y",
+            help="Start of the next robot in m; X,Y,HEADING gives the heading too, in rad. Repeatable.",
+            rich_help_panel=BODY,
+        ),
     ] = None,
-    duration: Annotated[float | None, typer.Option(metavar="S", help="Simulated time, s.", rich_help_panel=RUN)] = None,
-    seed: Annotated[int | None, typer.Option(metavar="K", help="Of all randomness.", rich_help_panel=RUN)] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="Simulated time in s.", rich_help_panel=RUN)
+    ] = None,
+    seed: Annotated[int | None, typer.Option(metavar="K", help="Random seed.", rich_help_panel=RUN)] = None,
     pace: Annotated[
         str | None,
-        typer.Option(metavar="lockstep|realtime|X", help="As fast as it goes, or X times real.", rich_help_panel=RUN),
+        typer.Option(
+            metavar="lockstep|realtime|X",
+            help="As fast as possible, in real time, or X times as fast as real time.",
+            rich_help_panel=RUN,
+        ),
     ] = None,
-    point: Annotated[float | None, typer.Option(metavar="M", help="Side of a point, m.", rich_help_panel=RUN)] = None,
+    point: Annotated[
+        float | None, typer.Option(metavar="M", help="Side of one grid point in m.", rich_help_panel=RUN)
+    ] = None,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="FIELD=VALUE", help="Override any field. Repeatable.", rich_help_panel=RUN),
+        typer.Option(
+            "--set", metavar="FIELD=VALUE", help="Set any field of the scenario. Repeatable.", rich_help_panel=RUN
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Run folder, new or empty.")] = None,
-    in_process: Annotated[bool, typer.Option("--in-process", help="One process, without Zenoh: same trace.")] = False,
-    port: Annotated[int | None, typer.Option(metavar="N", help="TCP port of the router (default: a free one).")] = None,
-    page: Annotated[bool, typer.Option("--page/--no-page", help="Serve a live page of the processes.")] = True,
-    recording: Annotated[bool, typer.Option("--recording/--no-recording", help="Write recording.mcap.")] = True,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
-    recovery: Annotated[
-        bool, typer.Option("--recovery", help="Run it without its faults too, to judge recovery by.")
+    in_process: Annotated[
+        bool,
+        typer.Option(
+            "--in-process", help="Run in one process, without Zenoh; the trace is the same.", rich_help_panel=RUN
+        ),
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print the run folder and nothing else.")] = False,
+    port: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="TCP port of the router (default: a free one).", rich_help_panel=RUN),
+    ] = None,
+    recovery: Annotated[
+        bool,
+        typer.Option(
+            "--recovery",
+            help="Run the scenario without its faults as well, to judge the recovery.",
+            rich_help_panel=RUN,
+        ),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Run folder, new or empty (default: runs/NAME-TIME).", rich_help_panel=OUTPUT),
+    ] = None,
+    page: Annotated[
+        bool,
+        typer.Option(
+            "--page/--no-page",
+            help="Serve a live page while the processes run (never with --in-process or --quiet).",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = True,
+    recording: Annotated[
+        bool,
+        typer.Option("--recording/--no-recording", help="Write recording.mcap at the end.", rich_help_panel=OUTPUT),
+    ] = True,
+    report: Annotated[
+        bool,
+        typer.Option("--report/--no-report", help="Write report.html at the end.", rich_help_panel=OUTPUT),
+    ] = True,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="Print nothing but the run folder.", rich_help_panel=OUTPUT)
+    ] = False,
 ) -> int:
-    """Run a fleet, each robot a process of its own, and judge the run.
+    """Run a fleet, one process per robot, and judge the run.
 
-    A scenario file says everything; the options override its fields. Without a file: five cars for 5000 s.
+    The scenario file holds all settings, and options override them. On a terrain or a map alone, five cars patrol for
+    5000 s.
     """
     overrides: dict[str, object] = {
         "robots.count": robots,
@@ -121,7 +202,7 @@ def run(
     }
     given = {field: value for field, value in overrides.items() if value is not None}
     if port is not None and not 0 < port < 65536:
-        raise BadInput(f"--port {port}: no TCP port; give one from 1 to 65535")
+        raise BadInput(f"--port {port}: is not a TCP port; give one from 1 to 65535")
     ending = heed(None, patience=0)
     scenario = open_scenario(what, {**given, **parse_overrides(settings or [])})
     served = page and not quiet and not in_process
@@ -132,20 +213,20 @@ def run(
 
     from rich.console import Console
 
-    from fogwatch.api import Wishes, execute
+    from fogwatch.api import RunOptions, execute
     from fogwatch.launch.launcher import Failed
-    from fogwatch.launch.live_table import make_show
-    from fogwatch.launch.summary_text import print_report
+    from fogwatch.launch.live_table import make_display
+    from fogwatch.launch.summary_text import print_summary
 
     def begin() -> None:
         ending.patience = 1  # the first ends the run in order, the second at once
 
-    show = make_show(quiet)
-    wishes = Wishes(
+    display = make_display(quiet)
+    run_options = RunOptions(
         out,
         in_process,
         port,
-        show,
+        display,
         begin=begin,
         stop=lambda: bool(ending),
         urgent=lambda: ending.times > 1,
@@ -155,7 +236,7 @@ def run(
         recovery=recovery,
     )
     try:
-        result = execute(scenario, wishes)
+        result = execute(scenario, run_options)
     except Failed as failed:
         _complain(str(failed))
         return UNKNOWN
@@ -163,7 +244,7 @@ def run(
         if quiet:
             print(result.folder)
         else:
-            print_report(Console(), result.summary, result.folder)
+            print_summary(Console(), result.summary, result.folder)
     return INTERRUPTED if ending else result.verdict.exit_code
 
 
@@ -176,15 +257,15 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """What goes before a command."""
+    """Take the options that stand before a command; see `app` for the help text."""
 
 
-@app.command()
+@command(app, examples=["fogwatch version"], panel=OTHER)
 def version() -> None:
-    """Print the versions of fogwatch and of what it stands on."""
+    """Print the versions of fogwatch, of Python and of the main libraries."""
     print(f"fogwatch {metadata.version('fogwatch')}")
     print(f"Python {platform.python_version()} on {platform.platform()}")
     for name in ("eclipse-zenoh", "numpy", "numba", "pydantic", "msgpack", "Pillow", "matplotlib", "scipy"):
@@ -195,20 +276,31 @@ def version() -> None:
 
 
 def main() -> int:
-    """The command's entry point; the exit code."""
+    """Run the command `fogwatch` with this process's arguments.
+
+    Returns:
+        The exit code.
+    """
     code = guarded(lambda: app(standalone_mode=False))
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
-        except BrokenPipeError:  # or the interpreter finds it while it ends, and makes 120 of any exit code
+        except BrokenPipeError:  # else the interpreter finds it while it ends and replaces any exit code by 120
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     return code
 
 
-def guarded(command: Callable[[], Any]) -> int:
-    """Run a command; what the user can mend is one line on the standard error."""
+def guarded(call: Callable[[], Any]) -> int:
+    """Run a command; an error that the user can mend becomes one line on the standard error.
+
+    Args:
+        call: Parses the arguments and runs the command that they name; returns its exit code.
+
+    Returns:
+        The exit code: the command's own, 2 for bad input, 3 for a crash, 130 when interrupted.
+    """
     try:
-        code = command()
+        code = call()
     except BadInput as bad:
         _complain(str(bad))
         return 2
@@ -216,27 +308,27 @@ def guarded(command: Callable[[], Any]) -> int:
         code = INTERRUPTED
     except BrokenPipeError:
         return 0
-    except Exception as error:  # noqa: BLE001 - a mistake of ours leaves the run unjudged, not invalid
+    except Exception as error:  # noqa: BLE001 - a crash leaves the run unjudged, not invalid
         if not hasattr(error, "format_message"):
             traceback.print_exc()
             return UNKNOWN
         if message := error.format_message():  # without one it has printed the help
             _complain(message)
         return 2
-    if code == INTERRUPTED:  # typer may have made that of the signal
+    if code == INTERRUPTED:  # typer may turn the signal into this code
         _complain("interrupted")
     return code if isinstance(code, int) else 0
 
 
 def _complain(line: str) -> None:
-    """Say it on the standard error, if anybody listens."""
+    """Print a line on the standard error, unless nobody reads it."""
     with suppress(BrokenPipeError):
         print(f"fogwatch: {line}", file=sys.stderr, flush=True)
 
 
 @contextmanager
 def _readers_may_leave() -> Iterator[None]:
-    """Print what nobody may read to its end; the exit code is the same."""
+    """Print what may not be read to its end; the exit code stays the same."""
     try:
         yield
         sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""``fogwatch control``: pause a running fleet, let it go on, and break it, from a shell.
+"""``fogwatch control``: pause a running fleet, resume it, and inject faults, from a shell.
 
 Commands raise BadInput; the caller prints it.
 """
@@ -12,12 +12,19 @@ import typer
 
 from patrol.errors import BadInput
 
-EPILOG = (
-    "Try: fogwatch control runs/yards-20260101-120000 fault '{kind: loss, rate: 0.5}'; then: heal op1. Others: pause; "
-    "go; step 10; pace 2; pace max; intruder '[12, 30]'. Exit codes: 0 done, 1 refused, 2 bad input, 3 no answer."
-)
+EXAMPLES = [
+    "fogwatch control RUN pause",
+    "fogwatch control RUN step 10",
+    "fogwatch control RUN go",
+    "fogwatch control RUN pace 2",
+    "fogwatch control RUN pace max",
+    "fogwatch control RUN fault '{kind: loss, rate: 0.5}'",
+    "fogwatch control RUN heal op1",
+    "fogwatch control RUN intruder '[12, 30]'",
+]
+EXIT_CODES = "0 done, 1 refused, 2 bad input, 3 no answer"
 WAIT_S = 15.0
-"""How long a world may take to answer: until its tick is over, and what robots need to be started is done."""
+"""How long a world may take to answer: it ends its tick first, and starts the robots that the request needs."""
 
 REFUSED, UNANSWERED = 1, 3
 
@@ -25,21 +32,30 @@ VALUES = {
     "step": ("ticks", "10"),
     "pace": ("factor", "2, or max"),
     "fault": ("fault", "'{kind: loss, rate: 0.5}'"),
-    "heal": ("id", "op1, as the answer to a fault names it"),
+    "heal": ("id", "op1, the id in the answer to a fault"),
     "intruder": ("place", "'[12, 30]'"),
 }
-"""The field of the value of each control that has one, and an example."""
+"""For each control that has a value: the value's field, and an example."""
 
 
 def control(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A running fleet's folder, or its control file.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a running fleet, or its control.json.")],
     do: Annotated[str, typer.Argument(metavar="WHAT", help="pause, go, step, pace, fault, heal or intruder.")],
     value: Annotated[
-        str | None, typer.Argument(metavar="[VALUE]", help="Ticks, factor, fault as YAML, its id, or [X, Y].")
+        str | None,
+        typer.Argument(
+            metavar="[VALUE]",
+            help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the fault's id; "
+            "intruder: its place as [X, Y] in m.",
+        ),
     ] = None,
-    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer.")] = WAIT_S,
+    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer, in s.")] = WAIT_S,
 ) -> int:
-    """Ask something of a running fleet. It is done between two ticks and written to the journal and timeline.yaml."""
+    """Control a running fleet: pause, resume or step it, change its pace, inject and heal faults, add an intruder.
+
+    The request is carried out between two ticks and recorded in the journal and in timeline.yaml. RUN stands for the
+    run's folder, such as runs/yards-20260101-120000.
+    """
     asked = control_of(do, value)
     from patrol.net.access import read_access
     from patrol.net.keys import fleet_keys
@@ -57,7 +73,7 @@ def control(
     finally:
         link.close()
     if payload is None:
-        typer.echo(f"fogwatch: no world of fleet {access.fleet} has answered within {wait:g} s", err=True)
+        typer.echo(f"fogwatch: the world of fleet {access.fleet} did not answer within {wait:g} s", err=True)
         return UNANSWERED
     answer = read_answer(payload)
     typer.echo(answer.text, err=not answer.done)
@@ -65,7 +81,18 @@ def control(
 
 
 def control_of(do: str, value: str | None) -> dict[str, Any]:
-    """The control that a command line's words mean; its values are not looked at yet."""
+    """The control that the words of a command line stand for; its value is not checked yet.
+
+    Args:
+        do: What to do, such as "step".
+        value: Its value as given, or None.
+
+    Returns:
+        The control as `patrol.scenario.controls.read_control` takes it.
+
+    Raises:
+        BadInput: A value is missing, not wanted, or no YAML.
+    """
     from patrol.yaml_text import parse_yaml
 
     field, example = VALUES.get(do, (None, ""))

@@ -1,4 +1,4 @@
-"""``fogwatch map regions``: how the ground splits into regions. Raises BadInput; the caller prints it."""
+"""``fogwatch map regions``: the split of the ground into regions. Raises BadInput; the caller prints it."""
 
 from __future__ import annotations
 
@@ -21,26 +21,34 @@ if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
 
 MOST_LINES = 20
-"""Regions listed."""
+"""Regions listed at most."""
+EXAMPLES = ["fogwatch map regions yards --picture regions.png --polygons regions.yaml"]
 
 
 def regions(
     what: Annotated[
         str,
-        typer.Argument(metavar="SCENARIO", help=f"A scenario file, a map or one of {', '.join(LAYOUTS)}."),
+        typer.Argument(metavar="SCENARIO", help=f"Scenario file, map file or one of {', '.join(LAYOUTS)}."),
     ],
     point: Annotated[
-        float | None, typer.Option(help="Side of one point of the grid in m (the scenario's, or 0.1).", metavar="M")
+        float | None,
+        typer.Option(metavar="M", help="Side of one grid point in m (default: the scenario's, or 0.1)."),
     ] = None,
     radius: Annotated[
-        float | None, typer.Option(help="Radius of the body in m (the widest of the scenario's, or 1).", metavar="M")
+        float | None,
+        typer.Option(metavar="M", help="Body radius in m (default: the largest of the scenario's robots, or 1)."),
     ] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the regions into this file.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="OUT.png", help="Draw the regions into this PNG file.")
+    ] = None,
     polygons: Annotated[
-        Path | None, typer.Option(metavar="OUT.yaml", help="Write them as a scenario's patrol section.")
+        Path | None, typer.Option(metavar="OUT.yaml", help="Write the regions as the patrol section of a scenario.")
     ] = None,
 ) -> None:
-    """Split a map into convex regions for patrol.paths: regions, or check those that a scenario gives."""
+    """Split a map into convex regions, or check the regions that a scenario gives.
+
+    Robots use them with patrol.paths: regions.
+    """
     overrides: dict[str, object] = {}
     for name, value in (("point", point), ("radius", radius)):
         if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -50,7 +58,7 @@ def regions(
     scenario = open_scenario(what, overrides)
     widest = max(spec.radius for spec in scenario.roster)
     warm(("patrol",), lambda line: typer.echo(line, err=True))
-    from patrol.ground.fields import cspace_of  # these not before their kernels are compiled
+    from patrol.ground.fields import cspace_of  # here: these import kernels, which are compiled first
     from patrol.ground.maps import load_terrain
     from patrol.regions.split import regions_by_hand, split_regions
 
@@ -74,9 +82,21 @@ def regions(
 
 
 def plain_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float, by_hand: bool) -> Iterator[str]:
-    """What there is to tell of a split, as lines of text. took: s."""
+    """Describe a split of the ground into regions as lines of text.
+
+    Args:
+        terrain: The ground.
+        radius: Radius of the body, m.
+        split: The regions.
+        took: How long the split took, s.
+        by_hand: Whether the scenario gave the regions.
+
+    Yields:
+        The lines.
+    """
     xmin, ymin, xmax, ymax = terrain.bounds
-    yield f"{terrain.name}: {xmax - xmin:g} x {ymax - ymin:g} m on points of {terrain.point:g} m; body of {radius:g} m"
+    size = f"{xmax - xmin:g} x {ymax - ymin:g} m, points of {terrain.point:g} m"
+    yield f"{terrain.name}: {size}; body radius {radius:g} m"
     count = len(split.polygons)
     areas = np.bincount(split.labels[split.labels >= 0], minlength=count) * terrain.point_area
     entered = np.unique(split.labels[split.parts >= 0]).size
@@ -84,7 +104,7 @@ def plain_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float
     yield f"regions: {_count(count, 'convex region')} {how} in {took:.2f} s; the body fits into {entered}"
     if count:
         smallest, middle, largest = areas.min(), float(np.median(areas)), areas.max()
-        yield f"areas: {smallest:.1f} to {largest:.1f} m², half of them at least {middle:.1f} m²"
+        yield f"areas: {smallest:.1f} to {largest:.1f} m², median {middle:.1f} m²"
     yield f"connections: {len(split.connections)}"
     shown = np.argsort(-areas, kind="stable")[:MOST_LINES]
     for number in map(int, shown):
@@ -101,7 +121,7 @@ def _count(count: int, what: str) -> str:
 
 
 def _write(out: Path, split: RegionSplit) -> None:
-    """The polygons as YAML that a scenario file can take over, to the millimetre."""
+    """Write the polygons as YAML for a scenario file, to the millimetre."""
     corners = [", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in polygon) for polygon in split.polygons]
     lines = ["patrol:", "  paths: regions", "  regions: # m", *(f"    - [{each}]" for each in corners), ""]
     try:

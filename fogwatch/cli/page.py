@@ -1,4 +1,4 @@
-"""``fogwatch replay`` and ``fogwatch monitor``: the page of a run that is over, and of a fleet that is running.
+"""``fogwatch replay`` and ``fogwatch monitor``: the page of a finished run, and of a running fleet.
 
 Commands raise BadInput; the caller prints it.
 """
@@ -13,47 +13,67 @@ import typer
 
 from patrol.errors import BadInput
 
-HOST = typer.Option(metavar="HOST", help="Address to serve on; another than loopback needs --token.")
-PORT = typer.Option("--page-port", metavar="N", help="TCP port of the page (default: a free one).")
+REPLAY_EXAMPLES = ["fogwatch replay runs/yards-20260101-120000 --browser"]
+MONITOR_EXAMPLES = [
+    "fogwatch monitor runs/yards-20260101-120000",
+    "fogwatch monitor --router tcp/192.168.1.10:7447 --fleet yards-1",
+]
+
+EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
+
+HOST = typer.Option(metavar="HOST", help="Address to serve on; other than the loopback address it needs --token.")
+PORT = typer.Option("--page-port", metavar="N", help="TCP port of the page (default: a free one).", show_default=False)
 TOKEN = typer.Option(
     metavar="TEXT",
     envvar="FOGWATCH_PAGE_KEY",
-    help="What whoever opens the page must know; 16 letters or more.",
+    help="Secret that the page's address must hold; 16 or more letters and digits.",
     show_envvar=True,
 )
-BROWSER = typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+BROWSER = typer.Option("--browser/--no-browser", help="Open the page in the default browser.")
 INTERRUPTED = 130
 
 
 def replay(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     host: Annotated[str, HOST] = "127.0.0.1",
     port: Annotated[int, PORT] = 0,
     token: Annotated[str, TOKEN] = "",
     browser: Annotated[bool, BROWSER] = False,
 ) -> int:
-    """Play a run on the live page: at any speed, backwards too, with a time line. Ctrl-C ends it."""
+    """Replay a run on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
     what = Namespace(replay=run, access=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0)
     return _page(what, host, port, token, browser)
 
 
 def monitor(
     run: Annotated[
-        Path | None, typer.Argument(metavar="[RUN]", help="A running fleet's folder, or its control file.")
+        Path | None, typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or its control.json.")
     ] = None,
-    router: Annotated[str | None, typer.Option(metavar="LOCATOR", help="Or: its router, tcp/HOST:PORT,")] = None,
-    fleet: Annotated[str | None, typer.Option(metavar="NAME", help="and its name. Such a page only looks.")] = None,
+    router: Annotated[
+        str | None, typer.Option(metavar="LOCATOR", help="Router of a running fleet, tcp/HOST:PORT.")
+    ] = None,
+    fleet: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the running fleet.")] = None,
     scenario: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Of robots without a world: positions alone are heard.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Scenario of a fleet without a world; the page shows its robots' positions."),
     ] = None,
-    radio: Annotated[str | None, typer.Option(metavar="LOCATOR", help="Where such robots hear each other.")] = None,
+    radio: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LOCATOR", help="Multicast group or router of the direct radio of a fleet without a world."
+        ),
+    ] = None,
     host: Annotated[str, HOST] = "127.0.0.1",
     port: Annotated[int, PORT] = 0,
     token: Annotated[str, TOKEN] = "",
     browser: Annotated[bool, BROWSER] = False,
-    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet.")] = 60.0,
+    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.")] = 60.0,
 ) -> int:
-    """Show a running fleet on a live page, as many pages as wanted; none of them slows it. Ctrl-C ends it."""
+    """Show a running fleet on a live page, without slowing it. Ctrl-C ends the page, not the fleet.
+
+    Given the folder of a run, the page can also pause the fleet and inject faults. Given --router and --fleet, it only
+    shows the fleet. A fleet may have any number of pages.
+    """
     fleets = (router is not None) + (fleet is not None)
     if fleets != (2 if run is None else 0):
         raise BadInput("monitor: name a run's folder, or --router and --fleet of a running fleet")
@@ -65,7 +85,7 @@ def monitor(
 
 
 def _access_in(run: Path) -> Path:
-    """The control file that a running fleet's folder holds, or that is named itself; BadInput where there is none."""
+    """The control file: in a running fleet's folder, or named itself. Raises BadInput where there is none."""
     from monitor.replay.run_files import JOURNAL
     from patrol.net.access import FILE
 
@@ -75,7 +95,7 @@ def _access_in(run: Path) -> Path:
         raise BadInput(f"monitor {run}: no such folder; name a running fleet's, such as runs/yards-20260101-120000")
     if not (run / FILE).is_file():
         raise BadInput(
-            f"monitor {run}: holds no {FILE}, so nothing is running there, or not yet; a run that is over is shown by: "
+            f"monitor {run}: holds no {FILE}, so no fleet is running there, or not yet; for a finished run use: "
             f"fogwatch replay {run}"
         )
     return run / FILE

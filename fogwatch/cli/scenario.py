@@ -1,4 +1,4 @@
-"""``fogwatch scenario``: look at a scenario before anything runs. Commands raise BadInput; the caller prints it."""
+"""``fogwatch scenario``: look at a scenario before it runs. Commands raise BadInput; the caller prints it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fogwatch.cli.command_help import command
 from patrol.errors import BadInput
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
@@ -16,38 +17,42 @@ from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overri
 if TYPE_CHECKING:
     from worldsim.timeline import Timeline
 
-app = typer.Typer(help="Show, check and describe scenario files.", no_args_is_help=True)
+app = typer.Typer(help="Print and check scenario files, and print their JSON schema.", no_args_is_help=True)
 
-What = Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, a map or a built-in terrain.")]
+What = Annotated[str, typer.Argument(metavar="SCENARIO", help="Scenario file, map file or built-in terrain.")]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="FIELD=VALUE", help="Override a field, e.g. patrol.dilatation=0. Repeatable."),
+    typer.Option("--set", metavar="FIELD=VALUE", help="Set a field, such as patrol.dilatation=0. Repeatable."),
 ]
 
 
-@app.command()
-def show(what: What, settings: Settings = None) -> None:
-    """Print the scenario with every default filled in, as a scenario file with units beside the fields."""
+@command(app, "show", examples=["fogwatch scenario show yards > yards.yaml"])
+def print_scenario(what: What, settings: Settings = None) -> None:
+    """Print a scenario as a scenario file, with every default filled in and the units beside the fields."""
     typer.echo(dump_scenario(open_scenario(what, parse_overrides(settings or []))), nl=False)
 
 
-@app.command()
+@command(
+    app,
+    examples=["fogwatch scenario check examples/yards-five.yaml --set robots.count=8"],
+    exit_codes="0 the scenario can run, 2 it cannot",
+)
 def check(what: What, settings: Settings = None) -> None:
-    """Say whether the scenario can run: values, terrain, the fleet's key, room for all; and what goes wrong when."""
+    """Check whether a scenario can run, and list its faults.
+
+    Checked are the values, the terrain, the fleet's key, and whether all robots find room at the start.
+    """
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
-    from patrol.prepare import prepare  # here: needs the simulator's libraries, which `show` does without
+    from patrol.prepare import prepare  # here: needs libraries that `fogwatch scenario show` does without
 
     prepared = prepare(scenario)
     area = float(prepared.patrolled.sum()) * scenario.point**2
-    told = sum(spec.start is not None for spec in scenario.roster)
+    given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(f"{what}: can run")
-    if len(scenario.roster) == 1:
-        typer.echo(f"  1 robot, {'from a given start' if told else 'placed at random'}")
-    else:
-        typer.echo(f"  {len(scenario.roster)} robots, {told} of them from a given start, the others placed at random")
-    typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, in points of {scenario.point:g} m")
+    typer.echo(f"  {_starts(len(scenario.roster), given)}")
+    typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
     for line in _faults(scenario):
@@ -55,8 +60,20 @@ def check(what: What, settings: Settings = None) -> None:
     typer.echo(f"  scenario hash {digest}")
 
 
+def _starts(robots: int, given: int) -> str:
+    """How many robots there are, and how many of them start at a given place."""
+    count = "1 robot" if robots == 1 else f"{robots} robots"
+    if given == 0:
+        return f"{count}, placed at random"
+    if given == robots:
+        return f"{count}, at {'a given start' if robots == 1 else 'given starts'}"
+    return (
+        f"{count}, {given} of them at {'a given start' if given == 1 else 'given starts'}, the others placed at random"
+    )
+
+
 def _faults(scenario: Scenario) -> Iterator[str]:
-    """What goes wrong, when and for whom: the faults as they are resolved."""
+    """The resolved faults: what happens, when and to whom."""
     if not scenario.faults:
         return
     from worldsim.timeline import Timeline
@@ -65,7 +82,7 @@ def _faults(scenario: Scenario) -> Iterator[str]:
     count = "1 fault" if len(timeline.entries) == 1 else f"{len(timeline.entries)} faults"
     remains = _remains(scenario, timeline)
     if timeline.healed is None:
-        yield f"{count}, to the end{f'; {remains}' if remains else ''}"
+        yield f"{count}, until the end{f'; {remains}' if remains else ''}"
     elif remains:
         yield f"{count}, over at {timeline.healed * step:g} s, but {remains}"
     else:
@@ -78,27 +95,27 @@ def _faults(scenario: Scenario) -> Iterator[str]:
 
 
 def _remains(scenario: Scenario, timeline: Timeline) -> str:
-    """Who does not patrol at the end, and why; nothing when all do."""
+    """Which robots do not patrol at the end, and why; empty when all do."""
     from patrol.journal.records import Status
     from worldsim.fleet.acts import standing_at_the_end
 
     names = {spec.number: spec.name for spec in scenario.roster}
     standing = standing_at_the_end(timeline, names, scenario.ticks)
-    told = []
+    parts = []
     for status, words in ((Status.DEAD, "dead"), (Status.PAUSED, "paused"), (Status.LEFT, "away")):
         who = [names[number] for number, found in standing.items() if found is status]
         if who:
             all_of_many = len(who) == len(names) > 1
             verb = "stay" if len(who) > 1 else "stays"
-            told.append(f"{'all' if all_of_many else ' '.join(who)} {verb} {words}")
-    return ", ".join(told)
+            parts.append(f"{'all' if all_of_many else ' '.join(who)} {verb} {words}")
+    return ", ".join(parts)
 
 
-@app.command()
+@command(app, examples=["fogwatch scenario schema --out scenario-schema.json"])
 def schema(
-    out: Annotated[Path | None, typer.Option(help="File to write, instead of the terminal.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write (default: print the schema).")] = None,
 ) -> None:
-    """Print the JSON schema of scenario files, for editors that check as one types."""
+    """Print the JSON schema of scenario files, with which an editor checks and completes them."""
     text = f"{json.dumps(scenario_schema(), indent=2)}\n"
     if out is None:
         typer.echo(text, nl=False)

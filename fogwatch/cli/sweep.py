@@ -10,10 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.sweeps.casetable import CaseRow, case_rows, write_tables
-from experiments.sweeps.cluster import ClusterCrew
+from experiments.sweeps.cluster import ClusterWorkers
 from experiments.sweeps.plan import Plan, read_plan
-from experiments.sweeps.pool import Crew, LocalCrew
-from experiments.sweeps.runner import Outcome, run_sweep
+from experiments.sweeps.pool import LocalWorkers, WorkerPool
+from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import Estimate
 from fogwatch.progress import SweepProgress, duration, print_failures
 from patrol.errors import BadInput
@@ -32,34 +32,40 @@ SHOWN = {
 
 Workers = Annotated[
     int | None,
-    typer.Option(metavar="N", help="Runs made at a time; one for each core unless given.", show_default=False),
+    typer.Option(metavar="N", help="Runs at a time (default: one per core).", show_default=False),
 ]
 ClusterAddress = Annotated[
     str | None,
-    typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers make the runs, tcp://HOST:8786."),
+    typer.Option("--cluster", metavar="ADDRESS", help="Run on the workers of this Dask scheduler, tcp://HOST:8786."),
 ]
+
+EXAMPLES = ["fogwatch sweep examples/sweeps/dilatation.yaml --seeds 5"]
+EXIT_CODES = "0 every run has a result, 1 some runs failed, 2 bad input, 130 interrupted"
 
 
 def sweep(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="YAML: base, grid, cases, seeds, against.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Sweep file, YAML with base, grid, cases, seeds, against.")
+    ],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where results go and are looked for; runs/NAME unless given.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the results, new and earlier ones (default: runs/NAME)."),
     ] = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,
     seeds: Annotated[
-        int | None, typer.Option(metavar="K", help="Seeds 1 to K instead of the file's.", show_default=False)
+        int | None, typer.Option(metavar="K", help="Use seeds 1 to K instead of the file's.", show_default=False)
     ] = None,
 ) -> int:
-    """Run a base scenario with every combination of settings and every seed; go on where an earlier start stopped.
+    """Run a scenario with every combination of some settings and every seed, and tabulate the results.
 
-    See examples/sweeps/dilatation.yaml for a FILE. Exit codes: 0 every run has its numbers, 1 some failed, 2 bad input,
-    130 interrupted.
+    Runs that have a result in the folder are not repeated, so that an interrupted sweep continues when it is started
+    again.
     """
     plan = read_plan(file, seeds)
     folder = out or Path("runs") / file.stem
     console = Console()
-    outcome = make_runs(plan, folder, crew_of(workers, cluster), console)
+    outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
     as_csv, as_json = write_tables(outcome, folder)
     print_cases(console, case_rows(outcome))
     print_failures(console, outcome)
@@ -68,39 +74,62 @@ def sweep(
     return FAILED if outcome.failed else 0
 
 
-def crew_of(workers: int | None, cluster: str | None) -> Crew:
-    """Who makes the runs. BadInput when both kinds of workers are asked for."""
-    if cluster is None:
-        return LocalCrew(workers)
-    if workers is not None:
-        raise BadInput("--workers and --cluster: a cluster has its own workers; leave one of the two out")
-    return ClusterCrew(cluster)
+def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
+    """The workers that make the runs.
 
+    Args:
+        workers: How many processes of this machine; None for one per core.
+        cluster: Address of a Dask scheduler whose workers are used instead, or None.
 
-def make_runs(plan: Plan, folder: Path, crew: Crew, console: Console, foretell: bool = False) -> Outcome:
-    """Make a plan's runs with a progress bar; Ctrl-C leaves a folder to go on with.
-
-    foretell: try a few runs first, to say how long all will take.
+    Raises:
+        BadInput: Both are given.
     """
-    with SweepProgress(console, foretell=foretell) as progress:
+    if cluster is None:
+        return LocalWorkers(workers)
+    if workers is not None:
+        raise BadInput("--workers and --cluster: a cluster has its own workers; give only one of the two")
+    return ClusterWorkers(cluster)
+
+
+def make_runs(
+    plan: Plan, folder: Path, workers: WorkerPool, console: Console, estimate_time: bool = False
+) -> SweepOutcome:
+    """Make a plan's runs with a progress bar. After Ctrl-C, the next start continues.
+
+    Args:
+        plan: The runs.
+        folder: Where results are kept and looked for.
+        workers: Who makes the runs.
+        console: Where the progress is shown.
+        estimate_time: Whether to try a few runs first, to say how long all will take.
+
+    Returns:
+        The results.
+    """
+    with SweepProgress(console, estimate_time=estimate_time) as progress:
         try:
-            return run_sweep(plan, folder, crew=crew, watcher=progress, say=progress.say)
+            return run_sweep(plan, folder, workers=workers, observer=progress, say=progress.say)
         except KeyboardInterrupt:
             if progress.total:
-                progress.say(f"{progress.done} of {progress.total} runs are done; start again to go on in {folder}")
+                progress.say(f"{progress.done} of {progress.total} runs are done; start again to continue in {folder}")
             raise
 
 
 def print_cases(console: Console, rows: list[CaseRow]) -> None:
-    """The cases' means as a table."""
+    """Print the cases' means as a table.
+
+    Args:
+        console: Where to print.
+        rows: The results case by case.
+    """
     shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
     compared = any(row.against for row in rows)
-    titles = [*shown.values(), *(["MFoW by (%)"] if compared else [])]
+    titles = [*shown.values(), *(["change of MFoW (%)"] if compared else [])]
     table = Table("case", "runs", *titles, box=None, pad_edge=False, header_style="cyan")
     for column in table.columns[1:]:
         column.justify = "right"
     if compared:
-        table.add_column("against")
+        table.add_column("compared with")
     for row in rows:
         runs = f"{row.runs}" + (f", {row.failed} failed" if row.failed else "")
         change = [with_interval(row.change.get("mfow_mean_s")), row.against or ""] if compared else []
@@ -109,7 +138,11 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
 
 
 def with_interval(found: Estimate | None) -> str:
-    """A mean with half its 95 % interval."""
+    """A mean and half the width of its 95 % interval, as in "12.3 ±0.4".
+
+    Args:
+        found: The mean; None gives "-".
+    """
     if found is None:
         return "-"
     return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"

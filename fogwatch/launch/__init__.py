@@ -1,1 +1,1 @@
-"""Running a fleet as processes of this machine, and the folder that a run leaves."""
+"""Running a fleet as processes of this machine, and the run folder."""

@@ -1,4 +1,4 @@
-"""What is derived from a run's journal when it is over: a recording for viewers, and a report for people."""
+"""The files made from a run's journal when it has ended: a recording for viewers, and a report for people."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
 
 
-class _Hurry(Exception):
-    """Somebody does not want to wait."""
+class _Cancelled(Exception):
+    """The user does not want to wait for the files."""
 
 
-class _Impatience:
-    """Goes along with a replay and ends it when nobody wants it any more."""
+class _CancelCheck:
+    """Follows a replay and cancels it when the user does not want to wait."""
 
-    def __init__(self, hurry: Callable[[], bool]) -> None:
-        self._hurry = hurry
+    def __init__(self, cancelled: Callable[[], bool]) -> None:
+        self._cancelled = cancelled
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Ask."""
+        """Raise `_Cancelled` if the replay is cancelled."""
         del k, fog, views
-        if self._hurry():
-            raise _Hurry
+        if self._cancelled():
+            raise _Cancelled
 
     def after(self, k: int, fog: Fog) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
 def derive(
@@ -42,19 +42,27 @@ def derive(
     summary: Mapping[str, Any],
     recording: Path | None,
     report: Path | None,
-    hurry: Callable[[], bool],
+    cancelled: Callable[[], bool],
     say: Callable[[str], None],
 ) -> None:
-    """Write a run's recording and its report, those that are named, in one pass over the journal.
+    """Write a run's recording and its report in one pass over the journal.
 
-    hurry: asked in between; once it says yes, nothing more is written. Whatever cannot be written is said, and is
-    no reason to doubt the run.
+    A file that cannot be written is reported with `say` and does not make the run invalid.
+
+    Args:
+        journal: The run's journal.
+        prepared: The run's scenario with its static fields.
+        summary: The summary, as in summary.json.
+        recording: The recording to write, or None.
+        report: The report to write, or None.
+        cancelled: Asked again and again; once it returns True, nothing more is written.
+        say: Takes lines for the user.
     """
     try:
         warm(("patrol", "monitor"), say)
-        _derive(journal, prepared, summary, recording, report, _Impatience(hurry))
-    except _Hurry:
-        say("no recording and no report: not waited for; `fogwatch record` and `fogwatch report` make them")
+        _derive(journal, prepared, summary, recording, report, _CancelCheck(cancelled))
+    except _Cancelled:
+        say("no recording and no report: cancelled; make them with `fogwatch record` and `fogwatch report`")
     except ImportError as error:
         say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
     except (BadInput, OSError) as error:
@@ -67,7 +75,7 @@ def _derive(
     summary: Mapping[str, Any],
     recording: Path | None,
     report: Path | None,
-    impatience: _Impatience,
+    cancel_check: _CancelCheck,
 ) -> None:
     from monitor.recording.run_recorder import Recorder
     from monitor.replay.replay import Watcher, play
@@ -77,7 +85,7 @@ def _derive(
 
     run = read_run(journal.path.parent, journal, prepared, summary)
     recorder = None if recording is None else Recorder(run, recording)
-    along: list[Watcher] = [impatience, *([recorder] if recorder else [])]
+    along: list[Watcher] = [cancel_check, *([recorder] if recorder else [])]
     try:
         analysis = None
         if report is None:

@@ -1,4 +1,4 @@
-"""What a run shows while it goes on: a live table on a terminal, plain lines every few seconds elsewhere."""
+"""The display of a running fleet: a live table on a terminal, a line every few seconds elsewhere."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from patrol.journal import Status
 from patrol.net.telemetry import Metrics, Notice
 
 PLAIN_S = 5.0
+"""Wall time between two lines where there is no terminal."""
 MOST_ROBOTS = 20
+"""Robots in the live table."""
 _STYLES = {"patrolling": "green", "dead-end": "yellow", "holding": "cyan"}
 STATUS_STYLES = {
     Status.ABSENT: "dim",
@@ -26,73 +28,85 @@ STATUS_STYLES = {
     Status.LOST: "bold red",
     Status.LEFT: "dim",
 }
-"""How robots' statuses are shown."""
+"""The text styles of the robots' statuses."""
 
 
-class Show(Protocol):
-    """Somebody who is told how a run goes."""
+class RunDisplay(Protocol):
+    """Shows the progress of a run."""
 
     def say(self, line: str) -> None:
-        """One line of news."""
+        """Show a line of text.
+
+        Args:
+            line: The line.
+        """
         ...
 
     def metrics(self, metrics: Metrics) -> None:
-        """The run so far."""
+        """Show the measures of the run so far.
+
+        Args:
+            metrics: The measures.
+        """
         ...
 
     def notice(self, notice: Notice) -> None:
-        """Something has happened."""
+        """Show an event.
+
+        Args:
+            notice: The event.
+        """
         ...
 
     def close(self) -> None:
-        """The run is over."""
+        """Stop showing: the run is over."""
         ...
 
 
-class Silent:
-    """Shows nothing."""
+class SilentDisplay:
+    """A display that shows nothing."""
 
     def say(self, line: str) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def metrics(self, metrics: Metrics) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def notice(self, notice: Notice) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
-class Plain:
-    """Prints a line now and then."""
+class PlainDisplay:
+    """A display that prints a line every few seconds."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
         self._due = 0.0
 
     def say(self, line: str) -> None:
-        """Print it."""
+        """Print a line."""
         self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def metrics(self, metrics: Metrics) -> None:
-        """Print a line, when the last one is some seconds old."""
+        """Print the measures, if the last such line is `PLAIN_S` old or the run is complete."""
         now = time.monotonic()
         if now >= self._due or metrics.k == metrics.ticks:
             self._due = now + PLAIN_S
             self.say(headline(metrics))
 
     def notice(self, notice: Notice) -> None:
-        """Print it."""
+        """Print an event."""
         self.say(_news(notice))
 
     def close(self) -> None:
-        """Nothing more to print."""
+        """Do nothing."""
 
 
 class LiveTable:
-    """Keeps a table of the robots at the bottom of a terminal."""
+    """A display that keeps a table of the robots at the bottom of a terminal."""
 
     def __init__(self, console: Console) -> None:
         self._live = Live(console=console, refresh_per_second=8, transient=True)
@@ -100,44 +114,52 @@ class LiveTable:
         self._started = False
 
     def say(self, line: str) -> None:
-        """Print it above the table."""
+        """Print a line above the table."""
         self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def metrics(self, metrics: Metrics) -> None:
-        """Renew the table."""
+        """Update the table."""
         if not self._started:
             self._live.start()
             self._started = True
         self._live.update(_table(metrics))
 
     def notice(self, notice: Notice) -> None:
-        """Print it above the table."""
+        """Print an event above the table."""
         self.say(_news(notice))
 
     def close(self) -> None:
-        """Take the table away."""
+        """Remove the table."""
         if self._started:
             self._live.stop()
             self._started = False
 
 
-class _Unread(Console):
-    """Says no more once nobody reads it; the run goes on."""
+class _QuietOnBrokenPipe(Console):
+    """A console that prints no more once its reader has left; the run goes on."""
 
     def on_broken_pipe(self) -> None:
         self.quiet = True
 
 
-def make_show(quiet: bool) -> Show:
-    """The way of showing that fits where the standard error goes."""
-    console = _Unread(stderr=True)
+def make_display(quiet: bool) -> RunDisplay:
+    """The display that suits the standard error: a live table on a terminal, else plain lines.
+
+    Args:
+        quiet: Whether to show nothing at all.
+    """
+    console = _QuietOnBrokenPipe(stderr=True)
     if quiet:
-        return Silent()
-    return LiveTable(console) if console.is_terminal else Plain(console)
+        return SilentDisplay()
+    return LiveTable(console) if console.is_terminal else PlainDisplay(console)
 
 
 def headline(metrics: Metrics) -> str:
-    """The run so far in one line."""
+    """The measures of a run so far in one line.
+
+    Args:
+        metrics: The measures.
+    """
     rate = metrics.ticks_per_s
     step = metrics.time_s / metrics.k
     parts = [
@@ -154,7 +176,11 @@ def headline(metrics: Metrics) -> str:
 
 
 def clock(seconds: float) -> str:
-    """A duration as people say it."""
+    """A duration for people, such as "42 s", "7 min 05 s" or "2 h 05 min".
+
+    Args:
+        seconds: The duration in s.
+    """
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"
@@ -169,7 +195,7 @@ def _news(notice: Notice) -> str:
 
 
 def _standing(metrics: Metrics) -> str:
-    """How many robots are alive, and what has become of the others."""
+    """How many robots are alive, and the statuses of the others."""
     count = Counter(robot.status for robot in metrics.robots)
     others = [f"{count[status]} {status.name.lower()}" for status in Status if status != Status.ALIVE and count[status]]
     alive = f"{count[Status.ALIVE]}/{len(metrics.robots) - count[Status.ABSENT]} robots"

@@ -1,19 +1,19 @@
-"""The run folder: everything a run leaves, and enough of what it was given to run it again.
+"""The run folder: all files that a run leaves, with enough of its input to repeat it.
 
     scenario.yaml  resolved; `fogwatch run FOLDER/scenario.yaml` repeats the run
     map/           a copy of the map, when there is one
     journal        the world's own record (`patrol.journal.file`)
-    ticks.csv      one line a tick
-    summary.json   what it adds up to, and the verdict
+    ticks.csv      one line per tick
+    summary.json   the measures and the verdict
     fog.png        the final fog and the robots' paths
-    recording.mcap the same for Foxglove, Lichtblick, Rerun and PlotJuggler
+    recording.mcap the run for Foxglove, Lichtblick, Rerun and PlotJuggler
     report.html    what happened, on one page
-    timeline.yaml  the scenario with what operators did to it; run it for the same trace
-    control.json   where a running fleet is met, and the right to control it; gone when the run is over
-    logs/          what each process printed, if there was more than one
+    timeline.yaml  the scenario with all that operators did; it repeats the run with the same trace
+    control.json   address of a running fleet, with the token that controls it; removed when the run ends
+    logs/          output of each process, if there was more than one
 
-A run whose world was started by hand leaves the same but for what only the launcher makes: pictures, recording, report
-and logs.
+A run whose world was started by hand leaves the same files, except those that only the launcher makes: pictures,
+recording, report and logs.
 """
 
 from __future__ import annotations
@@ -38,7 +38,12 @@ RUNS = Path("runs")
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """The places in a run folder. made: whether the folder was not there before."""
+    """The paths in a run folder.
+
+    Attributes:
+        path: The folder.
+        made: Whether this run made the folder.
+    """
 
     path: Path
     made: bool = False
@@ -50,63 +55,71 @@ class RunFolder:
 
     @property
     def journal(self) -> Path:
-        """The world's record."""
+        """The journal, which the world writes."""
         return self.path / "journal"
 
     @property
     def ticks(self) -> Path:
-        """One line a tick."""
+        """The table of ticks, one line per tick."""
         return self.path / "ticks.csv"
 
     @property
     def summary(self) -> Path:
-        """What it adds up to."""
+        """The measures and the verdict."""
         return self.path / "summary.json"
 
     @property
     def picture(self) -> Path:
-        """The final fog."""
+        """The picture of the final fog."""
         return self.path / "fog.png"
 
     @property
     def recording(self) -> Path:
-        """For robot viewers."""
+        """The recording for robot viewers."""
         return self.path / "recording.mcap"
 
     @property
     def report(self) -> Path:
-        """What happened, on one page."""
+        """The report."""
         return self.path / "report.html"
 
     @property
     def static(self) -> Path:
-        """Static fields for the processes; gone when the run is over."""
+        """Static fields for the processes; removed when the run ends."""
         return self.path / "static"
 
     @property
     def access(self) -> Path:
-        """Where the fleet is met and the right to control it, while it runs."""
+        """The control file of the running fleet."""
         return self.path / ACCESS
 
     @property
     def logs(self) -> Path:
-        """What the processes printed."""
+        """The folder of the processes' output."""
         return self.path / "logs"
 
     def log(self, name: str) -> Path:
-        """What one process printed."""
+        """The output of one process.
+
+        Args:
+            name: The log's name, without its ending.
+        """
         return self.logs / f"{name}.log"
 
     def load(self) -> Scenario:
-        """The scenario, as every process of the run reads it."""
+        """Read the scenario, as every process of the run does."""
         return load_scenario(self.scenario)
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
-        """Write summary.json."""
+        """Write summary.json.
+
+        Args:
+            summary: The summary.
+        """
         self.summary.write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
 
     def discard(self) -> None:
-        """Take everything away again: the run could not begin."""
+        """Remove all files again, since the run could not begin; the folder too, if this run made it."""
         for entry in self.path.iterdir():
             if entry.is_dir():
                 shutil.rmtree(entry, ignore_errors=True)
@@ -117,15 +130,24 @@ class RunFolder:
 
 
 def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
-    """Make the folder of a new run: `out`, or ``runs/<name>-<time>``.
+    """Make the folder of a new run.
 
-    Raises BadInput when it is not empty or cannot be written to.
+    Args:
+        scenario: The scenario, which is copied into the folder with its map.
+        out: The folder, new or empty; None for ``runs/<name>-<time>``.
+        now: The time for that name.
+
+    Returns:
+        The folder.
+
+    Raises:
+        BadInput: The folder is not empty or cannot be written to, or the map cannot be used.
     """
     path = (out or untaken(RUNS / f"{scenario.name}-{now:%Y%m%d-%H%M%S}")).absolute()
     shown = f"--out {out}" if out else str(path)
     folder = RunFolder(path, made=not path.exists())
     if scenario.terrain.map is not None:
-        # A map that cannot be used is told by its own name, not by its copy's, and leaves no folder behind.
+        # Loaded here so that an error names the map itself, not its copy, and leaves no folder behind.
         load_terrain(scenario.terrain, scenario.point, scenario.base)
     try:
         if path.is_dir() and any(path.iterdir()):
@@ -138,7 +160,11 @@ def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
 
 
 def untaken(first: Path) -> Path:
-    """A path where there is nothing yet: this one, or with a number after it."""
+    """A path that does not exist yet.
+
+    Args:
+        first: The path to try first; later ones have a number appended.
+    """
     path = first
     number = 2
     while path.exists():

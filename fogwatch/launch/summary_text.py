@@ -1,4 +1,4 @@
-"""A run's summary for people."""
+"""The summary of a run as text on a terminal."""
 
 from __future__ import annotations
 
@@ -15,11 +15,18 @@ from patrol.journal import Status
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
+"""Robots listed at most."""
 ABSENT = Status.ABSENT.name.lower()
 
 
-def print_report(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
-    """Print what a run came to: the measures, the robots, the verdict, and what lies in the run folder."""
+def print_summary(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
+    """Print the summary of a run: the measures, the robots, the verdict, and the files of the run folder.
+
+    Args:
+        console: Where to print.
+        summary: The summary, as in summary.json.
+        folder: The run folder.
+    """
     for line in measures(summary):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     console.print(_robots(summary["robots"]))
@@ -37,7 +44,11 @@ def print_report(console: Console, summary: Mapping[str, Any], folder: Path) -> 
 
 
 def measures(summary: Mapping[str, Any]) -> list[str]:
-    """The run's measures, one a line."""
+    """The measures of a run, one per line.
+
+    Args:
+        summary: The summary, as in summary.json.
+    """
     lines = [f"{summary['name']}: {summary['simulated_s']:g} s in {summary['ticks']} ticks"]
     if summary["ended"] != "completed":
         lines[0] += f", {summary['ended'] or 'cut off'}"
@@ -46,7 +57,7 @@ def measures(summary: Mapping[str, Any]) -> list[str]:
     if not summary["ticks"]:
         return lines
     mean, bound = summary["mfow_mean_s"], summary["bound_s"]
-    lines.append(f"MFoW        mean {mean:.1f} s, most {summary['mfow_max_s']:.1f} s{_bound(mean, bound, summary)}")
+    lines.append(f"MFoW        mean {mean:.1f} s, maximum {summary['mfow_max_s']:.1f} s{_bound(mean, bound, summary)}")
     lines.append(f"mean fog    {summary['fog_mean_s']:.1f} s")
     area = f"{summary['patrolled_area_m2']:.0f} m² to patrol"
     lines.append(f"coverage    {100.0 * summary['seen_share']:.2f} % of {area}")
@@ -56,16 +67,16 @@ def measures(summary: Mapping[str, Any]) -> list[str]:
         share = "" if direct["heard_share"] is None else f" ({100.0 * direct['heard_share']:.1f} %)"
         counts = f"{messages['delivered']} of {messages['sent']} heard{share} by direct radio"
         counts += f", {messages['rejected']} rejected"
-    lines.append(f"messages    {counts}; {messages['bytes_per_robot_s']:.0f} bytes per robot and second")
+    lines.append(f"messages    {counts}; {messages['bytes_per_robot_s']:.0f} bytes per robot per second")
     if deadlines := summary.get("deadlines"):
         frames, commands = (sum(deadlines[what].values()) for what in ("late_frames", "late_commands"))
         late = sum(deadlines["too_late"].values())
-        lines.append(f"deadlines   missed by {commands} commands and {frames} frames, {late} of which came too late")
+        lines.append(f"deadlines   missed by {commands} commands and {frames} frames; {late} of them came too late")
     return lines
 
 
 def _bound(mean: float, bound: float, summary: Mapping[str, Any]) -> str:
-    """The lower bound beside the mean; the ratio once all is seen and the run long enough for the bound to hold."""
+    """The lower bound of the mean; with the ratio, once all is seen and the run long enough for the bound to hold."""
     if not bound:
         return ""
     settled = summary["seen_share"] == 1.0 and summary["simulated_s"] >= 4.0 * bound

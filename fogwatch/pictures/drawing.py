@@ -1,6 +1,6 @@
-"""What the still pictures share: a canvas in metres, a legend beside it, a scale bar, labels that stay readable.
+"""What all pictures share: a canvas in metres, a legend beside it, a scale bar, readable labels.
 
-matplotlib is an extra, so it is imported only when something is drawn.
+matplotlib is an optional dependency, so it is imported only when something is drawn.
 """
 
 from __future__ import annotations
@@ -24,15 +24,21 @@ if TYPE_CHECKING:
 
 DPI = 150
 LONGEST = 11.0
-"""Inches of the drawing's longer side."""
+"""Length of the drawing's longer side, inches."""
 
 LEGEND = 3.4
-"""Inches for the legend beside it."""
+"""Width of the legend beside it, inches."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """Points of one colour. mask: bool (height, width)."""
+    """Grid points of one colour.
+
+    Attributes:
+        colour: The colour, #rrggbb.
+        label: What the legend calls it.
+        mask: The points, bool (height, width).
+    """
 
     colour: str
     label: str
@@ -41,7 +47,13 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A line of the legend: a colour as a patch, with another marker, as a line (-), or text alone."""
+    """A line of the legend.
+
+    Attributes:
+        colour: The colour, #rrggbb.
+        label: The text.
+        marker: A marker of matplotlib, "-" for a line, or "" for text alone.
+    """
 
     colour: str
     label: str
@@ -49,7 +61,18 @@ class Key:
 
 
 def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
-    """A figure with axes in m over the whole terrain. BadInput where matplotlib is missing."""
+    """A figure with axes in m over a whole terrain.
+
+    Args:
+        terrain: The terrain.
+        title: The title.
+
+    Returns:
+        The figure and its axes.
+
+    Raises:
+        BadInput: matplotlib is not installed.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -72,13 +95,27 @@ def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
 
 
 def paint(axes: Axes, terrain: Terrain, image: NDArray[np.uint8]) -> None:
-    """Lay a uint8 (height, width, 3) image, row 0 lowest, over the terrain; where it is shrunk, colours mix."""
+    """Draw an image over a terrain; where it is shrunk, colours mix.
+
+    Args:
+        axes: The axes.
+        terrain: The terrain.
+        image: The image, uint8 (height, width, 3), row 0 lowest.
+    """
     xmin, ymin, xmax, ymax = terrain.bounds
     axes.imshow(image, origin="lower", extent=(xmin, xmax, ymin, ymax), interpolation="antialiased")
 
 
 def painted(shape: tuple[int, int], layers: Sequence[Layer]) -> NDArray[np.uint8]:
-    """uint8 (height, width, 3): white, and each layer's colour over the layers before it."""
+    """Paint layers over each other on white.
+
+    Args:
+        shape: Height and width.
+        layers: The layers, the lowest first.
+
+    Returns:
+        The image, uint8 (height, width, 3).
+    """
     image = np.full((*shape, 3), 255, dtype=np.uint8)
     for layer in layers:
         image[layer.mask] = rgb(layer.colour)
@@ -86,14 +123,19 @@ def painted(shape: tuple[int, int], layers: Sequence[Layer]) -> NDArray[np.uint8
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """'#rrggbb' as three numbers."""
+    """A colour as three numbers from 0 to 255.
+
+    Args:
+        colour: The colour, #rrggbb.
+    """
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def fog_scale(stalest: float) -> ScalarMappable:
-    """Ages in s, 0 to `stalest`, to colours: cividis from fresh (bright) to stale (dark).
+    """The colours of ages: cividis from fresh (bright) to stale (dark), which colour-blind people read the same way.
 
-    Its steps look even, and it reads the same to colour-blind eyes.
+    Args:
+        stalest: Age of the darkest colour, s.
     """
     import matplotlib as mpl
     from matplotlib.cm import ScalarMappable
@@ -103,7 +145,14 @@ def fog_scale(stalest: float) -> ScalarMappable:
 
 
 def colour_bar(figure: Figure, axes: Axes, scale: ScalarMappable, text: str) -> None:
-    """The bar that explains a scale, to the right of the drawing and below the legend."""
+    """Draw the bar that explains a colour scale, to the right of the drawing and below the legend.
+
+    Args:
+        figure: The figure.
+        axes: Its axes.
+        scale: The colour scale.
+        text: The label of the bar.
+    """
     bar = axes.inset_axes((1.02, 0.12, 0.025, 0.42))
     figure.colorbar(scale, cax=bar, label=text)
     bar.tick_params(labelsize=8)
@@ -112,7 +161,17 @@ def colour_bar(figure: Figure, axes: Axes, scale: ScalarMappable, text: str) -> 
 def label(
     axes: Axes, x: float, y: float, text: str, *, colour: str = "#000000", size: float = 7.0, above: float = 0.0
 ) -> None:
-    """Text at a place in m, or some font points above it, with a white rim that makes it readable on any colour."""
+    """Write text with a white rim, readable on any colour.
+
+    Args:
+        axes: The axes.
+        x: East coordinate of the text's middle, m.
+        y: North coordinate, m.
+        text: The text.
+        colour: Its colour, #rrggbb.
+        size: Its font size, font points.
+        above: How far above the place it stands, font points.
+    """
     from matplotlib.patheffects import withStroke
 
     axes.annotate(
@@ -131,7 +190,12 @@ def label(
 
 
 def legend(axes: Axes, keys: Sequence[Key]) -> None:
-    """The legend, to the right of the drawing."""
+    """Draw the legend, to the right of the drawing.
+
+    Args:
+        axes: The axes.
+        keys: The lines of the legend.
+    """
     from matplotlib.lines import Line2D
 
     handles = []
@@ -157,7 +221,12 @@ def legend(axes: Axes, keys: Sequence[Key]) -> None:
 
 
 def scale_bar(axes: Axes, terrain: Terrain) -> None:
-    """A bar of a round length, about a seventh of the terrain, to the right of the drawing's foot."""
+    """Draw a bar of a round length, about a seventh of the terrain's width, at the lower right of the drawing.
+
+    Args:
+        axes: The axes.
+        terrain: The terrain.
+    """
     xmin, _, xmax, _ = terrain.bounds
     length = round_length((xmax - xmin) / 7.0)
     left = 1.02
@@ -167,13 +236,25 @@ def scale_bar(axes: Axes, terrain: Terrain) -> None:
 
 
 def round_length(about: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is at most `about`."""
+    """The largest of 1, 2 and 5 times a power of ten that is not above a limit.
+
+    Args:
+        about: The limit, above 0.
+    """
     power = 10.0 ** math.floor(math.log10(about))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about * (1.0 + 1e-9))
 
 
 def save(figure: Figure, out: Path) -> None:
-    """Write the figure as a PNG file; BadInput where that is not possible."""
+    """Write a figure as a PNG file.
+
+    Args:
+        figure: The figure.
+        out: The file.
+
+    Raises:
+        BadInput: It cannot be written.
+    """
     try:
         figure.savefig(out, format="png", bbox_inches="tight", pad_inches=0.12)
     except OSError as error:

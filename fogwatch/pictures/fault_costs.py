@@ -1,6 +1,6 @@
-"""What faults cost, as pictures: MFoW against the share of frames lost, and the cost of everything else.
+"""Pictures of the faults experiment: MFoW over the share of lost frames, and the cost of all other conditions.
 
-matplotlib is an extra, so it is imported only when something is drawn.
+matplotlib is an optional dependency, so it is imported only when something is drawn.
 """
 
 from __future__ import annotations
@@ -18,13 +18,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 150
-CURVES = (("loss", "each frame by itself", "-", "o"), ("bursts", "in bursts of 8", "--", "s"))
+CURVES = (("loss", "independently", "-", "o"), ("bursts", "in bursts of 8", "--", "s"))
 PANELS = (("", "bare positions"), (WITH_TRAIL, "with the last positions"))
 NO_BARS = ("quiet", *(f"{group}{end}" for group, *_ in CURVES for end in ("", WITH_TRAIL)))
 
 
 def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
-    """MFoW against the share lost; False, and nothing drawn, where no loss was tried."""
+    """Draw MFoW over the share of lost frames.
+
+    Args:
+        found: The results of the experiment.
+        files: The files to write; their endings decide their formats.
+
+    Returns:
+        Whether there was anything to draw: False if no loss was tried.
+
+    Raises:
+        BadInput: matplotlib is not installed, or a file cannot be written.
+    """
     tried = {one.condition.group for one in found}
     shown = [(end, title) for end, title in PANELS if tried.intersection(f"{group}{end}" for group, *_ in CURVES)]
     if not shown:
@@ -46,7 +57,18 @@ def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
 
 
 def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
-    """The cost of everything that has no curve, as bars; False where there is nothing."""
+    """Draw the costs of all conditions without a curve as bars.
+
+    Args:
+        found: The results of the experiment.
+        files: The files to write; their endings decide their formats.
+
+    Returns:
+        Whether there was anything to draw.
+
+    Raises:
+        BadInput: matplotlib is not installed, or a file cannot be written.
+    """
     shown = [one for one in found if one.condition.group not in NO_BARS and one.cost is not None]
     names = list(dict.fromkeys(_label(one) for one in shown))
     if not names:
@@ -76,7 +98,7 @@ def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
 
 
 def _label(one: Finding) -> str:
-    """A condition by its name, and by its group too where that is a bare number."""
+    """A condition's name, with its group where the name is a number alone."""
     group, name = one.condition.group, one.condition.name
     return f"{group} {name}" if name[0].isdigit() else name
 

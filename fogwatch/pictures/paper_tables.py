@@ -1,6 +1,6 @@
-"""The paper's tables as pictures: our means as bars with their intervals, the printed values as marks.
+"""Pictures of the paper's tables: our means as bars with their intervals, the printed values as marks.
 
-matplotlib is an extra, so it is imported only when something is drawn.
+matplotlib is an optional dependency, so it is imported only when something is drawn.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.paper.tables import FAR_OFF, Cell, Comparison, Measure
+from experiments.paper.printed import Measure
+from experiments.paper.tables import FAR_OFF, Cell, TableComparison
 from fogwatch.pictures.drawing import Key, Layer, canvas, legend, paint, painted, save
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
@@ -22,19 +23,27 @@ if TYPE_CHECKING:
 
 WALL = "#2b2f33"
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
-"""Of Okabe and Ito, told apart by colour-blind eyes."""
+"""The colours of Okabe and Ito, which colour-blind people can tell apart."""
 
 GROUP = 0.8
-"""Share of a column's place that its bars fill."""
+"""Share of a column's width that its bars fill."""
 
 LOGARITHMIC = 8.0
-"""Values that differ by more than this factor are drawn on a logarithmic scale."""
+"""A measure whose values differ by more than this factor is drawn on a logarithmic scale."""
 
 DPI = 150
 
 
-def table_picture(comparison: Comparison, files: Sequence[Path]) -> None:
-    """Draw a table into files, of the kinds that their names end with. BadInput where that cannot be done."""
+def table_picture(comparison: TableComparison, files: Sequence[Path]) -> None:
+    """Draw a table.
+
+    Args:
+        comparison: The table.
+        files: The files to write; their endings decide their formats.
+
+    Raises:
+        BadInput: matplotlib is not installed, or a file cannot be written.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -57,7 +66,15 @@ def table_picture(comparison: Comparison, files: Sequence[Path]) -> None:
 
 
 def write_figure(figure: Figure, files: Sequence[Path]) -> None:
-    """Write a figure into files, of the kinds that their names end with; BadInput where that cannot be done."""
+    """Write a figure.
+
+    Args:
+        figure: The figure.
+        files: The files to write; their endings decide their formats.
+
+    Raises:
+        BadInput: A file cannot be written.
+    """
     import matplotlib as mpl
 
     with mpl.rc_context({"svg.hashsalt": "fogwatch"}):
@@ -70,7 +87,15 @@ def write_figure(figure: Figure, files: Sequence[Path]) -> None:
 
 
 def terrain_picture(terrain: Terrain, file: Path) -> None:
-    """Draw a reconstructed terrain, in a small size. BadInput where that cannot be done."""
+    """Draw a reconstructed terrain.
+
+    Args:
+        terrain: The terrain.
+        file: The PNG file to write.
+
+    Raises:
+        BadInput: matplotlib is not installed, or the file cannot be written.
+    """
     layer = Layer(WALL, "obstacle", ~terrain.passable)
     xmin, ymin, xmax, ymax = terrain.bounds
     title = f"{terrain.name} (a reconstruction): {xmax - xmin:g} x {ymax - ymin:g} m"
@@ -82,8 +107,8 @@ def terrain_picture(terrain: Terrain, file: Path) -> None:
     save(figure, file)
 
 
-def _draw(axes: Axes, comparison: Comparison, measure: Measure) -> None:
-    """One measure: a group of bars for each column, a bar for each row."""
+def _draw(axes: Axes, comparison: TableComparison, measure: Measure) -> None:
+    """Draw one measure: a group of bars for each column, a bar for each row."""
     table = comparison.table
     width = GROUP / len(table.rows)
     shown: list[float] = []
@@ -119,7 +144,7 @@ def _draw(axes: Axes, comparison: Comparison, measure: Measure) -> None:
 
 
 def _logarithmic(axes: Axes, bottom: float) -> None:
-    """A logarithmic scale labelled with plain numbers."""
+    """Use a logarithmic scale with plain numbers as labels."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_yscale("log")
@@ -130,9 +155,9 @@ def _logarithmic(axes: Axes, bottom: float) -> None:
 
 
 def _mark(axes: Axes, x: float, width: float, cell: Cell, labelled: set[str]) -> None:
-    """The printed value: a black line across the bar's place, on red where ours is far off.
+    """Draw the printed value: a black line across the bar's width, on red where our value is far off.
 
-    labelled: the labels that the legend has already.
+    `labelled` holds the labels that the legend has already.
     """
     from matplotlib.patheffects import withStroke
 

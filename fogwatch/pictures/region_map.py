@@ -1,4 +1,4 @@
-"""The picture of a split: regions in colours of which no two neighbours share one, and the connecting points."""
+"""The picture of a split into regions: neighbours have different colours; connecting points are marked."""
 
 from __future__ import annotations
 
@@ -20,19 +20,26 @@ WALL = "#2b2f36"
 BORDER = "#3b5b78"
 CONNECTION = "#c1121f"
 COLOURS = ("#bcd9ea", "#f6dfb0", "#c8e3c0", "#f0c9cf", "#d6cdea", "#e3dccb", "#bfe3df", "#f3d3b8")
-"""Regions in these; where a body's centre does not fit they are paler."""
+"""The colours of regions; paler where the body's centre does not fit."""
 
 PALER = 0.5
-"""How strong their colour is there."""
+"""Strength of the paler colours, 0 to 1."""
 
 NAMED = 0.02
-"""Least width of a region, as a share of the terrain's, whose number is drawn."""
+"""A region's number is drawn if the region is wider than this share of the terrain."""
 
 
 def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Path) -> None:
-    """Draw the regions of a terrain and their connections for a body of `radius` m into the PNG file `out`.
+    """Draw the regions of a terrain and their connections.
 
-    BadInput where the file cannot be written or matplotlib is missing.
+    Args:
+        terrain: The terrain.
+        radius: Radius of the body that the connections are for, m.
+        split: The regions.
+        out: The PNG file to write.
+
+    Raises:
+        BadInput: matplotlib is not installed, or the file cannot be written.
     """
     count = len(split.polygons)
     title = f"{terrain.name}: {count} region{'' if count == 1 else 's'}, connected for a body of {radius:g} m radius"
@@ -49,7 +56,7 @@ def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Pat
     for link in split.connections:
         axes.plot(link.x, link.y, "o", color=CONNECTION, markersize=4.0, markeredgecolor="white", zorder=5)
     keys = [
-        Key(WALL, "wall or unknown, and what is kept out of"),
+        Key(WALL, "wall, unknown, or kept out of"),
         Key(COLOURS[0], "a region, where the body's centre fits"),
         Key(BORDER, "border of a region", "-"),
         Key(CONNECTION, f"connecting point ({len(split.connections)})", "o"),
@@ -68,7 +75,7 @@ def _outline(axes: Axes, number: int, polygon: tuple[tuple[float, float], ...]) 
 
 
 def _shades(labels: NDArray[np.int32], count: int) -> list[int]:
-    """A colour for each region that none of its neighbours has, as far as the colours go; the least used first."""
+    """A colour for each region that no neighbour has, as far as the colours suffice; the least used first."""
     beside: list[set[int]] = [set() for _ in range(count)]
     for one, two in ((labels[:, 2:], labels[:, :-2]), (labels[2:], labels[:-2])):
         apart = (one != two) & (one >= 0) & (two >= 0)

@@ -1,4 +1,4 @@
-"""Still pictures: a map check, and the end of a run."""
+"""Pictures of a map check and of the end of a run."""
 
 from __future__ import annotations
 
@@ -50,22 +50,27 @@ UNCOUNTED = "#c9ccd1"
 PASSES = "#1d5f8a"
 SHUT = "#c1121f"
 PATHS = ("#d55e00", "#56b4e9", "#009e73", "#cc79a7", "#e69f00", "#0072b2", "#f0e442", "#000000")
-"""Colours of Okabe and Ito, told apart by colour-blind eyes; robots beyond eight share them."""
+"""The colours of Okabe and Ito, which colour-blind people can tell apart; more than eight robots share them."""
 
 MOST_DOORS = 25
-"""Doors drawn: those too narrow, then the narrowest."""
+"""Doors drawn at most: first those too narrow for the body, then the narrowest of the others."""
 
 MOST_NAMES = 24
-"""Robots named in the legend."""
+"""Robots named in the legend at most."""
 
 RECENT_S = 60.0
-"""The last seconds of a path, drawn stronger."""
+"""Length of the last part of a path, which is drawn stronger, s."""
 
 
 def map_picture(report: MapReport, out: Path) -> None:
-    """Draw a map check into the PNG file `out`: walls, what is reached, seen and not, sealed-off parts, doors.
+    """Draw a map check: walls, what is reached, seen and not seen, sealed-off parts, doors.
 
-    BadInput where the file cannot be written or matplotlib is missing.
+    Args:
+        report: The result of the map check.
+        out: The PNG file to write.
+
+    Raises:
+        BadInput: matplotlib is not installed, or the file cannot be written.
     """
     terrain, fields = report.terrain, report.fields
     sealed = report.sealed > 0
@@ -75,10 +80,10 @@ def map_picture(report: MapReport, out: Path) -> None:
         Layer(WALL, "wall or unknown", ~terrain.passable),
         Layer(REACHABLE, "reached by the body's centre", fields.reach),
         Layer(SEEN, "seen, but no place for the centre", seen & ~sealed & ~terrain.keep_out),
-        Layer(KEEP_OUT, "kept out of, but seen", seen & ~sealed & terrain.keep_out),
+        Layer(KEEP_OUT, "keep-out area, but seen", seen & ~sealed & terrain.keep_out),
         Layer(SEALED_SEEN, "sealed off, but seen", sealed & seen),
         Layer(SEALED, "sealed off and never seen", sealed & unseen),
-        Layer(BLIND, "never seen: scraps, blind corners", unseen & ~sealed),
+        Layer(BLIND, "never seen: small parts, blind corners", unseen & ~sealed),
     ]
     title = f"{terrain.name}: a body of {report.radius:g} m radius, a sensor of {report.sensor_range:g} m"
     figure, axes = canvas(terrain, title)
@@ -101,10 +106,17 @@ def map_picture(report: MapReport, out: Path) -> None:
 
 
 def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -> None:
-    """Draw the true fog at the end of a run and the robots' paths into the PNG file `out`.
+    """Draw the true fog at the end of a run, and the robots' paths.
 
-    Replayed from the folder's scenario.yaml and journal, whether or not the run was brought to its end. prepared: of
-    that scenario, where it is at hand. BadInput where there is no tick to draw, or as `map_picture`.
+    The fog is replayed from the folder's scenario.yaml and journal, whether or not the run reached its end.
+
+    Args:
+        run_folder: The run folder.
+        out: The PNG file to write.
+        prepared: The prepared scenario, if the caller has it.
+
+    Raises:
+        BadInput: There is no tick to draw, matplotlib is not installed, or the file cannot be written.
     """
     journal = read_journal(run_folder / "journal")
     if prepared is None:
@@ -121,14 +133,14 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     image = np.asarray(scale.to_rgba(ages, bytes=True)[..., :3])
     layers = [
         Layer(WALL, "wall or unknown", ~terrain.passable),
-        Layer(UNCOUNTED, "never to be seen: does not count", terrain.passable & ~counted),
+        Layer(UNCOUNTED, "can never be seen, does not count", terrain.passable & ~counted),
         Layer(BLIND, "not seen yet", never),
     ]
     for layer in layers:
         image[layer.mask] = rgb(layer.colour)
     paint(axes, terrain, image)
     keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
-    keys.append(Key("#ffffff", f"paths, the last {RECENT_S:g} s strong:", ""))
+    keys.append(Key("#ffffff", f"paths, with the last {RECENT_S:g} s stronger:", ""))
     recent = max(round(RECENT_S / scenario.step), 1)
     for index, facts in enumerate(journal.header.robots):
         colour = PATHS[index % len(PATHS)]
@@ -147,7 +159,14 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
 
 @dataclass(frozen=True, slots=True)
 class FinalFog:
-    """The true fog at a run's last tick. tracks: by robot, float64 (ticks, 2) in m, NaN while it was not alive."""
+    """The true fog at the last tick of a run.
+
+    Attributes:
+        tick: The last tick.
+        fog: The true fog.
+        tracks: The robots' places by number, float64 (ticks, 2) in m; NaN while a robot is not alive.
+        last: The last record of each robot by number.
+    """
 
     tick: int
     fog: Fog
@@ -156,7 +175,18 @@ class FinalFog:
 
 
 def replay(journal: Journal, prepared: Prepared) -> FinalFog:
-    """The fog at a journal's last whole tick and how the robots got there; BadInput when it holds none."""
+    """Replay a journal up to its last complete tick.
+
+    Args:
+        journal: The journal.
+        prepared: The prepared scenario.
+
+    Returns:
+        The final fog and the robots' paths.
+
+    Raises:
+        BadInput: The journal holds no complete tick.
+    """
     scenario = prepared.scenario
     numbers = [facts.number for facts in journal.header.robots]
     places: list[list[tuple[float, float, float]]] = []
@@ -164,10 +194,10 @@ def replay(journal: Journal, prepared: Prepared) -> FinalFog:
     for record in journal.ticks:
         places.append([(r.x, r.y, r.heading) if r.status == Status.ALIVE else (math.nan,) * 3 for r in record.robots])
     if record is None:
-        raise BadInput(f"{journal.path}: holds no whole tick; there is nothing to draw")
+        raise BadInput(f"{journal.path}: holds no complete tick; there is nothing to draw")
     poses = np.array(places, dtype=np.float64)
     truth = Truth(sensor_footprint(scenario, prepared.terrain), prepared.patrolled)
-    # Where one look makes a point fresh, nothing older than the MFoW shows in the end.
+    # If one look makes a point fresh, ticks before the last MFoW do not show in the final fog.
     begin = 0 if scenario.sensor.quality != 1.0 else len(poses) - 1 - record.mfow
     for index in range(max(begin, 0), len(poses)):
         tick = record.k - len(poses) + 1 + index
@@ -178,7 +208,7 @@ def replay(journal: Journal, prepared: Prepared) -> FinalFog:
 
 
 def _draw_path(axes: Axes, track: NDArray[np.float64], recent: int, colour: str) -> None:
-    """The whole path, thin, and its last `recent` steps."""
+    """Draw the whole path, thin, and its last `recent` steps stronger."""
     axes.plot(track[:, 0], track[:, 1], color=colour, linewidth=0.5, alpha=0.45, zorder=3)
     late = track[-recent - 1 :]
     axes.plot(late[:, 0], late[:, 1], color="#ffffff", linewidth=2.6, alpha=0.8, zorder=4, solid_capstyle="round")
@@ -186,7 +216,7 @@ def _draw_path(axes: Axes, track: NDArray[np.float64], recent: int, colour: str)
 
 
 def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str) -> None:
-    """A robot where it ended, with a stroke for its heading, or crossed out when it did not live to the end."""
+    """Draw a robot where it ended, with a stroke for its heading, or crossed out if it did not live to the end."""
     from matplotlib.patches import Circle
 
     axes.add_patch(
@@ -205,7 +235,7 @@ def _fate(status: Status) -> str:
 
 
 def _draw_door(axes: Axes, door: Door) -> None:
-    """A circle as wide as the door, a cross where the body does not pass, and the width."""
+    """Draw a circle as wide as the door, a cross where the body does not pass, and the width."""
     from matplotlib.patches import Circle
 
     colour = PASSES if door.passes else SHUT

@@ -51,6 +51,10 @@ class LinkDown(Exception):
     """No router answered in time, or none can be here; one line says which."""
 
 
+class PortBusy(LinkDown):
+    """No router can listen here, since another program listens on the port."""
+
+
 class Link:
     """A session with a router. Everything declared on it lives until `close`.
 
@@ -326,9 +330,9 @@ def open_router(listen: str) -> Link:
     try:
         return Link(zenoh.open(router_config(listen)))
     except zenoh.ZError as error:
-        busy = _system_error(error) == errno.EADDRINUSE
-        problem = "the port is busy; choose another" if busy else f"cannot listen there ({_first_line(error)})"
-        raise LinkDown(f"{listen}: {problem}") from None
+        if _system_error(error) == errno.EADDRINUSE:
+            raise PortBusy(f"{listen}: the port is busy; choose another") from None
+        raise LinkDown(f"{listen}: cannot listen there ({_first_line(error)})") from None
 
 
 def _system_error(error: Exception) -> int | None:

@@ -240,7 +240,7 @@ def test_whatever_a_policy_raises_is_its_failure(raised: BaseException) -> None:
 
 
 def test_a_policy_may_say_itself_that_it_has_failed() -> None:
-    with pytest.raises(PolicyFailed, match="^out of ideas$"):
+    with pytest.raises(PolicyFailed, match=r"^out of ideas$"):
         asked(PolicyFailed("out of ideas"))
 
 
@@ -251,7 +251,7 @@ def test_who_interrupts_a_policy_interrupts_the_mind() -> None:
 
 @pytest.mark.parametrize("answer", [None, 0.5, Bearing((math.nan,)), Bearing(None), Stay("")])  # type: ignore[arg-type]
 def test_what_is_no_intent_is_a_failure_too(answer: Any) -> None:
-    with pytest.raises(PolicyFailed, match="^returned "):
+    with pytest.raises(PolicyFailed, match=r"^returned "):
         asked(answer)
 
 

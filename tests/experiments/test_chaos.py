@@ -13,9 +13,9 @@ from experiments.chaos import (
     KEY,
     Breakage,
     Fewest,
-    Patience,
-    Ran,
+    TimeLimit,
     TooSlow,
+    WayResult,
     examine,
     fewest,
     in_process,
@@ -31,7 +31,7 @@ from worldsim.timeline import Timeline
 from worldsim.verdict.checks import Check
 from worldsim.verdict.judge import Verdict
 
-GOOD = Ran("trace", Verdict("valid", (Check("complete", True, ""),)), COMPLETED)
+GOOD = WayResult("trace", Verdict("valid", (Check("complete", True, ""),)), COMPLETED)
 BAD = Verdict("invalid", (Check("fog", False, "thick"), Check("trace", True, ""), Check("moves", False, "wild")))
 FEW = {"terrain": {"builtin": "open"}, "point": 2, "robots": {"count": 4}, "duration": 10}
 SMALL = load_scenario({"terrain": {"builtin": "open"}, "duration": 100, "nemesis": {"interval": 5}})
@@ -44,8 +44,8 @@ def key(tmp_path: Path) -> Path:
     return file
 
 
-def way(ran: Ran | Exception) -> Callable[[Scenario], Ran]:
-    def run(_: Scenario) -> Ran:
+def way(ran: WayResult | Exception) -> Callable[[Scenario], WayResult]:
+    def run(_: Scenario) -> WayResult:
         if isinstance(ran, Exception):
             raise ran
         return ran
@@ -101,7 +101,7 @@ def test_what_holds_is_nothing_to_tell() -> None:
         (replace(GOOD, trace="other"), "traces differ", "a: trace\nb: other"),
     ],
 )
-def test_what_breaks_is_told(ran: Ran | Exception, kind: str, detail: str) -> None:
+def test_what_breaks_is_told(ran: WayResult | Exception, kind: str, detail: str) -> None:
     found = examine(SMALL, {"a": way(GOOD), "b": way(ran)})
     assert found is not None
     assert found.kind.startswith(kind)
@@ -112,17 +112,17 @@ def test_what_takes_too_long_says_nothing(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr("experiments.chaos.LIMIT_S", 0.0)
     with pytest.raises(TooSlow, match="in process: broken off after 0 s"):
         examine(load_scenario(FEW), IN_ONE_PROCESS)
-    patience = Patience()
-    assert not patience.lost()
-    patience.begin()
-    assert patience.lost()
-    patience.check(COMPLETED)
+    limit = TimeLimit()
+    assert not limit.exceeded()
+    limit.begin()
+    assert limit.exceeded()
+    limit.check(COMPLETED)
     with pytest.raises(TooSlow):
-        patience.check(INTERRUPTED)
+        limit.check(INTERRUPTED)
 
 
 def test_a_breakage_names_where_it_was_raised() -> None:
-    def broken(scenario: Scenario) -> Ran:
+    def broken(scenario: Scenario) -> WayResult:
         with_faults(scenario, [None])
         return GOOD
 
@@ -132,7 +132,7 @@ def test_a_breakage_names_where_it_was_raised() -> None:
 
 
 def test_an_interruption_breaks_off() -> None:
-    def interrupted(_: Scenario) -> Ran:
+    def interrupted(_: Scenario) -> WayResult:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

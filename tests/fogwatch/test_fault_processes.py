@@ -84,7 +84,7 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
     assert [last[name] for name in ("living", "paused", "dead", "lost", "away")] == ["4", "1", "0", "0", "2"]
 
 
-def test_hands_that_stop_nobody_are_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_launcher_that_stops_nobody_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The world speaks to nobody who is paused, so that nothing else shows whether a process was stopped."""
     monkeypatch.setattr(Launch, "pause", lambda _self, _robot: None)
     faults = [{"kind": "pause", "who": "r2", "at": 2, "for": 2}]

@@ -9,7 +9,7 @@ import pytest
 from experiments.faults.cost import (
     GROUPS,
     VARIANTS,
-    Setup,
+    FaultSetup,
     as_json,
     case_name,
     chosen,
@@ -19,19 +19,19 @@ from experiments.faults.cost import (
     plan_of,
 )
 from experiments.faults.cost_page import page
-from experiments.sweeps.results import Result
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
 
 
 @pytest.fixture
-def setup(tmp_path: Path) -> Setup:
+def setup(tmp_path: Path) -> FaultSetup:
     key = tmp_path / "fleet.key"
     key.write_text("0123456789abcdef0123456789abcdef")
-    return Setup("yards", 1.0, 3000.0, 5, (1, 2), key)
+    return FaultSetup("yards", 1.0, 3000.0, 5, (1, 2), key)
 
 
-def test_every_condition_is_a_scenario_of_its_own(setup: Setup) -> None:
+def test_every_condition_is_a_scenario_of_its_own(setup: FaultSetup) -> None:
     tried = conditions(setup)
     assert {condition.group for condition in tried} == set(GROUPS)
     plan = plan_of(setup, tried)
@@ -42,7 +42,7 @@ def test_every_condition_is_a_scenario_of_its_own(setup: Setup) -> None:
         assert len(run.scenario.roster) == (4 if "one robot fewer" in run.case else 5)
 
 
-def test_all_deaths_come_and_go_within_the_run(setup: Setup) -> None:
+def test_all_deaths_come_and_go_within_the_run(setup: FaultSetup) -> None:
     (in_turn,) = [condition for condition in conditions(setup) if condition.name.startswith("each killed")]
     acts = [(fault["kind"], fault["who"], fault["at"]) for fault in in_turn.faults]
     assert [act[:2] for act in acts] == [(kind, f"r{number}") for number in range(1, 6) for kind in ("kill", "restart")]
@@ -52,7 +52,7 @@ def test_all_deaths_come_and_go_within_the_run(setup: Setup) -> None:
     assert times[-1] < 3000.0
 
 
-def test_groups_can_be_chosen(setup: Setup) -> None:
+def test_groups_can_be_chosen(setup: FaultSetup) -> None:
     assert {condition.group for condition in chosen(setup, ["silence"])} == {"quiet", "silence"}
     assert chosen(setup, []) == conditions(setup)
     names = [condition.name for condition in chosen(setup, ["loss: 50 % lost", "silence"])]
@@ -61,21 +61,21 @@ def test_groups_can_be_chosen(setup: Setup) -> None:
         chosen(setup, ["sylence"])
 
 
-def test_small_fleets_have_fewer_conditions(setup: Setup) -> None:
-    one = Setup("yards", 1.0, 3000.0, 1, (1,), setup.key)
+def test_small_fleets_have_fewer_conditions(setup: FaultSetup) -> None:
+    one = FaultSetup("yards", 1.0, 3000.0, 1, (1,), setup.key)
     assert not [condition for condition in conditions(one) if condition.group == "fleet"]
     assert plan_of(one, conditions(one)).runs
 
 
-def test_costs_are_ratios_to_the_same_seed_without_faults(setup: Setup) -> None:
+def test_costs_are_ratios_to_the_same_seed_without_faults(setup: FaultSetup) -> None:
     tried = chosen(setup, ["silence"])
     plan = plan_of(setup, tried)
     results = {}
     for run in plan.runs:
         mfow = 100.0 * run.seed * (1.5 if "total silence" in run.case else 1.0)
         metrics = {"mfow_mean_s": mfow, "messages_sent": 200.0, "messages_delivered": 50.0}
-        results[run.key] = Result(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
-    found = findings(Outcome(plan, results, len(results), 1.0), tried)
+        results[run.key] = RunResult(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
+    found = findings(SweepOutcome(plan, results, len(results), 1.0), tried)
     by_name = {case_name(one.condition, one.variant): one for one in found}
     silent = by_name["silence: total silence, with claims"]
     assert silent.cost is not None
@@ -96,7 +96,7 @@ def test_costs_are_ratios_to_the_same_seed_without_faults(setup: Setup) -> None:
     assert {one["variant"] for one in says["findings"]} == set(VARIANTS)
 
 
-def test_runs_are_compared_seed_by_seed(setup: Setup) -> None:
+def test_runs_are_compared_seed_by_seed(setup: FaultSetup) -> None:
     names = ["loss: 50 % lost", "loss with trail: 50 % lost", "death: one killed", "fleet: one robot fewer"]
     tried = chosen(setup, names)
     plan = plan_of(setup, tried)
@@ -105,8 +105,8 @@ def test_runs_are_compared_seed_by_seed(setup: Setup) -> None:
         mfow = 100.0 * run.seed * (0.7 if "with claims" in run.case else 1.0) * (0.9 if "trail" in run.case else 1.0)
         late = 80.0 * run.seed * (1.1 if "killed" in run.case else 1.0)
         metrics = {"mfow_mean_s": mfow, "mfow_late_mean_s": late}
-        results[run.key] = Result(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
-    compared = comparisons(Outcome(plan, results, len(results), 1.0), tried)
+        results[run.key] = RunResult(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
+    compared = comparisons(SweepOutcome(plan, results, len(results), 1.0), tried)
     ratios = {(one.group, one.what, one.variant): round(one.ratio.mean, 6) for one in compared}
     assert ratios["claims", "loss: 50 % lost", "with claims"] == 0.7
     assert ratios["trail", "loss: 50 % lost", "final algorithm"] == 0.9

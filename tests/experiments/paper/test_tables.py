@@ -11,34 +11,35 @@ import pytest
 
 from experiments.paper.calibrate import best_radius, calibration_plan, crossing, fit_as_json, fit_radii, radius_setups
 from experiments.paper.orderings import HELD, NOT_HELD, UNDECIDED, judge_orderings
-from experiments.paper.tables import Setup, Side, Table, as_json, as_lines, compare, fit_of, paper, plan_of
+from experiments.paper.printed import PaperTable, Side, paper
+from experiments.paper.tables import PaperSetup, as_json, as_lines, compare, fit_of, plan_of
 from experiments.sweeps.plan import Plan
-from experiments.sweeps.results import Result
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
 from patrol.scenario import PatrolSpec
 
-SETUP = Setup(1.0, 12.0, (1, 2))
+SETUP = PaperSetup(1.0, 12.0, (1, 2))
 TABLES = list(paper().tables.values())
 
 
-def runnable(table: Table) -> Table:
+def runnable(table: PaperTable) -> PaperTable:
     """The rows whose kind of paths this version has."""
     kinds = get_args(PatrolSpec.model_fields["paths"].annotation)
     settings = {row.name: {**table.settings, **row.settings} for row in table.rows}
     return table.part([name for name, sets in settings.items() if sets.get("patrol.paths", "wave") in kinds], [])
 
 
-def outcome_of(plan: Plan, value: Callable[[str, int], float], metric: str = "mfow_mean_s") -> Outcome:
+def outcome_of(plan: Plan, value: Callable[[str, int], float], metric: str = "mfow_mean_s") -> SweepOutcome:
     """As if every run had come to a value that depends on its case and seed."""
     results = {}
     for run in plan.runs:
         metrics = {metric: value(run.case, run.seed)}
-        results[run.key] = Result(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
-    return Outcome(plan, results, len(results), 1.0)
+        results[run.key] = RunResult(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
+    return SweepOutcome(plan, results, len(results), 1.0)
 
 
-def printed(table: Table) -> dict[str, float]:
+def printed(table: PaperTable) -> dict[str, float]:
     """The first measure's values, where it has them, by the names of their cells' cases."""
     return {
         table.case(row.name, column.name): value
@@ -49,7 +50,7 @@ def printed(table: Table) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: str(table.number))
-def test_every_cell_is_a_scenario_of_its_own(table: Table) -> None:
+def test_every_cell_is_a_scenario_of_its_own(table: PaperTable) -> None:
     plan = plan_of([runnable(table)], {"": SETUP})
     assert len({run.key for run in plan.runs}) == len(plan.runs) == 2 * len(plan.cases)
     for run in plan.runs:
@@ -60,7 +61,7 @@ def test_every_cell_is_a_scenario_of_its_own(table: Table) -> None:
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: str(table.number))
-def test_every_printed_value_has_its_place(table: Table) -> None:
+def test_every_printed_value_has_its_place(table: PaperTable) -> None:
     for measure in table.measures:
         assert len(measure.values) == len(table.rows)
         assert all(len(row) == len(table.columns) for row in measure.values)
@@ -139,7 +140,7 @@ def test_cells_far_off_are_marked(factor: float, far: bool) -> None:
 def test_cells_without_runs_are_empty() -> None:
     table = paper().table(3).part(["f3"], ["g4"])
     plan = plan_of([table], {"": SETUP})
-    beside = compare(table, SETUP, Outcome(plan, {}, 0, 0.0))
+    beside = compare(table, SETUP, SweepOutcome(plan, {}, 0, 0.0))
     (cell,) = as_json(beside)["cells"]
     assert (cell["mean"], cell["ci95"], cell["ratio"], cell["seeds"]) == (None, None, None, 0)
     assert fit_of([beside]) is None
@@ -156,13 +157,13 @@ def test_dead_ends_are_further_rows() -> None:
 @pytest.mark.parametrize(
     ("ask", "problem"),
     [
-        (lambda: paper().table(1), "table 1: no such table; the paper has 2 to 8"),
+        (lambda: paper().table(1), "table 1: no such table; choose from 2 to 8"),
         (lambda: paper().table(2).part(["f6"], []), "--rows = f6: table 2 has no such row"),
         (lambda: paper().table(2).part([], ["g0"]), "--columns = g0: table 2 has no such column"),
-        (lambda: plan_of([paper().table(2)], {"": Setup(0.5, -1.0, (1,))}), "override sensor.range = -1"),
+        (lambda: plan_of([paper().table(2)], {"": PaperSetup(0.5, -1.0, (1,))}), "override sensor.range = -1"),
         (
-            lambda: plan_of([paper().table(2)], {"": Setup(0.5, 9.0, (1,), {"patrol.ground.fog": 1})}),
-            "patrol.ground.fog: unknown key",
+            lambda: plan_of([paper().table(2)], {"": PaperSetup(0.5, 9.0, (1,), {"patrol.fog": 1})}),
+            "patrol.fog: unknown key",
         ),
         (lambda: radius_setups(0.5, [10, 10], (1,), {}), "--ranges: expected different numbers"),
         (lambda: radius_setups(0.5, [math.nan], (1,), {}), "--ranges: expected different numbers"),
@@ -174,7 +175,7 @@ def test_what_does_not_exist_is_bad_input(ask: Callable[[], Any], problem: str) 
     assert problem in str(caught.value)
 
 
-def calibration(bias: Callable[[float], float]) -> tuple[dict[str, Setup], Outcome]:
+def calibration(bias: Callable[[float], float]) -> tuple[dict[str, PaperSetup], SweepOutcome]:
     """As if runs with radius r had come to the printed values times bias(r)."""
     setups = radius_setups(1.0, [10.0, 12.0, 14.0], (1,), {})
     wanted = {f"{case}{end}": (value, setup) for number in (2, 3) for end, setup in setups.items()

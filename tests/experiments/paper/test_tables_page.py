@@ -9,15 +9,16 @@ import pytest
 
 from experiments.paper import tables_page as paper_report
 from experiments.paper.orderings import judge_orderings
-from experiments.paper.tables import Comparison, Remark, Setup, compare, paper, plan_of
+from experiments.paper.printed import Remark, paper
+from experiments.paper.tables import PaperSetup, TableComparison, compare, plan_of
 from experiments.paper.tables_page import UNEXPLAINED, page
-from experiments.sweeps.results import Result
-from experiments.sweeps.runner import Outcome
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.runner import SweepOutcome
 
-SETUP = Setup(0.5, 12.0, (1, 2), {"sensor.angle": 180})
+SETUP = PaperSetup(0.5, 12.0, (1, 2), {"sensor.angle": 180})
 
 
-def comparison_of(number: int, factors: dict[tuple[str, str], float]) -> Comparison:
+def comparison_of(number: int, factors: dict[tuple[str, str], float]) -> TableComparison:
     """A table whose runs came to the printed values, times a factor where one is given; 1 % apart by seed."""
     table = paper().table(number)
     plan = plan_of([table], {"": SETUP})
@@ -27,7 +28,7 @@ def comparison_of(number: int, factors: dict[tuple[str, str], float]) -> Compari
         for column, value in zip(table.columns, values, strict=True)
     }
     results = {
-        run.key: Result(
+        run.key: RunResult(
             run.key,
             run.case,
             run.seed,
@@ -40,10 +41,10 @@ def comparison_of(number: int, factors: dict[tuple[str, str], float]) -> Compari
         )
         for run in plan.runs
     }
-    return compare(table, SETUP, Outcome(plan, results, len(results), 1.0))
+    return compare(table, SETUP, SweepOutcome(plan, results, len(results), 1.0))
 
 
-def page_of(comparison: Comparison, **pictures: str) -> str:
+def page_of(comparison: TableComparison, **pictures: str) -> str:
     judged = judge_orderings(paper().orderings, [comparison])
     return page([comparison], judged, SETUP, command="fogwatch paper table 5", wall_s=600.0, pictures=pictures)
 

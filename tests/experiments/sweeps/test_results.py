@@ -9,23 +9,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.sweeps.results import FILE, Result, open_results
+from experiments.sweeps.results import FILE, RunResult, open_results
 from patrol.errors import BadInput
 
 
-def result(name: str, value: float = 1.5, outcome: str = "ok") -> Result:
+def result(name: str, value: float = 1.5, outcome: str = "ok") -> RunResult:
     error = None if outcome == "ok" else "it broke"
-    return Result(name, f"case {name}", 1, outcome, error, {"mfow_mean_s": value, "n": 3, "x": None}, "ab", 0.5, "1.0")
+    return RunResult(
+        name, f"case {name}", 1, outcome, error, {"mfow_mean_s": value, "n": 3, "x": None}, "ab", 0.5, "1.0"
+    )
 
 
-def write(folder: Path, *results: Result) -> Path:
+def write(folder: Path, *results: RunResult) -> Path:
     with open_results(folder) as there:
         for one in results:
             there.add(one)
     return folder / FILE
 
 
-def read(folder: Path) -> dict[str, Result]:
+def read(folder: Path) -> dict[str, RunResult]:
     with open_results(folder) as there:
         return dict(there.by_key)
 

@@ -49,7 +49,7 @@ def test_one_value_has_no_interval_and_none_no_mean() -> None:
         None,
         1,
     )
-    with pytest.raises(ValueError, match="no values"):
+    with pytest.raises(ValueError, match="at least one value"):
         estimate([])
 
 

@@ -15,13 +15,13 @@ from typing import Any, Self
 import pytest
 
 from agent.mind import Mind
-from experiments.faults.belief_error import BeliefError
 from experiments.inprocess import Outcome, run_in_process
+from experiments.sweeps.belief_error import BeliefError
 from experiments.sweeps.casetable import case_rows, write_tables
-from experiments.sweeps.cluster import ClusterCrew
+from experiments.sweeps.cluster import ClusterWorkers
 from experiments.sweeps.plan import Base, Case, Plan, Run, make_plan
-from experiments.sweeps.pool import LocalCrew
-from experiments.sweeps.results import Result, open_results
+from experiments.sweeps.pool import LocalWorkers
+from experiments.sweeps.results import RunResult, open_results
 from experiments.sweeps.runner import run_sweep
 from experiments.sweeps.stats import estimate
 from experiments.sweeps.worker import Answer, Task, metrics_of, run_task
@@ -71,21 +71,21 @@ class Watching:
     """Counts, and gives up after so many results."""
 
     def __init__(self, most: int = 1000) -> None:
-        self.results: list[Result] = []
-        self.found: list[Result] = []
+        self.results: list[RunResult] = []
+        self.found: list[RunResult] = []
         self._most = most
 
-    def begin(self, todo: list[Run], done: list[Result], workers: int) -> None:
+    def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
         assert workers <= len(todo)
         self.found = done
 
-    def result(self, result: Result) -> None:
+    def result(self, result: RunResult) -> None:
         self.results.append(result)
         if len(self.results) == self._most:
             raise KeyboardInterrupt
 
 
-def numbers(results: Mapping[str, Result]) -> dict[str, Any]:
+def numbers(results: Mapping[str, RunResult]) -> dict[str, Any]:
     """What must not depend on who made a run."""
     return {key: (result.outcome, result.metrics, result.trace_hash) for key, result in results.items()}
 
@@ -102,7 +102,7 @@ def reference() -> dict[str, Any]:
 
 
 def test_two_worker_processes_give_the_numbers_of_each_run_by_itself(tmp_path: Path, reference: dict[str, Any]) -> None:
-    outcome = run_sweep(plan(SIX), tmp_path, crew=LocalCrew(2))
+    outcome = run_sweep(plan(SIX), tmp_path, workers=LocalWorkers(2))
     assert numbers(outcome.results) == reference
     assert outcome.made == 6
     with open_results(tmp_path) as there:
@@ -114,51 +114,51 @@ def test_a_cluster_of_two_workers_gives_the_same_numbers(tmp_path: Path, referen
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[no-untyped-call]
-        crew = ClusterCrew(cluster.scheduler_address)
-        outcome = run_sweep(plan(SIX), tmp_path, crew=crew)
-        assert crew.size == 2
+        workers = ClusterWorkers(cluster.scheduler_address)
+        outcome = run_sweep(plan(SIX), tmp_path, workers=workers)
+        assert workers.size == 2
     assert numbers(outcome.results) == reference
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "http://x:1"])
 def test_a_cluster_that_cannot_be_reached_is_said_before_anything_runs(tmp_path: Path, address: str) -> None:
     with pytest.raises(BadInput, match=r"--cluster = .*: cannot be reached"):
-        run_sweep(plan(SIX), tmp_path, crew=ClusterCrew(address, patience_s=0.5))
+        run_sweep(plan(SIX), tmp_path, workers=ClusterWorkers(address, timeout_s=0.5))
     with open_results(tmp_path) as there:
         assert there.by_key == {}
 
 
 def test_an_interrupted_sweep_goes_on_where_it_stopped(tmp_path: Path, reference: dict[str, Any]) -> None:
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(plan(SIX), tmp_path, crew=Here(), watcher=Watching(most=2))
-    crew, watching = Here(), Watching()
-    outcome = run_sweep(plan(SIX), tmp_path, crew=crew, watcher=watching)
-    assert crew.made == [("mode 2", 1), ("mode 2", 2), ("mode 3", 1), ("mode 3", 2)]
+        run_sweep(plan(SIX), tmp_path, workers=Here(), observer=Watching(most=2))
+    workers, watching = Here(), Watching()
+    outcome = run_sweep(plan(SIX), tmp_path, workers=workers, observer=watching)
+    assert workers.made == [("mode 2", 1), ("mode 2", 2), ("mode 3", 1), ("mode 3", 2)]
     assert [result.case for result in watching.found] == ["mode 1", "mode 1"]
     assert numbers(outcome.results) == reference
-    assert run_sweep(plan(SIX), tmp_path, crew=Here()).made == 0
+    assert run_sweep(plan(SIX), tmp_path, workers=Here()).made == 0
 
 
 def test_a_sweep_can_grow_and_cases_share_what_means_the_same(tmp_path: Path) -> None:
-    crew = Here()
-    run_sweep(plan({"a": {}}), tmp_path, crew=crew)
+    workers = Here()
+    run_sweep(plan({"a": {}}), tmp_path, workers=workers)
     grown = plan({"a": {}, "same": {"robots.count": 2}, "other": {"robots.count": 1}}, seeds=(1, 2, 3))
-    outcome = run_sweep(grown, tmp_path, crew=crew)
-    assert crew.made == [("a", 1), ("a", 2), ("a", 3), ("other", 1), ("other", 2), ("other", 3)]
+    outcome = run_sweep(grown, tmp_path, workers=workers)
+    assert workers.made == [("a", 1), ("a", 2), ("a", 3), ("other", 1), ("other", 2), ("other", 3)]
     assert outcome.values("a", "mfow_mean_s") == outcome.values("same", "mfow_mean_s")
     assert outcome.values("other", "mfow_mean_s").keys() == {1, 2, 3}
 
 
 def test_a_run_that_fails_costs_no_other_and_is_tried_again(tmp_path: Path) -> None:
     cases: dict[str, dict[str, object]] = {"good": {}, "bad": {"robots.starts": [[3, 3], [3.5, 3]]}}
-    outcome = run_sweep(plan(cases), tmp_path, crew=Here())
+    outcome = run_sweep(plan(cases), tmp_path, workers=Here())
     assert [(run.case, run.seed) for run in outcome.failed] == [("bad", 1), ("bad", 2)]
     assert all(run.error and "overlap" in run.error for run in outcome.failed)
     good, bad = case_rows(outcome)
     assert (good.runs, good.failed, bad.runs, bad.failed, bad.metrics) == (2, 0, 0, 2, {})
-    crew = Here()
-    run_sweep(plan(cases), tmp_path, crew=crew)
-    assert crew.made == [("bad", 1), ("bad", 2)]
+    workers = Here()
+    run_sweep(plan(cases), tmp_path, workers=workers)
+    assert workers.made == [("bad", 1), ("bad", 2)]
 
 
 def test_whatever_a_run_raises_is_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -193,16 +193,16 @@ def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPat
 
 def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path) -> None:
     long = plan({"long": {"duration": 100_000}, "short": {}, "brief": {"duration": 20}}, seeds=(1,))
-    crew = LocalCrew(2)
+    workers = LocalWorkers(2)
 
     class Killing(Watching):
-        def result(self, result: Result) -> None:
+        def result(self, result: RunResult) -> None:
             super().result(result)
-            for worker in crew._workers.values():
+            for worker in workers._workers.values():
                 if worker.task["case"] == "long":
                     os.kill(worker._process.pid, signal.SIGKILL)
 
-    outcome = run_sweep(long, tmp_path, crew=crew, watcher=Killing())
+    outcome = run_sweep(long, tmp_path, workers=workers, observer=Killing())
     (failed,) = outcome.failed
     assert failed.case == "long"
     assert failed.error == "its worker process died (killed; was there too little memory?)"
@@ -212,7 +212,7 @@ def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path) -> Non
 @pytest.mark.parametrize("size", [0, -1])
 def test_workers_are_one_or_more(size: int) -> None:
     with pytest.raises(BadInput, match=f"--workers = {size}: expected 1 or more"):
-        LocalCrew(size)
+        LocalWorkers(size)
 
 
 def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
         "a": {"sensor.range": 10, "robots.starts": "random"},
         "bad": {"robots.starts": [[3, 3], [3.5, 3]]},
     }
-    outcome = run_sweep(plan(cases, seeds=(1, 2, 3)), tmp_path, crew=Here())
+    outcome = run_sweep(plan(cases, seeds=(1, 2, 3)), tmp_path, workers=Here())
     as_csv, as_json = write_tables(outcome, tmp_path)
     says = json.loads(as_json.read_text())
     row, bad = says["cases"]
@@ -241,7 +241,7 @@ def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
 def test_a_change_is_that_of_the_means_with_the_interval_of_the_differences(tmp_path: Path) -> None:
     base = Base(BASE, Path(), "trial")
     cases = [Case(f"count {count}", {"robots.count": count}) for count in (1, 2)]
-    outcome = run_sweep(make_plan("trial", base, cases, (1, 2, 3), {"robots.count": 1}), tmp_path, crew=Here())
+    outcome = run_sweep(make_plan("trial", base, cases, (1, 2, 3), {"robots.count": 1}), tmp_path, workers=Here())
     one, two = case_rows(outcome)
     assert (one.against, one.change) == (None, {})
     assert two.against == "count 1"

@@ -2,16 +2,20 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.main import get_command
 
-from fogwatch.cli.app import main
+from fogwatch.cli.app import app, main
+from fogwatch.cli.command_help import ORDER
 
 SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
 COARSE = [*SHORT, "--no-recording", "--no-report"]
@@ -168,6 +172,39 @@ def test_help_teaches(arguments: list[str], fogwatch: Callable[..., int], capsys
     assert fogwatch(*arguments) in (0, 2)
     shown = capsys.readouterr()
     assert "run" in shown.out + shown.err
+
+
+def commands(group: Any, *path: str) -> Iterator[list[str]]:
+    """The words of every command, those in groups included."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, *path, name)
+        else:
+            yield [*path, name]
+
+
+ALL_COMMANDS = list(commands(get_command(app)))
+
+
+def test_the_help_lists_commands_in_the_order_in_which_one_meets_them(
+    fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch("--help") == 0
+    listed = re.findall(r"^│ ([a-z]+)  ", capsys.readouterr().out, flags=re.MULTILINE)
+    assert listed == list(ORDER)
+    assert {words[0] for words in ALL_COMMANDS} == set(ORDER)
+
+
+@pytest.mark.parametrize("words", ALL_COMMANDS, ids=" ".join)
+def test_every_command_has_an_example_and_its_exit_codes(
+    words: list[str], fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert fogwatch(*words, "--help") == 0
+    shown = capsys.readouterr().out
+    assert max(len(line) for line in shown.splitlines()) <= 80
+    assert re.search(rf"^ Examples?: *\n   fogwatch {' '.join(words)}\b", shown, flags=re.MULTILINE), shown
+    assert re.search(r"^ Exit codes: .*\b2 ", shown, flags=re.MULTILINE | re.DOTALL), shown
 
 
 @pytest.mark.parametrize("module", ["agent", "worldsim", "fogwatch.router"])

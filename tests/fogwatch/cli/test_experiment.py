@@ -28,7 +28,7 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
     page = (out / "faults.md").read_text(encoding="utf-8")
     for variant in VARIANTS:
         assert f"| total silence | {variant} | " in page
-    assert "Every run's verdict was valid" in page
+    assert "Every run's verdict is valid" in page
     says = json.loads((out / "faults.json").read_text(encoding="utf-8"))
     found = {(one["condition"], one["variant"]): one for one in says["findings"]}
     silent, lossy = (found[name, "final algorithm"] for name in ("total silence", "50 % lost"))
@@ -47,7 +47,7 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
     ("words", "says"),
     [
         (("--only", "silense"), "--only silense: no such group or condition; did you mean silence"),
-        (("--set", "point=1"), "--set point: the experiment sets that itself"),
+        (("--set", "point=1"), "--set point: the experiment sets this field"),
         (("--seeds", "0"), "--seeds"),
         (("--terrain", "yard"), "yards"),
         (("--robots", "0"), "robots"),

@@ -8,7 +8,7 @@ import yaml
 from PIL import Image
 from typer.testing import CliRunner
 
-from fogwatch.cli.map_tools import app
+from fogwatch.cli.map_commands import app
 from patrol.errors import BadInput
 
 
@@ -20,7 +20,7 @@ def output(*arguments: str) -> str:
 
 def test_tells_how_many_regions_and_connections_there_are() -> None:
     told = output("yards", "--point", "0.5")
-    assert "yards: 100 x 88 m on points of 0.5 m; body of 1 m" in told
+    assert "yards: 100 x 88 m, points of 0.5 m; body radius 1 m" in told
     assert "regions: 5 convex regions found in " in told
     assert "\nconnections: 4\n" in told
     assert "m² around (50.00, 44.00), connected to 1, 3\n" in told
@@ -41,7 +41,7 @@ def test_polygons_can_be_taken_over_into_a_scenario(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(scenario))
     told = output(str(tmp_path / "mine.yaml"))
     assert f"regions: {len(section['patrol']['regions'])} convex regions given in " in told
-    assert "points of 0.5 m; body of 0.7 m" in told
+    assert "points of 0.5 m; body radius 0.7 m" in told
 
 
 def test_the_picture_shows_regions_in_colours(tmp_path: Path) -> None:

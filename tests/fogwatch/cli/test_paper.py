@@ -12,9 +12,10 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from experiments.paper.tables import Setup, compare, paper, plan_of
-from experiments.sweeps.results import Result
-from experiments.sweeps.runner import Outcome
+from experiments.paper.printed import paper
+from experiments.paper.tables import PaperSetup, compare, plan_of
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.runner import SweepOutcome
 from fogwatch.cli import paper as paper_commands
 from fogwatch.cli.app import main
 from fogwatch.pictures.paper_tables import table_picture
@@ -87,7 +88,7 @@ def test_calibration_prints_what_each_radius_comes_to(
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (["table", "9"], "table 9: no such table; the paper has 2 to 8"),
+        (["table", "9"], "table 9: no such table; choose from 2 to 8"),
         (["table", "two"], "valid integer"),
         (["table", "2", "--rows", "f6"], "--rows = f6: table 2 has no such row"),
         (["table", "2", "--point", "0"], "override point = 0"),
@@ -95,7 +96,7 @@ def test_calibration_prints_what_each_radius_comes_to(
         (["table", "2", "--sensor-range", "-3"], "override sensor.range = -3"),
         (["table", "2", "--duration", "0.1"], "duration"),
         (["table", "2", "--seeds", "0"], "--seeds = 0"),
-        (["table", "2", "--set", "patrol.ground.fog=3"], "patrol.ground.fog: unknown key"),
+        (["table", "2", "--set", "patrol.fog=3"], "patrol.fog: unknown key"),
         (["table", "2", "--cluster", "nowhere"], "--cluster = nowhere: cannot be reached"),
         (["calibrate", "--ranges", "ten"], "--ranges = ten: expected numbers"),
         (["calibrate", "--ranges", "10,10"], "--ranges: expected different numbers"),
@@ -111,15 +112,15 @@ def test_bad_input_is_one_line_and_exit_code_2(
 
 
 def test_a_grid_on_a_terminal_marks_what_is_far_off() -> None:
-    setup = Setup(0.5, 12.0, (1, 2))
+    setup = PaperSetup(0.5, 12.0, (1, 2))
     table = paper().table(7)
     plan = plan_of([table], {"": setup})
     results = {}
     for one in plan.runs:
         metrics = {"mfow_mean_s": 173.3 + one.seed, "dead_end_percent": 6.6}
-        results[one.key] = Result(one.key, one.case, one.seed, "ok", None, metrics, None, 1.0, "1")
+        results[one.key] = RunResult(one.key, one.case, one.seed, "ok", None, metrics, None, 1.0, "1")
     console = Console(record=True, width=120, force_terminal=True, file=io.StringIO())
-    paper_commands._show(console, compare(table, setup, Outcome(plan, results, 16, 1.0)))
+    paper_commands._print_comparison(console, compare(table, setup, SweepOutcome(plan, results, 16, 1.0)))
     shown = console.export_text()
     assert "5 cars, dead" in shown
     assert "(173.3)" in shown
@@ -129,8 +130,8 @@ def test_a_grid_on_a_terminal_marks_what_is_far_off() -> None:
 
 
 def test_a_picture_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
-    setup = Setup(0.5, 12.0, (1,))
+    setup = PaperSetup(0.5, 12.0, (1,))
     table = paper().table(7)
     plan = plan_of([table], {"": setup})
     with pytest.raises(BadInput, match="choose another --out"):
-        table_picture(compare(table, setup, Outcome(plan, {}, 0, 0.0)), [tmp_path / "absent" / "table_7.png"])
+        table_picture(compare(table, setup, SweepOutcome(plan, {}, 0, 0.0)), [tmp_path / "absent" / "table_7.png"])

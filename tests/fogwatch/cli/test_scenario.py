@@ -35,7 +35,7 @@ def test_check_says_what_would_run() -> None:
     scenario = open_scenario("open", {"point": "0.5", "robots": "{count: 2, starts: [[20, 20]]}"})
     assert told.startswith("open: can run\n")
     assert scenario_hash(scenario) in told
-    for fact in ("2 robots, 1 of them from a given start", "8800 m²", "10000 ticks of 0.5 s"):
+    for fact in ("2 robots, 1 of them at a given start", "8800 m²", "10000 ticks of 0.5 s"):
         assert fact in told
 
 
@@ -45,7 +45,7 @@ def test_check_tells_the_faults_as_they_are_resolved() -> None:
     )
     told = output("check", "open", "--set", "point=0.5", "--set", faults).splitlines()
     assert [line.rstrip() for line in told[4:8]] == [
-        "  3 faults, to the end; r2 stays dead",
+        "  3 faults, until the end; r2 stays dead",
         "    f1         kill       60 s             r2",
         "    f2         loss       10 to 15 s       all to all, rate 0.5",
         "    f3         range      0 to end         all, reach 9",
@@ -62,7 +62,7 @@ def test_check_tells_the_faults_as_they_are_resolved() -> None:
             "{kind: kill, at: 5, who: r2}, {kind: pause, who: [r1, r3]}",
             "2 faults, over at 5 s, but r2 stays dead, r1",
         ),
-        ("{kind: leave, at: 5, who: r2}, {kind: loss, rate: 0.5}", "2 faults, to the end; r2 stays away"),
+        ("{kind: leave, at: 5, who: r2}, {kind: loss, rate: 0.5}", "2 faults, until the end; r2 stays away"),
         ("{kind: kill, at: 5, who: all}, {kind: restart, at: 9, who: all}", "2 faults, healed at 9 s"),
         ("{kind: join, at: 5, who: r1}, {kind: pause, at: 6, for: 2, who: r1}", "2 faults, healed at 8 s"),
     ],

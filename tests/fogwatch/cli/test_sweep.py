@@ -19,7 +19,7 @@ import yaml
 from rich.console import Console
 
 from experiments.sweeps.plan import Run, read_plan
-from experiments.sweeps.results import Result
+from experiments.sweeps.results import RunResult
 from fogwatch.cli.app import guarded, main
 from fogwatch.progress import SweepProgress, duration
 from patrol.errors import BadInput
@@ -100,7 +100,7 @@ def test_a_sweep_killed_half_way_makes_only_the_runs_that_are_missing(
     assert 12 <= len(before) < 24
     code, said, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "killed"), "--workers", "1")
     assert code == 0
-    assert f"{24 - len(before)} runs to make, {len(before)} are there already" in said
+    assert f"{24 - len(before)} runs to make, {len(before)} done already" in said
     after = results(tmp_path / "killed")
     assert after[: len(before)] == before
     assert set(Counter(one["key"] for one in after).values()) == {1}
@@ -124,7 +124,7 @@ def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(
         process.send_signal(signal.SIGINT)
         said, complained = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "1 of 2 runs are done; start again to go on in" in said
+    assert "1 of 2 runs are done; start again to continue in" in said
     assert "Traceback" not in complained
     assert len(results(tmp_path / "out")) == 1
     # Nobody holds the folder any more, and what was done is done.
@@ -188,8 +188,8 @@ def test_the_progress_tells_what_is_left(tmp_path: Path) -> None:
     console = Console(record=True, width=200, force_terminal=False, file=io.StringIO())
     with SweepProgress(console, clock=lambda: next(times)) as progress:
         progress.begin(runs[:3], [], 2)
-        progress.result(Result("k", "one", 1, "ok", None, {"mfow_mean_s": 85.25}, None, 9.0, "1"))
-        progress.result(Result("l", "two", 2, "failed", "too bad", {}, None, 9.0, "1"))
+        progress.result(RunResult("k", "one", 1, "ok", None, {"mfow_mean_s": 85.25}, None, 9.0, "1"))
+        progress.result(RunResult("l", "two", 2, "failed", "too bad", {}, None, 9.0, "1"))
     assert console.export_text().splitlines() == [
         "3 runs to make; 2 at a time",
         "1/3 one seed 1: mean MFoW 85.2 s, 9.0 s; 20 s left",

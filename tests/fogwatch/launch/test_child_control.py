@@ -1,4 +1,4 @@
-"""The launcher's end of the hands: real processes, stopped, killed and waited for."""
+"""The launcher's side of process control: real processes, stopped, killed and waited for."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.launch.child_control import HandsServer
-from fogwatch.launch.launcher import Child, Launch
-from fogwatch.launch.live_table import Silent
+from fogwatch.launch.child_control import ProcessControlServer
+from fogwatch.launch.children import Child
+from fogwatch.launch.launcher import Launch
+from fogwatch.launch.live_table import SilentDisplay
 from fogwatch.launch.runfolder import RunFolder
 from worldsim.fleet.process_control import Request
 
@@ -24,17 +25,17 @@ SLEEPER = [sys.executable, "-c", "import time; print('here', flush=True); time.s
 
 
 class Office:
-    """A launcher with one robot's process, and the world's end of its hands."""
+    """A launcher with one robot's process, and the world's end of the control socket."""
 
     def __init__(self, folder: Path) -> None:
-        self.launch = Launch(RunFolder(folder), "f", ["r1", "r2"], Silent(), lambda: False)
+        self.launch = Launch(RunFolder(folder), "f", ["r1", "r2"], SilentDisplay(), lambda: False)
         ours, self.end = socket.socketpair()
         self.lines = self.end.makefile("rb")
         self.process = subprocess.Popen(SLEEPER, stdout=subprocess.PIPE)
         assert self.process.stdout is not None
         assert self.process.stdout.readline() == b"here\n"
-        self.launch.children["r1"] = Child("r1", self.process, folder / "log")
-        self.server = HandsServer(ours, self.launch)
+        self.launch.children.by_name["r1"] = Child("r1", self.process, folder / "log")
+        self.server = ProcessControlServer(ours, self.launch)
 
     def answer(self, what: str, robot: int = 1) -> dict[str, str]:
         self.end.sendall(Request(what, robot).line())
@@ -88,7 +89,7 @@ def test_a_killed_process_is_gone_when_that_is_answered(office: Office, paused: 
     assert office.ask("kill") == ""
     assert office.ask("pause") == ""
     assert office.ask("resume") == ""
-    assert office.launch.children["r1"].planned
+    assert office.launch.children.by_name["r1"].killed_by_fault
 
 
 def test_what_cannot_be_done_is_answered_too(office: Office) -> None:

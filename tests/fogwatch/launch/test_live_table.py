@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from fogwatch.launch.live_table import LiveTable, Plain, Silent, clock, headline, make_show
-from fogwatch.launch.summary_text import measures, print_report
+from fogwatch.launch.live_table import LiveTable, PlainDisplay, SilentDisplay, clock, headline, make_display
+from fogwatch.launch.summary_text import measures, print_summary
 from patrol.net.telemetry import Metrics, Notice, RobotView
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
@@ -74,7 +74,7 @@ def test_durations_as_people_say_them(seconds: float, words: str) -> None:
 
 def test_plain_lines_come_now_and_then() -> None:
     text = io.StringIO()
-    plain = Plain(Console(file=text, width=80))
+    plain = PlainDisplay(Console(file=text, width=80))
     for _ in range(3):
         plain.metrics(METRICS)
     plain.notice(Notice(120, "lost", "bert", "no answer [for 10 s]"))
@@ -105,22 +105,22 @@ def test_a_large_fleet_is_cut() -> None:
 
 
 def test_where_it_shows_depends_on_where_it_goes() -> None:
-    assert isinstance(make_show(quiet=True), Silent)
-    assert isinstance(make_show(quiet=False), Plain)
+    assert isinstance(make_display(quiet=True), SilentDisplay)
+    assert isinstance(make_display(quiet=False), PlainDisplay)
 
 
 def test_the_report_says_what_matters(tmp_path: Path) -> None:
     text = io.StringIO()
     for name in ("summary.json", "fog.png"):
         (tmp_path / name).touch()
-    print_report(Console(file=text, width=100), SUMMARY, tmp_path)
+    print_summary(Console(file=text, width=100), SUMMARY, tmp_path)
     shown = text.getvalue()
     for words in (
         "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
-        "MFoW        mean 60.0 s, most 90.0 s; lower bound 40.0 s, ratio 1.50",
+        "MFoW        mean 60.0 s, maximum 90.0 s; lower bound 40.0 s, ratio 1.50",
         "coverage    100.00 % of 8800 m² to patrol",
         "10 sent, 9 delivered, 1 dropped, 0 rejected",
-        "missed by 5 commands and 1 frames, 1 of which came too late",
+        "missed by 5 commands and 1 frames; 1 of them came too late",
         "verdict     invalid",
         "nobody lost: bert",
         f"{tmp_path}: fog.png, summary.json",
@@ -131,7 +131,7 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
 @pytest.mark.parametrize("short", [{"seen_share": 0.995}, {"simulated_s": 100.0}])
 def test_a_run_too_short_to_settle_is_not_held_against_the_bound(short: dict[str, float]) -> None:
     assert measures({**SUMMARY, **short})[1].endswith("lower bound 40.0 s")
-    assert measures({**SUMMARY, "bound_s": 0.0})[1].endswith("most 90.0 s")
+    assert measures({**SUMMARY, "bound_s": 0.0})[1].endswith("maximum 90.0 s")
 
 
 def test_the_report_of_a_run_without_ticks() -> None:

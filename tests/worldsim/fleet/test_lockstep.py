@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import pytest
@@ -11,13 +9,10 @@ import pytest
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.keys import FleetKeys
-from patrol.net.mailbox import Presence
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,
-    Failed,
     Hello,
     HelloReply,
     PhaseA,
@@ -25,101 +20,11 @@ from patrol.net.phases import (
     ReplyA,
     ReplyB,
     Stop,
-    ToRobot,
-    ToWorld,
-    decode_to_robot,
 )
 from patrol.pose import Pose, Velocity
-from worldsim.fleet.lockstep import LockstepFleet
+from tests.worldsim.fleet.net import HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
-from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Missing, Seats, Wire
-
-KEYS = FleetKeys("f")
-NAMES = {1: "r1", 2: "r2", 3: "r3"}
-RUN, HASH = 9, "c" * 64
-POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
-
-
-class Net:
-    """Robots that answer at once unless told otherwise, and time that passes only while somebody waits."""
-
-    def __init__(self) -> None:
-        self.time = 1000.0
-        self.refused: Counter[str] = Counter()
-        self.letters: deque[tuple[float, str, Any]] = deque()
-        self.sent: list[tuple[int, ToRobot]] = []
-        self.delays: dict[tuple[int, int, str], float] = {}
-        self.mute: set[int] = set()
-        self.connected = True
-        self.ending = False
-        self.wire = Wire(
-            KEYS,
-            NAMES,
-            {number: self.post_of(number) for number in NAMES},
-            self,
-            lambda: self.connected,
-            lambda: self.time,
-            lambda: self.ending,
-        )
-        self.seats = Seats(self.wire, RUN, HASH)
-
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
-        due = sorted(self.letters, key=lambda letter: letter[0])
-        if due and due[0][0] <= self.time + timeout_s:
-            self.letters.remove(due[0])
-            self.time = max(self.time, due[0][0])
-            return due[0][1:]
-        self.time += timeout_s
-        return None
-
-    def deliver(self, number: int, message: ToWorld, after_s: float = 0.0) -> None:
-        self.letters.append((self.time + after_s, KEYS.reply(NAMES[number]), message))
-
-    def presence(self, number: int, present: bool, after_s: float = 0.0) -> None:
-        self.letters.append((self.time + after_s, KEYS.alive(NAMES[number]), Presence(present)))
-
-    def post_of(self, number: int) -> Callable[[bytes], None]:
-        def post(payload: bytes) -> None:
-            message = decode_to_robot(payload)
-            self.sent.append((number, message))
-            if number not in self.mute:
-                self.answer(number, message)
-
-        return post
-
-    def answer(self, number: int, message: ToRobot) -> None:
-        me = (1, 70 + number, message.k)
-        if isinstance(message, Hello):
-            self.deliver(number, HelloReply(1, 70 + number, 0, message.run, HASH))
-        elif isinstance(message, PhaseA):
-            self.deliver(number, ReplyA(*me, (b"frame",)), self.delays.pop((number, message.k, "A"), 0.001))
-        elif isinstance(message, PhaseB):
-            reply = ReplyB(*me, Reply(Velocity(float(message.k), 0.0), "patrolling", None, 2.0, 0))
-            self.deliver(number, reply, self.delays.pop((number, message.k, "B"), 0.001))
-        else:
-            self.presence(number, False)
-
-    def gather(self) -> None:
-        for number in NAMES:
-            self.presence(number, True)
-        self.seats.gather(10.0, lambda _names, _s: None)
-
-    def told(self, kind: type[ToRobot], number: int) -> list[ToRobot]:
-        return [message for to, message in self.sent if to == number and isinstance(message, kind)]
-
-
-def fleet_of(net: Net, deadline_s: float = 10.0) -> LockstepFleet:
-    net.gather()
-    return LockstepFleet(net.seats, deadline_s)
-
-
-def sensed(k: int, numbers: Sequence[int] = (1, 2, 3)) -> dict[int, Sensed]:
-    return {number: Sensed(k, POSES[number]) for number in numbers}
-
-
-def heard(numbers: Sequence[int] = (1, 2, 3)) -> dict[int, list[bytes]]:
-    return {number: [b"x"] for number in numbers}
-
+from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Missing
 
 # --- gathering -------------------------------------------------------------------------------------------------------
 
@@ -341,42 +246,6 @@ def test_the_end_does_not_wait_for_ever() -> None:
     assert len(net.told(Stop, 1)) >= 2
 
 
-@pytest.mark.parametrize("phase", ["A", "B"])
-def test_who_cannot_go_on_is_lost_at_once_with_its_reason(phase: str) -> None:
-    net = Net()
-    fleet = fleet_of(net)
-    net.mute = {2}
-    net.deliver(2, Failed(1, 72, 3, "its policy failed at tick 3: no idea"), 0.2)
-    began = net.time
-    answers = fleet.phase_a(3, sensed(3)) if phase == "A" else fleet.phase_b(3, heard())
-    assert list(answers) == [1, 3]
-    assert net.time - began < 1.0
-    assert fleet.lost() == [(2, Status.LOST, "its policy failed at tick 3: no idea")]
-    assert fleet.lost() == []
-    (stop,) = net.told(Stop, 2)
-    assert isinstance(stop, Stop)
-    assert (stop.reason, stop.orderly) == ("left out: its policy failed at tick 3: no idea", False)
-
-
-def test_a_failure_of_another_process_is_not_the_robots_own() -> None:
-    net = Net()
-    fleet = fleet_of(net)
-    net.deliver(2, Failed(1, 99, 3, "another instance"))
-    net.deliver(2, Failed(2, 72, 3, "another incarnation"))
-    assert list(fleet.phase_a(3, sensed(3))) == [1, 2, 3]
-    assert fleet.lost() == []
-    assert net.refused["stranger"] == 2
-
-
-def test_a_robot_that_has_failed_may_come_again_as_another_process() -> None:
-    net = Net()
-    fleet = fleet_of(net)
-    net.deliver(2, Failed(1, 72, 3, "no idea"))
-    fleet.phase_a(3, sensed(3))
-    net.seats.vacate(2)
-    assert net.seats.failed(NAMES) == {}
-
-
 # --- at a pace -------------------------------------------------------------------------------------------------------
 
 
@@ -441,21 +310,3 @@ def test_at_a_pace_only_a_lost_token_loses_a_robot() -> None:
         fleet.phase_a(k, sensed(k))
         fleet.phase_b(k, heard())
     assert fleet.lost() == [(2, Status.LOST, "its process was gone")]
-
-
-def test_at_a_pace_too_who_cannot_go_on_is_lost_with_its_reason() -> None:
-    net = Net()
-    net.gather()
-    fleet = PacedFleet(net.seats, 0.5)
-    net.mute = {2}
-    net.deliver(2, Failed(1, 72, 0, "its policy failed at tick 0: no idea"), 0.2)
-    net.deliver(3, Failed(1, 99, 0, "another instance"), 0.2)
-    fleet.phase_a(0, sensed(0))
-    fleet.phase_b(0, heard())
-    assert fleet.lost() == [(2, Status.LOST, "its policy failed at tick 0: no idea")]
-    (stop,) = net.told(Stop, 2)
-    assert isinstance(stop, Stop)
-    assert stop.reason == "left out: its policy failed at tick 0: no idea"
-    fleet.phase_a(1, sensed(1, (1, 3)))
-    fleet.phase_b(1, heard((1, 3)))
-    assert fleet.lost() == []

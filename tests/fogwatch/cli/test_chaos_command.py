@@ -17,7 +17,7 @@ def fogwatch(*words: str) -> int:
 @pytest.fixture(autouse=True)
 def signals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """The command heeds signals for the rest of its process, which here is that of all tests."""
-    monkeypatch.setattr("fogwatch.cli.chaos_hunt.heed", lambda *_, **__: None)
+    monkeypatch.setattr("fogwatch.cli.chaos_command.heed", lambda *_, **__: None)
 
 
 def test_what_holds_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -36,7 +36,7 @@ def test_what_breaks_is_written_as_a_scenario_with_few_faults(
         raise RuntimeError(f"robot {number} stays")
 
     monkeypatch.setattr(InProcessFleet, "leave", fail)
-    monkeypatch.setattr("fogwatch.hunt.MOST_NARROWED", 1)
+    monkeypatch.setattr("fogwatch.chaos_session.MOST_NARROWED", 1)
     out = tmp_path / "chaos"
     assert fogwatch("chaos", "--runs", "5", "--seed", "2000", "--out", str(out)) == 1
     said = capsys.readouterr().out
@@ -97,11 +97,13 @@ def test_what_is_too_slow_does_not_break(
 def test_when_the_tries_run_out_it_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    broken = Breakage("in process: refused", "no")
-    monkeypatch.setattr("fogwatch.hunt.examine", lambda *_: broken)
-    monkeypatch.setattr("fogwatch.hunt.narrow", lambda scenario, _: Narrowed(scenario, scenario.faults[:2], False))
+    broken = Breakage("refused", "no", "in process")
+    monkeypatch.setattr("fogwatch.chaos_session.examine", lambda *_: broken)
+    monkeypatch.setattr(
+        "fogwatch.chaos_session.narrow", lambda scenario, _: Narrowed(scenario, scenario.faults[:2], False)
+    )
     assert fogwatch("chaos", "--runs", "1", "--seed", "2000", "--out", str(tmp_path / "chaos")) == 1
-    assert "the tries ran out, so fewer may do" in capsys.readouterr().out
+    assert "the limit of tries was reached, so fewer may do" in capsys.readouterr().out
 
 
 def test_a_seed_is_never_too_large(capsys: pytest.CaptureFixture[str]) -> None:
@@ -136,10 +138,10 @@ def test_an_interruption_tells_what_broke_before(
     def examined(scenario: Scenario, _: object) -> Breakage:
         if scenario.name == "chaos-2002":
             raise KeyboardInterrupt
-        return Breakage("in process: refused", "no")
+        return Breakage("refused", "no", "in process")
 
-    monkeypatch.setattr("fogwatch.hunt.examine", examined)
-    monkeypatch.setattr("fogwatch.hunt.MOST_NARROWED", 0)
+    monkeypatch.setattr("fogwatch.chaos_session.examine", examined)
+    monkeypatch.setattr("fogwatch.chaos_session.MOST_NARROWED", 0)
     out = tmp_path / "chaos"
     assert fogwatch("chaos", "--runs", "30", "--seed", "2000", "--out", str(out)) == 130
     last = capsys.readouterr().out.splitlines()[-1]

@@ -68,12 +68,12 @@ def test_record_and_recording(
     ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert command("record", ran, "--out", "a.mcap") == 0
-    assert "15 s, a grid every 10 s" in capsys.readouterr().out
+    assert "15 s, a whole grid every 10 s" in capsys.readouterr().out
     assert (tmp_path / "a.mcap").read_bytes() == (ran / "recording.mcap").read_bytes()
     assert command("recording", "a.mcap") == 0
     said = capsys.readouterr().out
     assert "small: 0 to 14.5 s" in said
-    assert "whole, checksums right" in said
+    assert "complete, checksums right" in said
     (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:-200])
     assert command("recording", "b.mcap") == 1
     assert "cut off" in capsys.readouterr().out
@@ -164,7 +164,7 @@ def test_a_folder_is_looked_at_before_anything_is_compiled(
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("fogwatch.cli.finished.warm", never)
+    monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
     monkeypatch.setattr("patrol.process.warmup.warm", never)
     assert command(what, "nowhere") == 2
     assert "no such folder" in capsys.readouterr().err
@@ -177,7 +177,7 @@ def test_where_to_write_is_looked_at_before_anything_is_compiled(
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("fogwatch.cli.finished.warm", never)
+    monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
     assert command(*(part.replace("RUN", str(ran)) for part in arguments), "--out", ".") == 2
 
 
@@ -210,17 +210,27 @@ def test_who_does_not_want_to_wait_gets_neither(ran: Path, tmp_path: Path) -> No
     said: list[str] = []
     files = (tmp_path / "a.mcap", tmp_path / "report.html")
     derive(
-        read_journal(ran / "journal"), prepare(load_scenario(SMALL)), {}, *files, hurry=lambda: True, say=said.append
+        read_journal(ran / "journal"),
+        prepare(load_scenario(SMALL)),
+        {},
+        *files,
+        cancelled=lambda: True,
+        say=said.append,
     )
     assert not list(tmp_path.iterdir())
-    assert "not waited for" in said[-1]
+    assert "cancelled" in said[-1]
 
 
 def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_path: Path) -> None:
     said: list[str] = []
     files = (tmp_path / "none" / "a.mcap", None)
     derive(
-        read_journal(ran / "journal"), prepare(load_scenario(SMALL)), {}, *files, hurry=lambda: False, say=said.append
+        read_journal(ran / "journal"),
+        prepare(load_scenario(SMALL)),
+        {},
+        *files,
+        cancelled=lambda: False,
+        say=said.append,
     )
     assert "cannot be written" in said[-1]
 

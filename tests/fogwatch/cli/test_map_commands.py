@@ -9,8 +9,8 @@ from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
 
-from fogwatch.cli import map_tools
-from fogwatch.cli.map_tools import app
+from fogwatch.cli import map_commands
+from fogwatch.cli.map_commands import app
 from patrol.errors import BadInput
 
 
@@ -59,7 +59,7 @@ def test_a_start_decides_which_part_is_patrolled(flat: Path) -> None:
 
 
 def test_a_terminal_gets_tables(flat: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(map_tools, "Console", lambda: Console(force_terminal=True, width=160, file=sys.stdout))
+    monkeypatch.setattr(map_commands, "Console", lambda: Console(force_terminal=True, width=160, file=sys.stdout))
     told = output("check", str(flat), "--radius", "0.35")
     assert "\x1b[" in told
     assert "m² behind" in told
@@ -69,7 +69,7 @@ def test_a_terminal_gets_tables(flat: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def test_builtins_are_called_reconstructions() -> None:
     told = output("check", "yards", "--point", "0.5", "--through-walls", "--range", "12")
     assert "a reconstruction of the paper's" in told
-    assert "sensor of 12 m, through walls" in told
+    assert "sensor range 12 m, through walls" in told
     assert "sealed off: nothing" in told
 
 

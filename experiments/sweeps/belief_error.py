@@ -1,4 +1,4 @@
-"""How far what robots believe of the fog is from the truth."""
+"""The error of the robots' belief: how far the fog that they believe in is from the true fog."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     from worldsim.world import World
 
 EVERY = 50
-"""Ticks from one look to the next."""
+"""Ticks between two comparisons."""
 
 
 class BeliefError:
-    """Compares the living robots' believed fog with the true one, now and then.
+    """Compares the fog that living robots believe in with the true fog, every `EVERY` ticks.
 
-    A robot that misses a position believes points staler than they are; one that believes a forged position takes
-    points for fresher. Both are counted over the points that the robot itself could see.
+    A robot that misses a position believes that points are staler than they are; a robot that believes a forged
+    position believes that points are fresher. Both are measured over the points that the robot itself could see.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,12 @@ class BeliefError:
         self._fresher = 0.0
 
     def look(self, world: World, minds: Mapping[int, Mind]) -> None:
-        """A tick is over; see `experiments.inprocess.run_in_process`."""
+        """Compare, if it is time to; called after each tick by `experiments.inprocess.run_in_process`.
+
+        Args:
+            world: The world, with the true fog.
+            minds: The minds by robot number.
+        """
         if world.tick % EVERY:
             return
         true = np.maximum(world.truth.fog.last_seen, 0)
@@ -41,10 +46,12 @@ class BeliefError:
             self._fresher += float(np.count_nonzero(later > 0)) / fog.points
 
     def metrics(self) -> dict[str, float | None]:
-        """Means over looks, robots and points.
+        """The error so far.
 
-        belief_error_s: of the difference between the believed and the true age, whatever its sign. believed_fresher:
-        share of the points that are taken for fresher than they are. None for a run too short to look at.
+        Returns:
+            ``belief_error_s``, the mean absolute difference between the believed and the true age of a point in s, and
+            ``believed_fresher``, the mean share of the points that are believed fresher than they are; means over
+            comparisons, robots and points. Both None for a run too short to compare.
         """
         if self._looks == 0:
             return {"belief_error_s": None, "believed_fresher": None}

@@ -1,4 +1,4 @@
-"""The hunt for scenarios that break: runs them, shows how far it is, and writes down what it finds."""
+"""A session of `fogwatch chaos`: it runs random scenarios, shows the progress, and writes those that break."""
 
 from __future__ import annotations
 
@@ -14,19 +14,18 @@ from rich.console import Console
 from rich.progress import TimeRemainingColumn
 
 from experiments.chaos import (
-    DIFFERENT,
     IN_ONE_PROCESS,
     KEY,
     Breakage,
-    Patience,
-    Ran,
+    TimeLimit,
     TooSlow,
     Way,
+    WayResult,
     examine,
     narrow,
     random_scenario,
 )
-from fogwatch.api import PACKAGES, Wishes, execute
+from fogwatch.api import PACKAGES, RunOptions, execute
 from fogwatch.launch.runfolder import RunFolder
 from fogwatch.progress import bar_on, duration
 from patrol.errors import BadInput
@@ -34,29 +33,38 @@ from patrol.process.warmup import warm
 from patrol.scenario import Scenario, dump_scenario
 
 BROKEN = 1
-"""The exit code when something did not hold."""
+"""The exit code when a scenario broke."""
 UNKNOWN = 3
-"""The exit code when nothing broke, but something was too slow to tell."""
+"""The exit code when no scenario broke, but one was too slow to tell."""
 MOST_NARROWED = 5
-"""Scenarios that fewer faults are looked for; of more that break, the reason is most likely the same."""
+"""Scenarios that are reduced to fewer faults; further ones that break most likely have the same cause."""
 PLAIN_S = 10.0
+"""Wall time between two lines where there is no terminal."""
 PROCESSES = "as processes"
+"""The name of the way of running a scenario as a fleet of processes."""
 KEY_FILE = "fleet.key"
 
 
-class Hunt:
-    """Runs scenarios, shows how far it is, and writes down what breaks; a context manager around its bar.
-
-    Nothing but what breaks is written to its folder, which must be empty or not there yet.
-    """
+class ChaosSession:
+    """Runs scenarios, shows the progress, and writes those that break; a context manager around its progress bar."""
 
     def __init__(self, folder: Path, processes: bool, console: Console) -> None:
+        """Check the folder.
+
+        Args:
+            folder: Where scenarios that break are written, and nothing else; empty, or not there yet.
+            processes: Whether each scenario is run as a fleet of processes too.
+            console: Where the progress is shown.
+
+        Raises:
+            BadInput: The folder is not empty or cannot be written to.
+        """
         self._folder = folder
         self._processes = processes
         self._console = console
         self._broken: list[int] = []
         self._slow: list[int] = []
-        self._begun = self._told = time.monotonic()
+        self._begun = self._printed = time.monotonic()
         self._done = 0
         self._bar = bar_on(console, TimeRemainingColumn())
         self._task = self._bar.add_task("chaos", total=None)
@@ -81,14 +89,24 @@ class Hunt:
         self._bar.stop()
 
     def begin(self, seed: int, runs: int) -> None:
-        """Say what is to come, and have the kernels compiled, so that no run waits for that."""
+        """Print what is about to run, and compile the kernels, so that no run has to wait for them.
+
+        Args:
+            seed: Seed of the first scenario.
+            runs: Number of scenarios.
+        """
         if not self._console.is_terminal:
             seeds = f"seed {seed}" if runs == 1 else f"seeds {seed} to {seed + runs - 1}"
             self._say(f"{_scenarios(runs)}, {seeds}, {self._ways_each} ...")
         warm(PACKAGES, self._say)
 
     def run(self, seed: int, runs: int) -> None:
-        """Run one scenario in all ways."""
+        """Run one scenario in all ways.
+
+        Args:
+            seed: Its seed.
+            runs: Number of scenarios in the session.
+        """
         scenario = random_scenario(seed, self._key)
         self._bar.update(self._task, total=runs, completed=self._done, description=f"seed {seed}")
         try:
@@ -104,30 +122,37 @@ class Hunt:
         self._done += 1
         self._bar.update(self._task, completed=self._done)
         now = time.monotonic()
-        if not self._console.is_terminal and now >= self._told + PLAIN_S:
-            self._told = now
+        if not self._console.is_terminal and now >= self._printed + PLAIN_S:
+            self._printed = now
             left = (now - self._begun) / self._done * (runs - self._done)
             self._say(f"{self._done}/{runs}: {len(self._broken)} broke; {duration(left)} left")
 
     def tidy(self) -> None:
-        """Leave nothing behind where nothing broke, but what was there before."""
+        """Remove the folder again if this session made it and nothing broke."""
         self._own.cleanup()
         if self._made and not any(self._folder.iterdir()):
             self._folder.rmdir()
 
     def close(self, runs: int) -> int:
-        """Say what it has come to, maybe before its end; the exit code."""
+        """Print the result of the session, which may have been interrupted.
+
+        Args:
+            runs: Number of scenarios in the session.
+
+        Returns:
+            The exit code.
+        """
         spent = duration(time.monotonic() - self._begun)
         of = _scenarios(runs) if self._done == runs else f"{self._done} of {_scenarios(runs)}"
-        told = []
+        counts = []
         if self._broken:
-            told.append(f"{len(self._broken)} broke")
+            counts.append(f"{len(self._broken)} broke")
         if self._slow:
-            told.append(f"{len(self._slow)} too slow to tell")
-        seeds = [f"seeds {', '.join(map(str, self._broken + self._slow))}"] if told else []
-        if not told:
-            told.append("all held" if self._done else "nothing known")
-        self._say(f"{of}, {self._ways_each}: {'; '.join([', '.join(told) + f', in {spent}', *seeds])}")
+            counts.append(f"{len(self._slow)} too slow to tell")
+        seeds = [f"seeds {', '.join(map(str, self._broken + self._slow))}"] if counts else []
+        if not counts:
+            counts.append("all held" if self._done else "none has run")
+        self._say(f"{of}, {self._ways_each}: {'; '.join([', '.join(counts) + f', in {spent}', *seeds])}")
         return BROKEN if self._broken else UNKNOWN if self._slow else 0
 
     @property
@@ -141,9 +166,9 @@ class Hunt:
         return {**IN_ONE_PROCESS, **({PROCESSES: as_processes(folder)} if self._processes else {})}
 
     def _report(self, seed: int, scenario: Scenario, found: Breakage) -> None:
-        """Say what broke, and write it down; as it was drawn first, and then with fewer faults."""
+        """Print what broke, and write the scenario: as it was drawn first, then with fewer faults."""
         self._say(f"seed {seed} breaks: {found.kind}")
-        self._say(f"  {found.detail.strip().splitlines()[-1]}" if found.detail.strip() else "  nothing more is known")
+        self._say(f"  {found.detail.strip().splitlines()[-1]}" if found.detail.strip() else "  no details are known")
         words = "as it was drawn"
         self._write(seed, scenario, found, words)
         self._mend_run_folder(seed, scenario)
@@ -151,27 +176,27 @@ class Hunt:
             narrowed, words = self._narrowed(scenario, found)
             self._write(seed, narrowed, found, words)
         self._say(f"  {words}")
-        if found.kind != DIFFERENT:  # which no single run can show
-            self._say(f"  fogwatch run {self._file(seed)}{'' if PROCESSES in found.kind else ' --in-process'}")
+        if found.way:  # no single run shows that two ways differ
+            self._say(f"  fogwatch run {self._file(seed)}{'' if found.way == PROCESSES else ' --in-process'}")
         self._say(f"  {self._again(seed)}")
 
     def _file(self, seed: int) -> Path:
         return self._folder / f"seed-{seed}.yaml"
 
     def _write(self, seed: int, scenario: Scenario, found: Breakage, words: str) -> None:
-        """Write a scenario that breaks, and its key beside it, if it has one."""
+        """Write a scenario that breaks, and its key, if it has one, beside it."""
         text = f"seed {seed} of fogwatch chaos breaks: {found.kind}\n{found.detail}\n{words}"
         comment = "\n".join(f"# {line}".rstrip() for line in text.splitlines())
         self._file(seed).write_text(f"{comment}\n\n{dump_scenario(self._with_key(scenario))}", encoding="utf-8")
 
     def _mend_run_folder(self, seed: int, scenario: Scenario) -> None:
-        """Have the scenario of a run folder that is kept name the key that stays."""
+        """Let the scenario in a run folder that is kept name the key that is kept."""
         file = RunFolder(self._folder / f"seed-{seed}").scenario
         if file.exists():
             file.write_text(dump_scenario(self._with_key(scenario)), encoding="utf-8")
 
     def _with_key(self, scenario: Scenario) -> Scenario:
-        """The scenario with its key, if it has one, in a file that stays."""
+        """The scenario, its key, if it has one, copied to a file that is kept."""
         if scenario.radio.key is None:
             return scenario
         file = self._folder / KEY_FILE
@@ -179,9 +204,8 @@ class Hunt:
         return scenario.model_copy(update={"radio": scenario.radio.model_copy(update={"key": str(file)})})
 
     def _narrowed(self, scenario: Scenario, found: Breakage) -> tuple[Scenario, str]:
-        """The scenario with fewer faults, and what to say of that."""
-        in_one = {name for name in IN_ONE_PROCESS if found.kind.startswith(f"{name}:")}
-        ways = IN_ONE_PROCESS if in_one else self._ways(None)
+        """The scenario with fewer faults, and a line that describes the reduction."""
+        ways = IN_ONE_PROCESS if found.way in IN_ONE_PROCESS else self._ways(None)
         slow = 0
 
         def breaks(tried: Scenario) -> bool:
@@ -202,9 +226,9 @@ class Hunt:
         if slow:
             words += f"; {slow} tries were too slow to tell, so fewer may do"
         elif not narrowed.least:
-            words += "; the tries ran out, so fewer may do"
+            words += "; the limit of tries was reached, so fewer may do"
         if len(narrowed.scenario.faults) > len(narrowed.kept):
-            words += "; clocks that are not wrong keep the places of others, and so the draws"
+            words += "; clock faults without an effect keep the places of the others, and so their random draws"
         return narrowed.scenario, words
 
     def _say(self, line: str) -> None:
@@ -212,29 +236,36 @@ class Hunt:
 
 
 def as_processes(keep: Path | None) -> Way:
-    """The way of running a scenario as a fleet of processes. keep: where its run folder goes if not all is well."""
+    """The way of running a scenario as a fleet of processes.
 
-    def run(scenario: Scenario) -> Ran:
-        patience = Patience()
+    Args:
+        keep: Where the run folder is moved if the verdict is not valid or the run fails; None to discard it.
+
+    Returns:
+        The way, for `experiments.chaos.examine`.
+    """
+
+    def run(scenario: Scenario) -> WayResult:
+        limit = TimeLimit()
         with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-", ignore_cleanup_errors=True) as folder:
             out = Path(folder) / "run"
-            wishes = Wishes(out, begin=patience.begin, stop=patience.lost, draw=False)
+            options = RunOptions(out, begin=limit.begin, stop=limit.exceeded, draw=False)
             well = False
             try:
-                result = execute(scenario, wishes)
-                patience.check(str(result.summary["ended"]))
+                result = execute(scenario, options)
+                limit.check(str(result.summary["ended"]))
                 well = result.verdict.valid
             except TooSlow:
-                well = True  # nobody knows, and there is nothing to look into
+                well = True  # unknown, and nothing to look into
                 raise
             except KeyboardInterrupt:
                 well = True
-                patience.check("")
+                limit.check("")
                 raise
             finally:
                 if not well and keep is not None and out.exists():
                     shutil.move(out, keep)
-        return Ran(result.trace_hash, result.verdict, str(result.summary["ended"]))
+        return WayResult(result.trace_hash, result.verdict, str(result.summary["ended"]))
 
     return run
 

@@ -1,0 +1,97 @@
+"""The help texts of the commands: what a command does, an example, and its exit codes, the same way for all."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import typer
+from typer.core import TyperGroup
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+ORDER = (
+    "run",
+    "map",
+    "scenario",
+    "key",
+    "monitor",
+    "control",
+    "record",
+    "replay",
+    "report",
+    "compare",
+    "recording",
+    "sweep",
+    "experiment",
+    "paper",
+    "chaos",
+    "version",
+)
+"""The order in which the help lists the commands: as a newcomer meets them."""
+
+START, RUNNING, FINISHED, MANY, OTHER = (
+    "Run a fleet",
+    "Running fleets",
+    "Finished runs",
+    "Many runs",
+    "Other",
+)
+"""The panels that the help groups the commands in."""
+
+
+class OrderedGroup(TyperGroup):
+    """A group of commands that lists them in the order of `ORDER`."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of the commands.
+
+        Args:
+            ctx: The context of the call, which does not matter here.
+
+        Returns:
+            The names, in the order in which the help shows them.
+        """
+        return sorted(super().list_commands(ctx), key=ORDER.index)
+
+
+def command(
+    app: typer.Typer,
+    name: str | None = None,
+    *,
+    examples: Sequence[str],
+    exit_codes: str = "0 done, 2 bad input",
+    panel: str | None = None,
+) -> Callable[[F], F]:
+    """Register a function as a command; its docstring is the help text.
+
+    Args:
+        app: The group that the command belongs to.
+        name: The command's name; the function's unless given.
+        examples: Command lines that show how the command is used, at least one.
+        exit_codes: What its exit codes mean, as in "0 done, 2 bad input".
+        panel: The panel that the group's help lists it in.
+
+    Returns:
+        A decorator that returns the function as it is.
+    """
+
+    def register(function: F) -> F:
+        title = "Example" if len(examples) == 1 else "Examples"
+        lines = [f"{title}:", *(f"  {example}" for example in examples), "", f"Exit codes: {exit_codes}."]
+        epilog = "\n".join(lines)
+        app.command(name, help=reflowed(function), epilog=epilog, rich_help_panel=panel)(function)
+        return function
+
+    return register
+
+
+def reflowed(function: Callable[..., Any]) -> str:
+    """A docstring with each paragraph on one line, so that it fits a terminal of any width.
+
+    Args:
+        function: The function that has the docstring.
+    """
+    paragraphs = (inspect.getdoc(function) or "").split("\n\n")
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)

@@ -1,0 +1,206 @@
+"""The child processes of one run: started, signalled, waited for and ended.
+
+Each child runs in a session of its own, so that Ctrl-C reaches the launcher alone. Each holds the reading end of a
+pipe, its lifeline, that ends when the launcher does, however that ends (`patrol.process.lifeline`).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from patrol.net.phases import FIRST_INCARNATION
+from patrol.process.readiness import StartPipe
+
+LOG_LINES = 5
+"""Lines of a child's log that are quoted when it has ended."""
+TERM_S = 2.0
+"""How long a process may take to heed a signal before it is killed."""
+_POLL_S = 0.01
+
+
+@dataclass(slots=True)
+class Child:
+    """A child process.
+
+    Attributes:
+        name: Its name in the run: a robot's, or one that no robot can have.
+        process: The process.
+        log: The file that its output goes to.
+        start: The pipe on which it reports that it has started; None for a child that reports nothing.
+        code: Its exit code, negative for the signal that killed it; None while it lives.
+        incarnation: How often its robot was started, this time included.
+        killed_by_fault: Whether one of the run's faults has killed it.
+    """
+
+    name: str
+    process: subprocess.Popen[bytes]
+    log: Path
+    start: StartPipe | None = None
+    code: int | None = None
+    incarnation: int = FIRST_INCARNATION
+    killed_by_fault: bool = False
+
+    def poll(self) -> int | None:
+        """Look whether it has ended.
+
+        Returns:
+            Its exit code; None while it lives.
+        """
+        self.code = self.process.poll()
+        return self.code
+
+    def log_tail(self) -> str:
+        """The last lines of its log, indented, for people."""
+        try:
+            lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            lines = []
+        return "\n".join(f"    {line}" for line in lines[-LOG_LINES:] if line.strip())
+
+    def describe_exit(self) -> str:
+        """How it ended, in words: by an exit code or a signal."""
+        if self.code is not None and self.code < 0:
+            return f"{self.name} was killed by {signal.Signals(-self.code).name}"
+        return f"{self.name} ended with exit code {self.code}"
+
+    def describe_end(self) -> str:
+        """How it ended, and the end of its log, for people."""
+        tail = self.log_tail()
+        return self.describe_exit() + (f"; the end of its log ({self.log}):\n{tail}" if tail else "")
+
+    def close(self) -> None:
+        """Close the pipe on which it reports its start."""
+        if self.start is not None:
+            self.start.close()
+
+
+class Children:
+    """The living and ended children of a run.
+
+    Attributes:
+        by_name: The latest child of each name.
+        former: Earlier children of robots that were started again.
+    """
+
+    def __init__(self, urgent: Callable[[], bool]) -> None:
+        """Make the lifeline; no child yet.
+
+        Args:
+            urgent: Asked again and again whether to kill at once instead of waiting.
+        """
+        self.by_name: dict[str, Child] = {}
+        self.former: list[Child] = []
+        self._urgent = urgent
+        self._lifeline: tuple[int, int] = (-1, -1)
+
+    def spawn(
+        self,
+        name: str,
+        module: str,
+        arguments: Sequence[str],
+        log: Path,
+        *,
+        inherit: Sequence[int] = (),
+        reports_start: bool = False,
+        environment: Mapping[str, str] = MappingProxyType({}),
+    ) -> Child:
+        """Start a child; it replaces an earlier one of the same name.
+
+        Args:
+            name: Its name in the run.
+            module: The module that it runs, as ``python -m`` names it.
+            arguments: Its arguments; ``--lifeline`` and ``--ready`` are added.
+            log: The file that its output is appended to.
+            inherit: Further file descriptors that it inherits.
+            reports_start: Whether it reports its start on a pipe.
+            environment: Variables that its environment has beside this process's own.
+
+        Returns:
+            The child.
+        """
+        if self._lifeline[0] < 0:
+            self._lifeline = os.pipe()
+        command = [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._lifeline[0])]
+        descriptors = [self._lifeline[0], *inherit]
+        start = StartPipe() if reports_start else None
+        if start is not None:
+            command += ["--ready", str(start.child_end)]
+            descriptors.append(start.child_end)
+        try:
+            with log.open("ab") as output:
+                process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    env={**os.environ, **environment},
+                    pass_fds=descriptors,
+                    start_new_session=True,
+                )
+        except BaseException:
+            if start is not None:
+                start.close()
+            raise
+        if start is not None:
+            start.spawned()
+        if (earlier := self.by_name.get(name)) is not None:
+            earlier.close()
+        child = Child(name, process, log, start)
+        self.by_name[name] = child
+        return child
+
+    def signal(self, names: Sequence[str], number: signal.Signals) -> None:
+        """Send a signal to children that live.
+
+        Args:
+            names: Names of children; others are ignored.
+            number: The signal.
+        """
+        for name in names:
+            if name in self.by_name and self.by_name[name].poll() is None:
+                self.by_name[name].process.send_signal(number)
+
+    def wait(self, names: Sequence[str], limit_s: float) -> None:
+        """Wait until children have ended; not when it is urgent.
+
+        Args:
+            names: Names of children; others are ignored.
+            limit_s: How long to wait at most, s of wall time.
+        """
+        until = time.monotonic() + limit_s
+        while time.monotonic() < until and not self._urgent():
+            if all(self.by_name[name].poll() is not None for name in names if name in self.by_name):
+                return
+            time.sleep(_POLL_S)
+
+    def end(self, names: Sequence[str]) -> None:
+        """End children: SIGTERM, then SIGKILL for those that do not heed it. A stopped one continues first.
+
+        Args:
+            names: Names of children.
+        """
+        if not self._urgent():
+            self.signal(names, signal.SIGTERM)
+            self.signal(names, signal.SIGCONT)
+            self.wait(names, TERM_S)
+        self.signal(names, signal.SIGKILL)
+        for name in names:
+            self.by_name[name].process.wait()
+            self.by_name[name].poll()
+
+    def close(self) -> None:
+        """Close all pipes; whoever still lives leaves now, since its lifeline has ended."""
+        for child in self.by_name.values():
+            child.close()
+        for end in self._lifeline:
+            if end >= 0:
+                os.close(end)
+        self._lifeline = (-1, -1)

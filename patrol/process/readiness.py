@@ -1,0 +1,127 @@
+"""How a child process reports that it is ready, or why it could not start: one JSON line on a pipe of its own.
+
+The parent passes the writing end of a `StartPipe` to the child as a file descriptor (the option ``--ready FD``). The
+child writes one line with `report_ready` or `report_failure`. A pipe that ends without a line belongs to a child that
+ended or was killed before it could report; its exit code says the rest.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+
+_READ_BYTES = 4096
+
+
+class StartFailure(StrEnum):
+    """Why a process could not start, as far as its parent acts on it."""
+
+    PORT_BUSY = "port-busy"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True)
+class StartReport:
+    """What a child process reports once, when it has started or given up.
+
+    Attributes:
+        address: Where it listens; empty where it could not start.
+        failure: Why it could not start; None when it is ready.
+        detail: The error in one line, for people; empty when it is ready.
+    """
+
+    address: str = ""
+    failure: StartFailure | None = None
+    detail: str = ""
+
+    @property
+    def ready(self) -> bool:
+        """Whether the process can be used."""
+        return self.failure is None
+
+
+def report_ready(descriptor: int | None, address: str) -> None:
+    """Report to the parent that this process is ready.
+
+    Args:
+        descriptor: Writing end of the parent's pipe, which this closes; None where no parent waits.
+        address: Where this process listens.
+    """
+    _report(descriptor, StartReport(address))
+
+
+def report_failure(descriptor: int | None, failure: StartFailure, detail: str) -> None:
+    """Report to the parent that this process cannot start.
+
+    Args:
+        descriptor: Writing end of the parent's pipe, which this closes; None where no parent waits.
+        failure: The reason, for the parent to act on.
+        detail: The reason in one line, for people.
+    """
+    _report(descriptor, StartReport("", failure, detail))
+
+
+def _report(descriptor: int | None, report: StartReport) -> None:
+    if descriptor is None:
+        return
+    with suppress(OSError):  # the parent has died: the lifeline ends this process
+        os.write(descriptor, json.dumps(asdict(report)).encode() + b"\n")
+    with suppress(OSError):
+        os.close(descriptor)
+
+
+class StartPipe:
+    """A parent's end of the pipe on which one child reports its start.
+
+    Attributes:
+        child_end: The descriptor to pass to the child; -1 after `spawned`.
+        ended: Whether the child has closed its end; what has not been reported by then never will be.
+    """
+
+    def __init__(self) -> None:
+        self._end, self.child_end = os.pipe()
+        self.ended = False
+        self._bytes = b""
+        self._report: StartReport | None = None
+
+    def spawned(self) -> None:
+        """Close this process's copy of the child's end, so that the pipe ends with the child."""
+        if self.child_end >= 0:
+            os.close(self.child_end)
+            self.child_end = -1
+
+    def report(self, timeout_s: float = 0.0) -> StartReport | None:
+        """The child's report, as soon as there is one.
+
+        Args:
+            timeout_s: How long to wait for something to arrive, in s of wall time.
+
+        Returns:
+            The report, or None as long as there is none.
+        """
+        if self._report is None and not self.ended and select.select([self._end], [], [], timeout_s)[0]:
+            arrived = os.read(self._end, _READ_BYTES)
+            self._bytes += arrived
+            self.ended = not arrived
+            line, newline, _ = self._bytes.partition(b"\n")
+            if newline:
+                self._report = _read(line)
+        return self._report
+
+    def close(self) -> None:
+        """Close what is open of the pipe."""
+        self.spawned()
+        if self._end >= 0:
+            os.close(self._end)
+            self._end = -1
+        self.ended = True
+
+
+def _read(line: bytes) -> StartReport:
+    fields = json.loads(line)
+    failure = fields["failure"]
+    return StartReport(fields["address"], None if failure is None else StartFailure(failure), fields["detail"])

@@ -1,0 +1,73 @@
+"""Children of the launcher that report their start on a pipe."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fogwatch.launch.children import Child, Children
+from patrol.process.readiness import StartFailure, StartReport
+
+pytestmark = pytest.mark.processes
+
+
+@pytest.fixture
+def children() -> Iterator[Children]:
+    children = Children(lambda: False)
+    yield children
+    children.end(list(children.by_name))
+    children.close()
+
+
+def started(child: Child) -> StartReport | None:
+    """Its report, or None when it has ended without one."""
+    assert child.start is not None
+    end = time.monotonic() + 60.0
+    while not child.start.ended and time.monotonic() < end:
+        if (report := child.start.report(1.0)) is not None:
+            return report
+    return None
+
+
+def router(children: Children, where: str, folder: Path) -> Child:
+    return children.spawn("router", "fogwatch.router", ["--listen", where], folder / "router.log", reports_start=True)
+
+
+def test_a_router_reports_that_it_listens_and_the_next_one_that_the_port_is_busy(
+    children: Children, tmp_path: Path
+) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    first = router(children, where, tmp_path)
+    assert started(first) == StartReport(where)
+    second = children.spawn("second", "fogwatch.router", ["--listen", where], tmp_path / "second", reports_start=True)
+    assert started(second) == StartReport("", StartFailure.PORT_BUSY, f"{where}: the port is busy; choose another")
+    assert second.process.wait() == 2
+
+
+def test_a_router_that_cannot_listen_for_another_reason_says_so(children: Children, tmp_path: Path) -> None:
+    child = router(children, "nonsense", tmp_path)
+    report = started(child)
+    assert report is not None
+    assert report.failure is StartFailure.OTHER
+    assert "--listen" in report.detail
+
+
+@pytest.mark.parametrize("module", ["fogwatch.nothing", "fogwatch.router"])
+def test_a_child_that_ends_before_it_is_ready_reports_nothing(module: str, children: Children, tmp_path: Path) -> None:
+    child = children.spawn("child", module, [], tmp_path / "log", reports_start=True)
+    killed = module == "fogwatch.router"
+    if killed:
+        child.process.kill()
+    assert started(child) is None
+    child.process.wait()
+    assert child.poll() == (-signal.SIGKILL if killed else 1)
+    how = "child was killed by SIGKILL" if killed else "child ended with exit code 1"
+    assert child.describe_end().startswith(how)
+    assert killed or "No module named fogwatch.nothing" in child.describe_end()

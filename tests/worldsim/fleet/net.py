@@ -1,0 +1,111 @@
+"""Scripted robots, and a clock that only waiting moves."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from patrol.exchange import Reply, Sensed
+from patrol.net.keys import FleetKeys
+from patrol.net.mailbox import Presence
+from patrol.net.phases import (
+    Hello,
+    HelloReply,
+    PhaseA,
+    PhaseB,
+    ReplyA,
+    ReplyB,
+    ToRobot,
+    ToWorld,
+    decode_to_robot,
+)
+from patrol.pose import Pose, Velocity
+from worldsim.fleet.lockstep import LockstepFleet
+from worldsim.fleet.sessions import Seats, Wire
+
+KEYS = FleetKeys("f")
+NAMES = {1: "r1", 2: "r2", 3: "r3"}
+RUN, HASH = 9, "c" * 64
+POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
+
+
+class Net:
+    """Robots that answer at once unless told otherwise, and time that passes only while somebody waits."""
+
+    def __init__(self) -> None:
+        self.time = 1000.0
+        self.refused: Counter[str] = Counter()
+        self.letters: deque[tuple[float, str, Any]] = deque()
+        self.sent: list[tuple[int, ToRobot]] = []
+        self.delays: dict[tuple[int, int, str], float] = {}
+        self.mute: set[int] = set()
+        self.connected = True
+        self.ending = False
+        self.wire = Wire(
+            KEYS,
+            NAMES,
+            {number: self.post_of(number) for number in NAMES},
+            self,
+            lambda: self.connected,
+            lambda: self.time,
+            lambda: self.ending,
+        )
+        self.seats = Seats(self.wire, RUN, HASH)
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
+        due = sorted(self.letters, key=lambda letter: letter[0])
+        if due and due[0][0] <= self.time + timeout_s:
+            self.letters.remove(due[0])
+            self.time = max(self.time, due[0][0])
+            return due[0][1:]
+        self.time += timeout_s
+        return None
+
+    def deliver(self, number: int, message: ToWorld, after_s: float = 0.0) -> None:
+        self.letters.append((self.time + after_s, KEYS.reply(NAMES[number]), message))
+
+    def presence(self, number: int, present: bool, after_s: float = 0.0) -> None:
+        self.letters.append((self.time + after_s, KEYS.alive(NAMES[number]), Presence(present)))
+
+    def post_of(self, number: int) -> Callable[[bytes], None]:
+        def post(payload: bytes) -> None:
+            message = decode_to_robot(payload)
+            self.sent.append((number, message))
+            if number not in self.mute:
+                self.answer(number, message)
+
+        return post
+
+    def answer(self, number: int, message: ToRobot) -> None:
+        me = (1, 70 + number, message.k)
+        if isinstance(message, Hello):
+            self.deliver(number, HelloReply(1, 70 + number, 0, message.run, HASH))
+        elif isinstance(message, PhaseA):
+            self.deliver(number, ReplyA(*me, (b"frame",)), self.delays.pop((number, message.k, "A"), 0.001))
+        elif isinstance(message, PhaseB):
+            reply = ReplyB(*me, Reply(Velocity(float(message.k), 0.0), "patrolling", None, 2.0, 0))
+            self.deliver(number, reply, self.delays.pop((number, message.k, "B"), 0.001))
+        else:
+            self.presence(number, False)
+
+    def gather(self) -> None:
+        for number in NAMES:
+            self.presence(number, True)
+        self.seats.gather(10.0, lambda _names, _s: None)
+
+    def told(self, kind: type[ToRobot], number: int) -> list[ToRobot]:
+        return [message for to, message in self.sent if to == number and isinstance(message, kind)]
+
+
+def fleet_of(net: Net, deadline_s: float = 10.0) -> LockstepFleet:
+    net.gather()
+    return LockstepFleet(net.seats, deadline_s)
+
+
+def sensed(k: int, numbers: Sequence[int] = (1, 2, 3)) -> dict[int, Sensed]:
+    return {number: Sensed(k, POSES[number]) for number in numbers}
+
+
+def heard(numbers: Sequence[int] = (1, 2, 3)) -> dict[int, list[bytes]]:
+    return {number: [b"x"] for number in numbers}
