@@ -10,7 +10,7 @@ from monitor.process import show
 from monitor.source import Source
 from patrol.process.lifeline import Ending
 
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 class ServedPage:

@@ -14,6 +14,7 @@ import pytest
 from fogwatch.cli.app import main
 
 SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
+PATIENCE_S = 300.0
 COARSE = [*SHORT, "--no-recording", "--no-report"]
 
 
@@ -157,7 +158,7 @@ def test_a_reader_that_leaves_changes_no_exit_code(quiet: list[str], ok: bool, t
             [sys.executable, "-P", "-c", program], cwd=tmp_path, stdout=writing, stderr=errors, text=True
         )
         os.close(writing)
-        said = process.communicate(timeout=120)[1] or ""
+        said = process.communicate(timeout=PATIENCE_S)[1] or ""
         assert process.returncode == (0 if ok else 1), said
         assert "Traceback" not in said
         assert "Exception ignored" not in said
@@ -206,12 +207,12 @@ def test_an_interrupted_run_in_one_process_can_be_read(tmp_path: Path) -> None:
     out = tmp_path / "run"
     command = [sys.executable, "-P", "-m", "fogwatch", "run", "open", "--in-process", "--out", str(out), *COARSE]
     process = subprocess.Popen([*command, "--duration", "100000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + PATIENCE_S
     while not (out / "ticks.csv").exists() or (out / "ticks.csv").read_text(encoding="ascii").count("\n") < 5:
         assert time.monotonic() < end
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=60)
+    process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert summary["ended"] == "interrupted"

@@ -73,8 +73,10 @@ def test_the_map_paints_and_the_robots_move(chromium: Any, page: ServedPage) -> 
         look.until("document.getElementById('play').textContent === 'go'")
         assert colours(look) > 12
         before = look.picture("#canvas")
+        tick = look.evaluate("document.getElementById('clock').title")
         look.press(".")
         look.press(".")
+        look.until(f"document.getElementById('clock').title !== {tick!r}")
         look.until("document.querySelectorAll('#rows tr').length === 3")
         assert look.picture("#canvas") != before
         look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
