@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -252,7 +253,7 @@ def test_a_paced_run_waits_for_nobody_and_counts(start: Callable[..., Run]) -> N
 def test_at_a_pace_a_paused_agent_silences_nobody_else(start: Callable[..., Run]) -> None:
     """Its queues fill up after some hundreds of ticks; whoever waits for room in them then serves nobody.
 
-    How long the others are without a decision meanwhile is measured in tests/accept/test_pace.py.
+    tests/accept/test_pace.py measures that more closely, on a quiet machine.
     """
     run = start({**OPEN, "duration": 100_000, "pace": 100, "robots": {"count": 3, "model": "holonomic"}})
     run.until(lambda: run.ticks() > 50)
@@ -262,10 +263,13 @@ def test_at_a_pace_a_paused_agent_silences_nobody_else(start: Callable[..., Run]
     run.until(lambda: run.ticks() > stopped + 1500)
     full = run.ticks()
     for number in (2, 3):
-        run.until(lambda: sum(decisions(run, number, full)) > 50)  # noqa: B023 - asked at once
+        run.until(lambda: any(decisions(run, number, full)))  # noqa: B023 - asked at once
     os.kill(paused, signal.SIGCONT)
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors
+    for number in (2, 3):
+        gaps = [len(list(gap)) for decided, gap in groupby(decisions(run, number, stopped)) if not decided]
+        assert max(gaps, default=0) < 600, "3 s of wall time; with queues that are waited for it was 5 s"
 
 
 def decisions(run: Run, number: int, first: int) -> list[bool]:
