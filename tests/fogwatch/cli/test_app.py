@@ -141,6 +141,7 @@ def test_the_version_is_an_option_too(fogwatch: Callable[..., int], capsys: pyte
     assert capsys.readouterr().out.startswith("fogwatch 0")
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("ok", [True, False])
 @pytest.mark.parametrize("quiet", [[], ["--quiet"]])
 def test_a_reader_that_leaves_changes_no_exit_code(quiet: list[str], ok: bool, tmp_path: Path) -> None:
@@ -171,6 +172,7 @@ def test_help_teaches(arguments: list[str], fogwatch: Callable[..., int], capsys
     assert "run" in shown.out + shown.err
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("module", ["agent", "worldsim", "fogwatch.router"])
 def test_every_process_has_help_with_an_example(module: str) -> None:
     done = subprocess.run([sys.executable, "-P", "-m", module, "--help"], capture_output=True, text=True, check=True)
@@ -178,6 +180,7 @@ def test_every_process_has_help_with_an_example(module: str) -> None:
     assert "--router tcp/192.168.1.10:7447" in done.stdout
 
 
+@pytest.mark.processes
 def test_help_and_errors_load_no_heavy_library() -> None:
     program = (
         "import sys\nfrom fogwatch.cli.app import main\nsys.argv = ['fogwatch', 'run', 'nowhere']\nassert main() == 2\n"
@@ -203,6 +206,7 @@ def test_a_busy_port_is_bad_input(tmp_path: Path) -> None:
     assert not list((tmp_path / "runs").iterdir())
 
 
+@pytest.mark.processes
 def test_an_interrupted_run_in_one_process_can_be_read(tmp_path: Path) -> None:
     out = tmp_path / "run"
     command = [sys.executable, "-P", "-m", "fogwatch", "run", "open", "--in-process", "--out", str(out), *COARSE]

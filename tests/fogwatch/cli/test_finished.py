@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import unquote
@@ -46,13 +47,13 @@ def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., in
 
 
 def half(ran: Path, folder: Path, old: bool) -> Path:
-    """A run that was cut off in the middle; old: long ago."""
+    """A run that was cut off in the middle; old: long ago, otherwise a moment ago, however long the test takes."""
     folder.mkdir()
     (folder / "scenario.yaml").write_bytes((ran / "scenario.yaml").read_bytes())
     whole = (ran / "journal").read_bytes()
     (folder / "journal").write_bytes(whole[: 2 * len(whole) // 3])
-    if old:
-        os.utime(folder / "journal", (1.0e9, 1.0e9))
+    at = 1.0e9 if old else time.time() + 3600.0
+    os.utime(folder / "journal", (at, at))
     return folder
 
 
@@ -225,6 +226,7 @@ def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_pat
     assert "cannot be written" in said[-1]
 
 
+@pytest.mark.processes
 def test_the_command_starts_without_what_only_reports_need() -> None:
     import subprocess
 

@@ -70,6 +70,7 @@ def test_a_warm_machine_compiles_and_says_nothing() -> None:
     assert lines == []
 
 
+@pytest.mark.processes
 def test_processes_that_start_together_compile_once(toy: Path) -> None:
     processes = [start() for _ in range(3)]
     lines = [said(process) for process in processes]
@@ -79,6 +80,7 @@ def test_processes_that_start_together_compile_once(toy: Path) -> None:
     assert list((toy / "cache").rglob("sums.double-*.nbi"))
 
 
+@pytest.mark.processes
 def test_a_changed_source_and_a_lost_cache_are_compiled_again(toy: Path) -> None:
     assert said(start()) == [COMPILING]
     source = toy / "toy" / "kernels" / "sums.py"
@@ -90,6 +92,7 @@ def test_a_changed_source_and_a_lost_cache_are_compiled_again(toy: Path) -> None
     assert said(start()) == []
 
 
+@pytest.mark.processes
 def test_where_nothing_can_be_kept_the_error_is_kind(toy: Path) -> None:
     process = start(NUMBA_CACHE_LOCATOR_CLASSES="IPythonCacheLocator")
     _, errors = process.communicate(timeout=600)
