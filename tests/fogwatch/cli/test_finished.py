@@ -17,7 +17,7 @@ from patrol.journal import read_journal
 from patrol.net.access import FILE, Access, write_access
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
-from tests.routers import routed, world_seen
+from tests.routers import PATIENCE_S, routed, world_seen
 
 SMALL = {
     "name": "small",
@@ -196,8 +196,14 @@ def test_the_files_of_a_report_are_found_from_where_it_lies(
 
 
 def test_a_run_that_was_paused_long_ago_is_not_cut_off_while_its_world_is_there(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+    ran: Path,
+    command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr("monitor.live.attach.ANSWER_S", PATIENCE_S)
+    monkeypatch.setattr("patrol.net.link.SEE_S", PATIENCE_S)
     folder = half(ran, tmp_path / "half", old=True)
     with routed() as where:
         write_access(folder / FILE, Access("fleet-1", where, "0123456789abcdef"))
