@@ -92,7 +92,7 @@ def test_quiet_prints_the_folder_and_nothing_else(
         (["open", "--pace", "warp"], "pace"),
         (["open", "--start", "here"], "--start here"),
         (["open", "--start", "1,2,3,4"], "--start"),
-        (["open", "--start", "-50,3"], "50"),
+        pytest.param(["open", "--start", "-50,3"], "50", marks=pytest.mark.processes),
         (["open", "--port", "0"], "--port 0"),
         (["open", "--set", "patrol"], "--set patrol"),
         (["open", "--set", "patrol.dilation=1"], "did you mean dilatation"),
