@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import pytest
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-PATIENCE_S = 90.0
+PATIENCE_S = 180.0
 NOWHERE = "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE localhost , EXCLUDE 127.0.0.1"
 
 
@@ -33,7 +33,7 @@ def looking() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=[NOWHERE])
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=[NOWHERE], timeout=PATIENCE_S * 1000)
         try:
             yield running
         finally:

@@ -1,4 +1,4 @@
-"""What every test shares: how hypothesis searches, and that no process outlives the session."""
+"""What every test shares: which run, how hypothesis searches, and that no process outlives the session."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ settings.register_profile("local", deadline=None, print_blob=True)
 settings.register_profile("ci", settings.get_profile("local"), derandomize=True, database=None)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
-LONG = ("accept", "bench", "network")
-"""Marks of tests that run only when `-m` names them. A `-m` on the command line replaces that of pyproject.toml."""
+SELDOM = ("accept", "bench", "network")
+"""Markers of tests that run only where ``-m`` names them."""
 
 MARK = "FOGWATCH_TEST_SESSION"
-GRACE_S = 5.0
+GRACE_S = 60.0
+"""How long the last processes may take to leave, on a machine with much else to do."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave long tests out of a selection that does not mention them, such as `-m "not processes"`."""
-    if any(mark in config.getoption("markexpr") for mark in LONG):
-        return
-    long = [item for item in items if any(item.get_closest_marker(mark) for mark in LONG)]
-    if long:
-        config.hook.pytest_deselected(items=long)
-        items[:] = [item for item in items if item not in set(long)]
+    """Leave out what runs seldom, whatever else ``-m`` selects."""
+    unnamed = [name for name in SELDOM if name not in config.option.markexpr]
+    left_out = [item for item in items if any(item.get_closest_marker(name) for name in unnamed)]
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
 
 
 def marked_processes(mark: str) -> dict[int, str]:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from patrol.net.keys import WORLD, fleet_keys
 from patrol.net.link import open_link, open_router
 
-PATIENCE_S = 10.0
+PATIENCE_S = 120.0
 
 
 def free_endpoint() -> str:

@@ -12,6 +12,7 @@ import pytest
 UNITS = sorted((Path(__file__).parents[2] / "deploy" / "systemd").glob("*.service"))
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.name)
 def test_a_unit_starts_a_module_with_options_that_it_has(unit: Path) -> None:
     (line,) = re.findall(r"^ExecStart=.*/python -P -m (.+)$", unit.read_text(encoding="utf-8"), flags=re.MULTILINE)

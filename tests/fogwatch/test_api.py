@@ -85,6 +85,7 @@ def test_what_has_run_is_never_thrown_away(tmp_path: Path, monkeypatch: pytest.M
     assert sum(1 for _ in read_journal(tmp_path / "run" / "journal").ticks) == 40
 
 
+@pytest.mark.processes
 def test_the_package_loads_nothing_until_a_run_is_wanted() -> None:
     program = "import sys, fogwatch\nassert 'numpy' not in sys.modules\nfogwatch.run\nassert 'numpy' in sys.modules"
     subprocess.run([sys.executable, "-P", "-c", program], check=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable
-from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import pytest
 
 import fogwatch
 from fogwatch.launch.launcher import Launch
-from patrol.journal import RobotTick, Status, read_journal
+from patrol.journal import RobotTick, Status, TickRecord, read_journal
 from worldsim.fleet.acts import LOOKED_AT
 from worldsim.fleet.process_control import STOPPED
 
@@ -41,9 +41,20 @@ NAMES = ["anna", "bert", "carl", "dora", "emil"]
 SPARES = ["fern", "gil"]
 
 
-def rows(run: Run, number: int) -> list[RobotTick]:
-    """A robot's part of the ticks so far."""
-    return [tick.robots[number - 1] for tick in read_journal(run.folder / "journal").ticks]
+def ticks(run: Run, first: int = 0) -> list[TickRecord]:
+    """The ticks so far, from the first on."""
+    return list(islice(read_journal(run.folder / "journal").ticks, first, None))
+
+
+def rows(run: Run, number: int, first: int = 0) -> list[RobotTick]:
+    """A robot's part of the ticks so far, from the first on."""
+    return [tick.robots[number - 1] for tick in ticks(run, first)]
+
+
+def each(run: Run, first: int, what: Callable[[RobotTick], bool]) -> bool:
+    """Whether it was so of each robot in some tick, from the first on."""
+    columns = list(zip(*(tick.robots for tick in ticks(run, first)), strict=True))
+    return bool(columns) and all(any(map(what, column)) for column in columns)
 
 
 @pytest.mark.parametrize("model", ["holonomic", "car"])
@@ -165,7 +176,8 @@ def test_at_a_pace_robots_come_when_their_processes_are_there(start: Callable[..
     ]
     run = start({**COARSE, "duration": 100_000, "pace": 5, "robots": 4 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 16)
-    run.until(lambda: all(rows(run, number)[-1].decision_ms is not None for number in (1, 2, 3)))
+    for number in (1, 2, 3):  # the last of them to come back does so before tick 16
+        run.until(lambda: any(row.decision_ms is not None for row in rows(run, number, 16)))  # noqa: B023 - asked at once
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors
     summary = run.summary()
@@ -182,29 +194,28 @@ def test_at_a_pace_robots_come_when_their_processes_are_there(start: Callable[..
 
 def test_the_router_and_agents_die_in_turn_at_a_pace(start: Callable[..., Run]) -> None:
     """Robots that cannot be reached stop; they drive again when the router is back; the dead are named."""
-    run = start({**COARSE, "duration": 500, "pace": 10, "watchdog": 1.0, "robots": 3 * [{}]})
+    run = start({**COARSE, "duration": 100_000, "pace": 10, "watchdog": 1.0, "robots": 3 * [{}]})
     run.until(lambda: run.ticks() > 20)
     before = run.ticks()
-
-    def robots_stand() -> bool:
-        """Without a router for as long as it takes: every one that is started again dies as well."""
-        if (router := run.children().get("fogwatch.router")) is not None:
-            with suppress(ProcessLookupError):
-                os.kill(router, signal.SIGKILL)
-        return all(any(_stands(row) for row in rows(run, number)[before:]) for number in (1, 2, 3))
-
-    run.until(robots_stand)
+    run.process.send_signal(signal.SIGSTOP)  # nobody starts another router, for as long as it takes
+    last = run.children()["fogwatch.router"]
+    os.kill(last, signal.SIGKILL)
+    run.until(lambda: each(run, before, _stands))
     stopped = run.ticks()
-    run.until(lambda: all(any(_drives(row) for row in rows(run, number)[stopped:]) for number in (1, 2, 3)))
-    assert all(row.status is Status.ALIVE for number in (1, 2, 3) for row in rows(run, number))
+    run.process.send_signal(signal.SIGCONT)
+    run.until(lambda: run.children().get("fogwatch.router", last) != last)
+    os.kill(run.children()["fogwatch.router"], signal.SIGKILL)
+    run.until(lambda: each(run, stopped, _drives))
+    assert {row.status for tick in ticks(run) for row in tick.robots} == {Status.ALIVE}
     for dead in ("r1", "r2"):
         os.kill(run.children()[dead], signal.SIGKILL)
         run.until(lambda: rows(run, int(dead[1]))[-1].status is Status.LOST)  # noqa: B023 - asked at once
     at = run.ticks()
-    run.until(lambda: any(_drives(row) for row in rows(run, 3)[at:]))
+    run.until(lambda: any(_drives(row) for row in rows(run, 3, at)))
     os.kill(run.children()["r3"], signal.SIGKILL)
     assert run.end() == 1, run.errors  # nobody is left to wait for
     assert not run.children()
+    assert run.errors.count("router was killed by SIGKILL") == 2
     failed = {check["name"]: check["detail"] for check in run.summary()["verdict"]["checks"] if not check["ok"]}
     assert set(failed) == {"complete", "nobody lost"}
     assert failed["complete"].endswith("nobody is living any more")

@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -163,7 +164,7 @@ def test_a_run_can_be_interrupted_before_it_begins(start: Callable[..., Run]) ->
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors
     assert run.errors.endswith("fogwatch: interrupted\n")
-    run.until(lambda: not run.children(), limit_s=5.0)
+    run.until(lambda: not run.children())
     assert run.summary()["ended"] == "interrupted" if run.folder.exists() else True
 
 
@@ -180,7 +181,7 @@ def test_a_run_can_be_interrupted_while_it_prepares(
     assert run.errors.endswith("fogwatch: interrupted\n")
     # On a busy machine the signal may come when the run has begun; only then is there anything to keep.
     assert not run.folder.exists() or run.summary()["ended"] == "interrupted"
-    run.until(lambda: not run.children(), limit_s=5.0)
+    run.until(lambda: not run.children())
 
 
 def test_a_second_signal_ends_at_once(start: Callable[..., Run]) -> None:
@@ -200,7 +201,7 @@ def test_nothing_outlives_a_killed_launcher(start: Callable[..., Run]) -> None:
     os.kill(run.children()["r2"], signal.SIGSTOP)
     run.process.kill()
     run.process.wait()
-    run.until(lambda: not run.children(), limit_s=5.0)
+    run.until(lambda: not run.children())
     assert not (run.folder / "static").exists()
     assert sum(1 for _ in read_journal(run.folder / "journal").ticks) > 20
 
@@ -229,39 +230,49 @@ def test_a_dead_world_ends_the_run_unjudged(start: Callable[..., Run]) -> None:
     assert "The run was cut off" in (run.folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_real_pace_waits_for_nobody_and_counts(start: Callable[..., Run]) -> None:
-    run = start({**OPEN, "duration": 60, "pace": 20, "watchdog": 1.0})
+def test_a_paced_run_waits_for_nobody_and_counts(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000, "pace": 20, "watchdog": 1.0})
     run.until(lambda: run.ticks() > 10)
     agent = run.children()["r1"]
     os.kill(agent, signal.SIGSTOP)
-    run.until(lambda: run.ticks() > 60)
+    stopped = run.ticks()
+    run.until(lambda: run.ticks() > stopped + 50)
+    going = run.ticks()
     os.kill(agent, signal.SIGCONT)
-    assert run.end() == 0, run.errors
+    run.until(lambda: any(decisions(run, 1, going)))
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
     summary = run.summary()
-    assert summary["ticks"] == 120
-    assert summary["realtime_factor"] == pytest.approx(20, rel=0.2)
-    assert summary["deadlines"]["late_commands"]["r1"] >= 30
+    assert summary["realtime_factor"] < 20 * 1.1, "it does not wait for the next tick"
+    assert summary["deadlines"]["late_commands"]["r1"] >= 49
     rows = [tick.robots[0] for tick in read_journal(run.folder / "journal").ticks]
-    assert any((row.c0, row.c1) == (0.0, 0.0) for row in rows[20:60]), "the watchdog did not stop it"
+    assert any((row.c0, row.c1) == (0.0, 0.0) for row in rows[stopped:going]), "the watchdog did not stop it"
     assert all(row.status is Status.ALIVE for row in rows)
 
 
 def test_at_a_pace_a_paused_agent_silences_nobody_else(start: Callable[..., Run]) -> None:
-    """Its queues fill up after some hundreds of ticks; whoever waits for room in them then serves nobody."""
-    ticks = 2000
-    run = start({**OPEN, "duration": 0.5 * ticks, "pace": 50, "robots": {"count": 3, "model": "holonomic"}})
+    """Its queues fill up after some hundreds of ticks; whoever waits for room in them then serves nobody.
+
+    tests/accept/test_pace.py measures that more closely, on a quiet machine.
+    """
+    run = start({**OPEN, "duration": 100_000, "pace": 100, "robots": {"count": 3, "model": "holonomic"}})
     run.until(lambda: run.ticks() > 50)
     paused = run.children()["r1"]
     os.kill(paused, signal.SIGSTOP)
-    run.until(lambda: run.ticks() > ticks - 150)
+    stopped = run.ticks()
+    run.until(lambda: run.ticks() > stopped + 1500)
+    full = run.ticks()
+    for number in (2, 3):
+        run.until(lambda: any(decisions(run, number, full)))  # noqa: B023 - asked at once
     os.kill(paused, signal.SIGCONT)
-    assert run.end() == 0, run.errors
-    decided = {2: 0, 3: 0}
-    longest = 0
-    for tick in read_journal(run.folder / "journal").ticks:
-        for row in tick.robots[1:]:
-            if row.decision_ms is not None:
-                decided[row.number] = tick.k
-            longest = max(longest, tick.k - decided[row.number])
-    assert longest < 100, f"no decision for {longest} ticks"
-    assert run.summary()["realtime_factor"] == pytest.approx(50, rel=0.2)
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
+    for number in (2, 3):
+        gaps = [len(list(gap)) for decided, gap in groupby(decisions(run, number, stopped)) if not decided]
+        assert max(gaps, default=0) < 600, "3 s of wall time; with queues that are waited for it was 5 s"
+
+
+def decisions(run: Run, number: int, first: int) -> list[bool]:
+    """Of each tick so far from the first on, whether the robot decided in it."""
+    ticks = list(read_journal(run.folder / "journal").ticks)
+    return [tick.robots[number - 1].decision_ms is not None for tick in ticks[first:]]

@@ -88,8 +88,9 @@ def keeps_what_is_in_force(look: Look) -> None:
     look.page.select_option("#who", "2")
     look.page.click("#silence")
     look.until(pressed % "false")
+    look.evaluate("document.getElementById('answer').textContent = ''")
     look.evaluate(set_loss.replace("35", "0"))
-    look.page.wait_for_timeout(500)
+    look.until("document.getElementById('answer').textContent !== ''")
     look.page.reload()
     look.until("document.body.dataset.frames > 0")
     look.until(loss % 0)
@@ -116,7 +117,6 @@ def places_an_intruder_by_keys(look: Look) -> None:
     assert abs((y - y0) - 5.0 * (x - x0)) < 0.5
 
 
-@pytest.mark.timeout(900)
 def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, start: Callable[..., Run]) -> None:
     run = start(FLEET, "--page", "--no-report", "--no-recording")
     with Look(chromium, address_of(run)) as look:
@@ -146,11 +146,12 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
         )
         look.until("document.getElementById('answer').textContent.includes('loss')")
         look.page.click("#tab-links")
-        for _ in range(400):
+        for _ in range(3000):
             if share(look) < 0.9:
                 break
             look.page.wait_for_timeout(100)
-        assert share(look) < 0.9
+        else:
+            pytest.fail("the loss shows nowhere")
 
         adds_robots(look, run)
         keeps_what_is_in_force(look)

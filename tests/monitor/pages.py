@@ -10,7 +10,7 @@ from monitor.observation.source import Source
 from monitor.process import serve
 from patrol.process.lifeline import Ending
 
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 class ServedPage:

@@ -101,6 +101,7 @@ def reference() -> dict[str, Any]:
     return found
 
 
+@pytest.mark.processes
 def test_two_worker_processes_give_the_numbers_of_each_run_by_itself(tmp_path: Path, reference: dict[str, Any]) -> None:
     outcome = run_sweep(plan(SIX), tmp_path, workers=LocalWorkers(2))
     assert numbers(outcome.results) == reference
@@ -109,6 +110,7 @@ def test_two_worker_processes_give_the_numbers_of_each_run_by_itself(tmp_path: P
         assert numbers(there.by_key) == reference
 
 
+@pytest.mark.processes
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
 def test_a_cluster_of_two_workers_gives_the_same_numbers(tmp_path: Path, reference: dict[str, Any]) -> None:
     from distributed import LocalCluster
@@ -191,6 +193,7 @@ def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPat
         gc.enable()
 
 
+@pytest.mark.processes
 def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path) -> None:
     long = plan({"long": {"duration": 100_000}, "short": {}, "brief": {"duration": 20}}, seeds=(1,))
     workers = LocalWorkers(2)

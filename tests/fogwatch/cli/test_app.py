@@ -18,6 +18,7 @@ from fogwatch.cli.app import app, main
 from fogwatch.cli.command_help import ORDER
 
 SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
+PATIENCE_S = 300.0
 COARSE = [*SHORT, "--no-recording", "--no-report"]
 
 
@@ -95,7 +96,7 @@ def test_quiet_prints_the_folder_and_nothing_else(
         (["open", "--pace", "warp"], "pace"),
         (["open", "--start", "here"], "--start here"),
         (["open", "--start", "1,2,3,4"], "--start"),
-        (["open", "--start", "-50,3"], "50"),
+        pytest.param(["open", "--start", "-50,3"], "50", marks=pytest.mark.processes),
         (["open", "--port", "0"], "--port 0"),
         (["open", "--set", "patrol"], "--set patrol"),
         (["open", "--set", "patrol.dilation=1"], "did you mean dilatation"),
@@ -144,6 +145,7 @@ def test_the_version_is_an_option_too(fogwatch: Callable[..., int], capsys: pyte
     assert capsys.readouterr().out.startswith("fogwatch 0")
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("ok", [True, False])
 @pytest.mark.parametrize("quiet", [[], ["--quiet"]])
 def test_a_reader_that_leaves_changes_no_exit_code(quiet: list[str], ok: bool, tmp_path: Path) -> None:
@@ -161,7 +163,7 @@ def test_a_reader_that_leaves_changes_no_exit_code(quiet: list[str], ok: bool, t
             [sys.executable, "-P", "-c", program], cwd=tmp_path, stdout=writing, stderr=errors, text=True
         )
         os.close(writing)
-        said = process.communicate(timeout=120)[1] or ""
+        said = process.communicate(timeout=PATIENCE_S)[1] or ""
         assert process.returncode == (0 if ok else 1), said
         assert "Traceback" not in said
         assert "Exception ignored" not in said
@@ -207,6 +209,7 @@ def test_every_command_has_an_example_and_its_exit_codes(
     assert re.search(r"^ Exit codes: .*\b2 ", shown, flags=re.MULTILINE | re.DOTALL), shown
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("module", ["agent", "worldsim", "fogwatch.router"])
 def test_every_process_has_help_with_an_example(module: str) -> None:
     done = subprocess.run([sys.executable, "-P", "-m", module, "--help"], capture_output=True, text=True, check=True)
@@ -214,6 +217,7 @@ def test_every_process_has_help_with_an_example(module: str) -> None:
     assert "--router tcp/192.168.1.10:7447" in done.stdout
 
 
+@pytest.mark.processes
 def test_help_and_errors_load_no_heavy_library() -> None:
     program = (
         "import sys\nfrom fogwatch.cli.app import main\nsys.argv = ['fogwatch', 'run', 'nowhere']\nassert main() == 2\n"
@@ -239,16 +243,17 @@ def test_a_busy_port_is_bad_input(tmp_path: Path) -> None:
     assert not list((tmp_path / "runs").iterdir())
 
 
+@pytest.mark.processes
 def test_an_interrupted_run_in_one_process_can_be_read(tmp_path: Path) -> None:
     out = tmp_path / "run"
     command = [sys.executable, "-P", "-m", "fogwatch", "run", "open", "--in-process", "--out", str(out), *COARSE]
     process = subprocess.Popen([*command, "--duration", "100000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + PATIENCE_S
     while not (out / "ticks.csv").exists() or (out / "ticks.csv").read_text(encoding="ascii").count("\n") < 5:
         assert time.monotonic() < end
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=60)
+    process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert summary["ended"] == "interrupted"

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import unquote
@@ -16,7 +17,7 @@ from patrol.journal import read_journal
 from patrol.net.access import FILE, Access, write_access
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
-from tests.routers import routed, world_seen
+from tests.routers import PATIENCE_S, routed, world_seen
 
 SMALL = {
     "name": "small",
@@ -46,13 +47,13 @@ def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., in
 
 
 def half(ran: Path, folder: Path, old: bool) -> Path:
-    """A run that was cut off in the middle; old: long ago."""
+    """A run that was cut off in the middle; old: long ago, otherwise a moment ago, however long the test takes."""
     folder.mkdir()
     (folder / "scenario.yaml").write_bytes((ran / "scenario.yaml").read_bytes())
     whole = (ran / "journal").read_bytes()
     (folder / "journal").write_bytes(whole[: 2 * len(whole) // 3])
-    if old:
-        os.utime(folder / "journal", (1.0e9, 1.0e9))
+    at = 1.0e9 if old else time.time() + 3600.0
+    os.utime(folder / "journal", (at, at))
     return folder
 
 
@@ -195,8 +196,14 @@ def test_the_files_of_a_report_are_found_from_where_it_lies(
 
 
 def test_a_run_that_was_paused_long_ago_is_not_cut_off_while_its_world_is_there(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+    ran: Path,
+    command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr("monitor.live.attach.ANSWER_S", PATIENCE_S)
+    monkeypatch.setattr("patrol.net.link.SEE_S", PATIENCE_S)
     folder = half(ran, tmp_path / "half", old=True)
     with routed() as where:
         write_access(folder / FILE, Access("fleet-1", where, "0123456789abcdef"))
@@ -235,6 +242,7 @@ def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_pat
     assert "cannot be written" in said[-1]
 
 
+@pytest.mark.processes
 def test_the_command_starts_without_what_only_reports_need() -> None:
     import subprocess
 

@@ -122,7 +122,7 @@ def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(
     with started(file, tmp_path / "out") as process:
         read_until(process, 1)
         process.send_signal(signal.SIGINT)
-        said, complained = process.communicate(timeout=60)
+        said, complained = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "1 of 2 runs are done; start again to continue in" in said
     assert "Traceback" not in complained

@@ -7,7 +7,7 @@ import pytest
 
 from monitor.live.attach import is_running
 from patrol.net.access import FILE, Access, write_access
-from tests.routers import free_endpoint, routed, world_seen
+from tests.routers import PATIENCE_S, free_endpoint, routed, world_seen
 
 
 @pytest.fixture
@@ -28,7 +28,11 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
     return make
 
 
-def test_a_run_goes_on_while_its_world_is_there(endpoint: str, folder: Callable[[str], Path]) -> None:
+def test_a_run_goes_on_while_its_world_is_there(
+    endpoint: str, folder: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.live.attach.ANSWER_S", PATIENCE_S)
+    monkeypatch.setattr("patrol.net.link.SEE_S", PATIENCE_S)
     run = folder(endpoint)
     assert not is_running(run)
     with world_seen(endpoint, "fleet-1"):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 from array import array
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 
 from monitor.live.fog_tracker import KEPT_S
 from monitor.observation.source import Series
@@ -19,9 +21,14 @@ from monitor.replay.player import Player
 from tests.monitor.live.test_feed_source import FakeFeed
 
 if TYPE_CHECKING:
-    import pytest
-
     from tests.monitor.conftest import Seen
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a turn asks for is worked out in that turn, however slow the machine is."""
+    monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", math.inf)
+    monkeypatch.setattr("monitor.replay.linklog.BUDGET_S", math.inf)
 
 
 class Page:

@@ -73,8 +73,10 @@ def test_the_map_paints_and_the_robots_move(chromium: Any, page: ServedPage) -> 
         look.until("document.getElementById('play').textContent === 'play'")
         assert colours(look) > 12
         before = look.picture("#canvas")
+        tick = look.evaluate("document.getElementById('clock').title")
         look.press(".")
         look.press(".")
+        look.until(f"document.getElementById('clock').title !== {tick!r}")
         look.until("document.querySelectorAll('#rows tr').length === 3")
         assert look.picture("#canvas") != before
         look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
@@ -206,6 +208,7 @@ def test_a_run_that_is_over_stays_over_when_its_page_ends(chromium: Any, faulty:
     with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
         wire.send(10_000)
         look.until("document.getElementById('mode').textContent === 'over: completed'")
+        look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")  # nothing is on its way
         served.close()
         look.until("document.getElementById('note').textContent.includes('fogwatch replay')")
         assert look.evaluate("document.getElementById('mode').textContent") == "over: completed"

@@ -16,7 +16,7 @@ from monitor.page.server import FULL
 from monitor.process import main
 from monitor.replay.player import Player
 from patrol.net.keys import is_loopback
-from tests.monitor.pages import ServedPage
+from tests.monitor.pages import PATIENCE_S, ServedPage
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,7 +43,7 @@ def closed_page(quiet: Seen) -> Iterator[ServedPage]:
 
 
 def get(page: ServedPage, path: str, **headers: str) -> tuple[int, dict[str, str], str]:
-    connection = HTTPConnection("127.0.0.1", page.port or 0, timeout=30)
+    connection = HTTPConnection("127.0.0.1", page.port or 0, timeout=PATIENCE_S)
     connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
     answer = connection.getresponse()
     body = answer.read().decode("utf-8", "replace")
@@ -68,7 +68,7 @@ def look(page: ServedPage, origin: str | None = "", key: str = "", **headers: st
 def said(socket: ClientConnection, kind: str) -> dict[str, Any]:
     """The next message of that kind; everything that is shown is drawn at once."""
     while True:
-        message = socket.recv(timeout=30)
+        message = socket.recv(timeout=PATIENCE_S)
         if isinstance(message, str):
             says: dict[str, Any] = json.loads(message)
             if says["type"] == "state":
@@ -182,7 +182,7 @@ def test_who_finds_no_room_is_told_so(open_page: ServedPage, monkeypatch: pytest
     with look(open_page) as first:
         said(first, "state")
         with look(open_page) as second, pytest.raises(ConnectionClosed) as closed:
-            second.recv(timeout=30)
+            second.recv(timeout=PATIENCE_S)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == FULL
 
@@ -195,7 +195,7 @@ def test_whatever_the_jumps_a_page_has_the_whole_trail(open_page: ServedPage, qu
             socket.send(json.dumps({"type": "control", "id": 1, "control": {"do": "seek", "k": k}}))
             shown = -1
             while shown != k:
-                says = json.loads(text) if isinstance(text := socket.recv(timeout=30), str) else {}
+                says = json.loads(text) if isinstance(text := socket.recv(timeout=PATIENCE_S), str) else {}
                 if says.get("type") == "trail":
                     has |= dict(enumerate(says["rows"], start=says["first"]))
                 elif says.get("type") == "state":  # the last message of a frame

@@ -8,19 +8,15 @@ import pytest
 
 from monitor.report.analysis import analyse
 from monitor.report.document import write_report
-from tests.browser import CHROMIUM, browser_or_skip
+from tests.browser import PATIENCE_S, browser_or_skip, looking
 
 pytestmark = browser_or_skip()
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM)
+    with looking() as running:
         yield running
-        running.close()
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +33,7 @@ def test_a_report_asks_nobody_fits_and_can_be_read(browser: Any, report: Path, s
     asked, complaints = [], []
     context.on("request", lambda request: asked.append(request.url))
     page = context.new_page()
+    page.set_default_timeout(PATIENCE_S * 1000)
     page.on("console", lambda message: complaints.append(message.text))
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.goto(report.as_uri())

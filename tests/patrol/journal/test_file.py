@@ -212,6 +212,7 @@ def test_a_journal_is_never_written_over(tmp_path: Path) -> None:
     assert [record.k for record in read_journal(path).ticks] == [0]
 
 
+@pytest.mark.processes
 def test_a_killed_writer_loses_nothing_that_it_wrote(tmp_path: Path) -> None:
     path = tmp_path / "journal"
     code = f"""

@@ -7,7 +7,7 @@ import pytest
 
 from patrol.net.link import Link, LinkDown, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
-from tests.routers import free_endpoint, routed
+from tests.routers import PATIENCE_S, free_endpoint, routed
 
 
 def whole(payload: bytes) -> int:
@@ -26,21 +26,29 @@ def links(endpoint: str) -> Iterator[Callable[[], Link]]:
     made: list[Link] = []
 
     def join() -> Link:
-        made.append(open_link(endpoint, 10.0))
+        made.append(open_link(endpoint, PATIENCE_S))
         return made[-1]
 
     yield join
     for link in made:
-        assert link.close(10.0)
+        assert link.close(PATIENCE_S)
 
 
 def reach(post: Callable[[bytes], None], mailbox: Mailbox[int], payload: bytes) -> tuple[str, int]:
     """Send until it arrives, since a subscription takes a moment to be known."""
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + PATIENCE_S
     while (arrived := mailbox.get(0.05)) is None:
         assert time.monotonic() < end
         post(payload)
     return arrived
+
+
+def next_but(mailbox: Mailbox[int], former: int) -> tuple[str, int]:
+    """The next message but for those that `reach` has sent more than once."""
+    while (arrived := mailbox.get(PATIENCE_S)) is not None:
+        if arrived[1] != former:
+            return arrived
+    raise AssertionError("waited in vain")
 
 
 def dropping(link: Link, key: str) -> Callable[[bytes], None]:
@@ -66,13 +74,11 @@ def test_a_burst_that_may_be_dropped_is_not(links: Callable[[], Link]) -> None:
     posts = [dropping(sender, key) for key in keys]
     for post in posts:
         reach(post, mailbox, b"0")
-    while mailbox.get(0.1):
-        pass
     for burst in range(1, 51):
         for post in posts:
             post(str(burst).encode())
-        arrived = [mailbox.get(10.0) for _ in keys]
-        assert sorted(filter(None, arrived)) == sorted((key, burst) for key in keys)
+        arrived = [next_but(mailbox, 0) for _ in keys]
+        assert sorted(arrived) == sorted((key, burst) for key in keys)
 
 
 def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Link]) -> None:
@@ -81,26 +87,24 @@ def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Lin
     receiver.subscribe("t", mailbox)
     post = sender.post("t")
     reach(post, mailbox, b"1")
-    while mailbox.get(0.1):
-        pass
     post(bytes(5_000_000))
     post(b"2")
-    assert mailbox.get(10.0) == ("t", 2)
+    assert next_but(mailbox, 1) == ("t", 2)
     assert mailbox.refused["oversized"] == 1
 
 
 def test_tokens_tell_who_is_there_and_who_has_gone(links: Callable[[], Link], endpoint: str) -> None:
-    early = open_link(endpoint, 10.0)
+    early = open_link(endpoint, PATIENCE_S)
     early.live("alive/early")
     mailbox: Mailbox[int | Presence] = Mailbox(("alive/early", "alive/late"), whole, 100)
     watcher = links()
     watcher.watch("alive/*", mailbox)
-    assert mailbox.get(10.0) == ("alive/early", Presence(True))
+    assert mailbox.get(PATIENCE_S) == ("alive/early", Presence(True))
     late = links()
     late.live("alive/late")
-    assert mailbox.get(10.0) == ("alive/late", Presence(True))
-    assert early.close(10.0)
-    assert mailbox.get(10.0) == ("alive/early", Presence(False))
+    assert mailbox.get(PATIENCE_S) == ("alive/late", Presence(True))
+    assert early.close(PATIENCE_S)
+    assert mailbox.get(PATIENCE_S) == ("alive/early", Presence(False))
 
 
 def test_a_link_waits_for_its_router_and_finds_back_to_it() -> None:
@@ -113,22 +117,22 @@ def test_a_link_waits_for_its_router_and_finds_back_to_it() -> None:
         if not routers:
             routers.append(open_router(where))
 
-    link = open_link(where, 30.0, waiting)
+    link = open_link(where, PATIENCE_S, waiting)
     assert waited
     assert link.connected
     mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
     link.subscribe("t", mailbox)
-    routers.pop().close(10.0)
-    end = time.monotonic() + 20.0
+    routers.pop().close(PATIENCE_S)
+    end = time.monotonic() + PATIENCE_S
     while link.connected:
         assert time.monotonic() < end
         time.sleep(0.01)
     routers.append(open_router(where))
-    other = open_link(where, 10.0)
+    other = open_link(where, PATIENCE_S)
     assert reach(other.post("t"), mailbox, b"5") == ("t", 5)
     assert link.connected
     for closing in (link, other, routers[0]):
-        assert closing.close(10.0)
+        assert closing.close(PATIENCE_S)
 
 
 def test_a_router_that_never_comes_is_given_up() -> None:

@@ -28,7 +28,7 @@ def box(*keys: str) -> Mailbox[bytes]:
 
 
 def wait(mailbox: Mailbox[bytes], count: int) -> list[tuple[str, bytes]]:
-    until = time.monotonic() + 10.0
+    until = time.monotonic() + 60.0
     found: list[tuple[str, bytes]] = []
     while len(found) < count and time.monotonic() < until:
         if (arrived := mailbox.get(0.1)) is not None:

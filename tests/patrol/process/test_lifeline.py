@@ -40,32 +40,36 @@ def child(work: str = "ending.wait(60)", code: str = "0", lifeline: str = "-") -
     return process
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_asks_to_leave(number: signal.Signals) -> None:
     process = child(code="7")
     process.send_signal(number)
-    assert process.communicate(timeout=20)[0] == f"told to by {number.name} 1\n"
+    assert process.communicate(timeout=120)[0] == f"told to by {number.name} 1\n"
     assert process.returncode == 7
 
 
+@pytest.mark.processes
 def test_the_end_of_the_lifeline_asks_to_leave() -> None:
     reading, writing = os.pipe()
     process = child(lifeline=str(reading))
     os.close(reading)
     os.close(writing)
-    assert process.communicate(timeout=20)[0] == "its launcher has died 1\n"
+    assert process.communicate(timeout=120)[0] == "its launcher has died 1\n"
     assert process.returncode == 0
 
 
+@pytest.mark.processes
 def test_who_does_not_leave_in_time_is_made_to() -> None:
     reading, writing = os.pipe()
     process = child(work="threading.Event().wait()", lifeline=str(reading))
     os.close(reading)
     os.close(writing)
-    process.communicate(timeout=20)
+    process.communicate(timeout=120)
     assert process.returncode == INTERRUPTED
 
 
+@pytest.mark.processes
 def test_a_stopped_process_notices_too() -> None:
     """Its parent dies while it is stopped: the system continues it, and then it reads the lifeline's end."""
     program = CHILD.format(work="ending.wait(60)", code="0")
@@ -85,18 +89,20 @@ def test_a_stopped_process_notices_too() -> None:
     pid = int(next(line for line in lines if line != "ready"))
     os.kill(pid, signal.SIGSTOP)
     process.kill()
-    assert process.communicate(timeout=20)[0] == "its launcher has died 1\n"
+    assert process.communicate(timeout=120)[0] == "its launcher has died 1\n"
 
 
+@pytest.mark.processes
 def test_a_crash_is_printed_and_has_a_code_of_its_own() -> None:
     process = child(work="raise RuntimeError('no')")
-    assert "RuntimeError: no" in process.communicate(timeout=20)[1]
+    assert "RuntimeError: no" in process.communicate(timeout=120)[1]
     assert process.returncode == CRASHED
 
 
+@pytest.mark.processes
 def test_threads_that_never_end_do_not_hold_up_the_end() -> None:
     process = child(work="threading.Thread(target=threading.Event().wait).start()", code="3")
-    process.communicate(timeout=20)
+    process.communicate(timeout=120)
     assert process.returncode == 3
 
 

@@ -49,7 +49,7 @@ def start(**environment: str) -> subprocess.Popen[str]:
 
 
 def said(process: subprocess.Popen[str]) -> list[str]:
-    output, errors = process.communicate(timeout=120)
+    output, errors = process.communicate(timeout=600)
     assert process.returncode == 0, errors
     lines: list[str] = json.loads(output.replace("'", '"'))
     return lines
@@ -70,6 +70,7 @@ def test_a_warm_machine_compiles_and_says_nothing() -> None:
     assert lines == []
 
 
+@pytest.mark.processes
 def test_processes_that_start_together_compile_once(toy: Path) -> None:
     processes = [start() for _ in range(3)]
     lines = [said(process) for process in processes]
@@ -79,6 +80,7 @@ def test_processes_that_start_together_compile_once(toy: Path) -> None:
     assert list((toy / "cache").rglob("sums.double-*.nbi"))
 
 
+@pytest.mark.processes
 def test_a_changed_source_and_a_lost_cache_are_compiled_again(toy: Path) -> None:
     assert said(start()) == [COMPILING]
     source = toy / "toy" / "kernels" / "sums.py"
@@ -90,14 +92,15 @@ def test_a_changed_source_and_a_lost_cache_are_compiled_again(toy: Path) -> None
     assert said(start()) == []
 
 
+@pytest.mark.processes
 def test_where_nothing_can_be_kept_the_error_is_kind(toy: Path) -> None:
     process = start(NUMBA_CACHE_LOCATOR_CLASSES="IPythonCacheLocator")
-    _, errors = process.communicate(timeout=120)
+    _, errors = process.communicate(timeout=600)
     assert process.returncode != 0
     assert "set NUMBA_CACHE_DIR to a folder" in errors.splitlines()[-1]
     (toy / "file").touch()
     process = start(NUMBA_CACHE_DIR=str(toy / "file"))
-    assert "set NUMBA_CACHE_DIR to a folder" in process.communicate(timeout=120)[1]
+    assert "set NUMBA_CACHE_DIR to a folder" in process.communicate(timeout=600)[1]
 
 
 def test_the_stamp_goes_where_numba_keeps_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
