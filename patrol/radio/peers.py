@@ -65,6 +65,6 @@ class PeerTracker:
         places = [(position.pose.x, position.pose.y), *position.past]
         looks = self._looks.setdefault(position.robot, ReplayWindow())
         for ago, (x, y) in enumerate(places):
-            # An observation counts once, however often it is reported: below quality 1 a second would change ages.
+            # An observation counts once, however often it is reported: with quality below 1 a second would change ages.
             if ago <= min(tick, position.sequence) and looks.use(position.sequence - ago):
                 yield tick - ago, Pose(x, y, position.pose.heading)

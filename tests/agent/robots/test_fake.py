@@ -1,0 +1,96 @@
+"""The fake robot: it obeys for one step, and no wall lets it through."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+import pytest
+
+from agent.robots.fake import FakeRobot
+from patrol.ground.terrain import Terrain
+from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.scenario import RobotSpec
+
+STEP = 0.5
+START = Pose(5.0, 5.0, 0.0)
+
+
+class Ticks:
+    """A fleet clock that counts what it is given."""
+
+    def __init__(self, *ticks: int | None) -> None:
+        self._ticks = deque(ticks)
+
+    def tick(self) -> int | None:
+        return self._ticks.popleft()
+
+    def decide(self) -> bool:
+        return True
+
+
+def robot(model: str, *ticks: int | None) -> FakeRobot:
+    """On 20 x 10 m, with a wall from x = 10 on."""
+    passable = np.ones((20, 40), dtype=np.bool_)
+    passable[:, 20:] = False
+    spec = RobotSpec(1, "r1", model, 4.4, 1.0, 3.5, None)  # type: ignore[arg-type]
+    return FakeRobot(Ticks(*ticks), spec, Terrain("t", passable, 0.5), START, STEP)
+
+
+@pytest.mark.parametrize(
+    ("model", "command", "end"),
+    [
+        ("holonomic", Velocity(2.0, -1.0), Pose(6.0, 4.5, math.atan2(-1.0, 2.0))),
+        ("car", Drive(2.0, 0.0), Pose(6.0, 5.0, 0.0)),
+    ],
+)
+def test_it_obeys_for_one_step(model: str, command: Command, end: Pose) -> None:
+    fake = robot(model, 0, 1, 2)
+    first = fake.sense()
+    assert first is not None
+    assert (first.k, first.pose, first.bumped, first.clock_s) == (0, START, False, 0.0)
+    fake.act(command)
+    second = fake.sense()
+    assert second is not None
+    assert (second.k, second.bumped, second.clock_s) == (1, False, 0.5)
+    assert (second.pose.x, second.pose.y) == pytest.approx((end.x, end.y))
+    third = fake.sense()
+    assert third is not None
+    assert (third.pose.x, third.pose.y) == pytest.approx((end.x, end.y))
+
+
+def test_it_has_the_limits_of_its_body() -> None:
+    fake = robot("holonomic", 0, 1)
+    fake.sense()
+    fake.act(Velocity(0.0, -100.0))
+    sensed = fake.sense()
+    assert sensed is not None
+    assert sensed.pose.y == pytest.approx(5.0 - 2.2)
+
+
+def test_a_wall_stops_it_and_it_knows() -> None:
+    fake = robot("car", 0, 1, 2, 3)
+    fake.sense()
+    seen = []
+    for speed in (4.4, 4.4, 0.0):
+        fake.act(Drive(speed, 0.0))
+        sensed = fake.sense()
+        assert sensed is not None
+        seen.append((round(sensed.pose.x, 6), sensed.bumped))
+    assert seen == [(7.2, False), (7.2, True), (7.2, False)]
+
+
+def test_it_stands_while_ticks_are_missed_and_when_it_is_to_stop() -> None:
+    fake = robot("holonomic", 0, 5, 6, None)
+    fake.sense()
+    fake.act(Velocity(2.0, 0.0))
+    late = fake.sense()
+    assert late is not None
+    assert (late.k, late.pose) == (5, START)
+    fake.act(Velocity(2.0, 0.0))
+    fake.stop("out of ideas")
+    after = fake.sense()
+    assert after is not None
+    assert (after.pose, fake.stopped) == (START, "out of ideas")
+    assert fake.sense() is None
