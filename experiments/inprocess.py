@@ -19,8 +19,9 @@ from patrol.net.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
 from patrol.radio.fleet_key import fleet_key
 from worldsim.fleet.loop import run_ticks
-from worldsim.output.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
+from worldsim.output.record import Recorder, header_of
 from worldsim.output.summary import Totals, summarise
+from worldsim.run_record import COMPLETED, INTERRUPTED, MemoryJournal, RunRecord, Writer
 from worldsim.verdict.judge import Judge, Verdict, judge
 from worldsim.world import Reply, Report, World
 

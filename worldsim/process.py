@@ -170,8 +170,9 @@ def _record(
     from worldsim.fleet.process_control import SeatedHands
     from worldsim.fleet.sessions import Interrupted
     from worldsim.output.folder import keep
-    from worldsim.output.record import INTERRUPTED, Recorder, header_of
+    from worldsim.output.record import Recorder, header_of
     from worldsim.output.ticks_table import TicksTable
+    from worldsim.run_record import INTERRUPTED
     from worldsim.world import World
 
     scenario = prepared.scenario

@@ -80,7 +80,7 @@ def _faults(scenario: Scenario) -> Iterator[str]:
 def _remains(scenario: Scenario, timeline: Timeline) -> str:
     """Who does not patrol at the end, and why; nothing when all do."""
     from patrol.journal.records import Status
-    from worldsim.fleet.acts import standing_at_the_end
+    from worldsim.lifecycle import standing_at_the_end
 
     names = {spec.number: spec.name for spec in scenario.roster}
     standing = standing_at_the_end(timeline, names, scenario.ticks)

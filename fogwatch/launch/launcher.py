@@ -32,7 +32,7 @@ from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, Mailbox, open_link
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.net.telemetry import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
-from worldsim.fleet.process_control import process_name
+from worldsim.lifecycle import process_name
 
 ROUTER, WORLD, PAGE = "the router", "the world", "the page"
 """Names that no robot can have."""
@@ -139,7 +139,7 @@ class Launch:
             link.close()
 
     def finish(self) -> Mapping[str, int | None]:
-        """End whatever is left, in order; the exit codes by name (`worldsim.fleet.process_control.process_name`)."""
+        """End whatever is left, in order; the exit codes by name (`worldsim.lifecycle.process_name`)."""
         if self.interrupted:
             self._signal([WORLD], signal.SIGTERM)
         if self._hands is not None:

@@ -26,7 +26,7 @@ from experiments.chaos import (
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, load_scenario
 from patrol.scenario.faults.kinds import KINDS, Forgery, Partition, Spoof
-from worldsim.output.record import COMPLETED, INTERRUPTED
+from worldsim.run_record import COMPLETED, INTERRUPTED
 from worldsim.timeline import Timeline
 from worldsim.verdict.checks import Check
 from worldsim.verdict.judge import Verdict

@@ -20,7 +20,8 @@ from patrol.random import draw
 from patrol.scenario import load_scenario
 from worldsim.fleet.loop import run_ticks
 from worldsim.fleet.process_control import NoShow
-from worldsim.output.record import COMPLETED, MemoryJournal, Recorder, header_of
+from worldsim.output.record import Recorder, header_of
+from worldsim.run_record import COMPLETED, MemoryJournal
 from worldsim.world import Reply, Report, World
 
 NEVER = -1

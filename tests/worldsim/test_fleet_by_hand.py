@@ -22,7 +22,7 @@ from patrol.net.phases import PhaseA, ReplyA, Stop, encode
 from patrol.pose import Pose
 from patrol.process.warmup import COMPILING, WAITING
 from tests.routers import free_endpoint
-from worldsim.output.record import DESERTED
+from worldsim.run_record import DESERTED
 
 pytestmark = pytest.mark.processes
 

@@ -21,8 +21,9 @@ from patrol.scenario.controls import OPERATOR, Answer, amended, in_force, prepar
 from patrol.scenario.copying import FILE, keep_scenario
 from worldsim.fleet.loop import run_ticks
 from worldsim.operator import Asked, Operator
-from worldsim.output.record import MemoryJournal, Recorder, header_of
+from worldsim.output.record import Recorder, header_of
 from worldsim.requests import TIMELINE, keep_timeline
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 from worldsim.world import World
 

@@ -8,41 +8,17 @@ there wakes up in it. An act that makes no sense for a robot as it is then is sk
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Event, Status
 from worldsim.fleet.process_control import Hands, NoShow
+from worldsim.lifecycle import APPLIES, LOOKED_AT, SKIPPED, WAITING
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Act, Timeline
+    from worldsim.timeline import Act
     from worldsim.world import World
-
-SKIPPED = "skipped"
-WAITING = "waiting"
-LOOKED_AT = "looked at"
-"""Kinds of events that change no status; the last tells what was seen of a process when its pause began or ended."""
-
-APPLIES: Mapping[str, frozenset[Status]] = {
-    "kill": frozenset({Status.ALIVE, Status.PAUSED}),
-    "restart": frozenset({Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST}),
-    "pause": frozenset({Status.ALIVE}),
-    "resume": frozenset({Status.PAUSED}),
-    "join": frozenset({Status.ABSENT, Status.LEFT}),
-    "leave": frozenset({Status.ALIVE, Status.PAUSED}),
-}
-"""The robots that each kind of act makes sense for, by their status; none that is just being started."""
-
-BECOMES: Mapping[str, Status] = {
-    "kill": Status.DEAD,
-    "restart": Status.ALIVE,
-    "pause": Status.PAUSED,
-    "resume": Status.ALIVE,
-    "join": Status.ALIVE,
-    "leave": Status.LEFT,
-}
-"""What each kind of act makes of them, once it is done."""
 
 _AS_IT_IS = {status: status.name.lower() for status in Status} | {Status.LEFT: "gone", Status.ABSENT: "not there yet"}
 
@@ -50,16 +26,6 @@ HANDS_NEEDED = (
     "faults: robots' processes are to be killed, paused or started, and nobody here started them; run the scenario "
     "with: fogwatch run"
 )
-
-
-def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) -> dict[int, Status]:
-    """Each robot's status after so many ticks if its process does nothing else than what it is told to."""
-    standing = {number: Status.ABSENT if number in timeline.starts_absent else Status.ALIVE for number in numbers}
-    for k in range(ticks):
-        for act in timeline.acts(k):
-            if standing[act.number] in APPLIES[act.kind]:
-                standing[act.number] = BECOMES[act.kind]
-    return standing
 
 
 class Acts:

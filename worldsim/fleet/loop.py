@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from patrol.journal import Event, Status, TickRecord
 from worldsim.fleet.acts import Acts
-from worldsim.output.record import COMPLETED, DESERTED, INTERRUPTED
+from worldsim.run_record import COMPLETED, DESERTED, INTERRUPTED
 
 if TYPE_CHECKING:
     from worldsim.fleet.process_control import Hands
@@ -52,7 +52,7 @@ def run_ticks(
 ) -> str:
     """Run the ticks that are left, waiting for every living robot in each phase.
 
-    Returns why they ended (`worldsim.output.record`).
+    Returns why they ended (`worldsim.run_record`).
 
     sink: takes each tick's record. events: takes what happens between ticks. stop: asked between ticks. hands: those
     that do to robots' minds what the scenario's faults ask for, where any do. operator: asked between ticks for what

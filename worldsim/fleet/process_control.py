@@ -15,10 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import Protocol
 
 from worldsim.fleet.sessions import Interrupted, Seats
-
-STOPPED = "its process stands still"
-UNSEEN = "its process cannot be looked at here"
-"""What was seen of a process that was to be stopped; anything else is wrong."""
+from worldsim.lifecycle import STOPPED, UNSEEN
 
 START_S = 60.0
 """How long a process that was started may take to take its robot's place, s of wall time."""
@@ -90,11 +87,6 @@ def answer_line(problem: str = "", state: str = "") -> bytes:
     that is stopped; empty where nobody can tell.
     """
     return json.dumps({"problem": problem, "state": state}).encode() + b"\n"
-
-
-def process_name(robot: str, incarnation: int) -> str:
-    """What a robot's process is called where exit codes are listed: the first like the robot, the next "r1 (2)"."""
-    return robot if incarnation <= 1 else f"{robot} ({incarnation})"
 
 
 class SeatedHands:

@@ -36,7 +36,7 @@ MOST_POINTS = 5000
 
 
 class Feed:
-    """A `worldsim.output.record.Writer` that passes records on to a journal and to those who watch.
+    """A `worldsim.run_record.Writer` that passes records on to a journal and to those who watch.
 
     post: sends a batch, or drops it. questions: those for the fog so far. submit: has something done elsewhere, while
     the ticks go on. now: wall clock, s. manner: how the ticks go.

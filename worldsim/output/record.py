@@ -1,22 +1,18 @@
-"""What a run leaves behind: its records, their trace hash, and where they go."""
+"""Writes a run's records: its header, its ticks and events, and its end with the trace hash."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from patrol.journal import End, Event, Header, Record, RobotFacts, TerrainFacts, TickRecord, TraceHash
+from patrol.journal import End, Event, Header, RobotFacts, TerrainFacts, TickRecord, TraceHash
 from patrol.scenario import RobotSpec, as_mapping, scenario_hash
 
 if TYPE_CHECKING:
+    from worldsim.run_record import Writer
     from worldsim.world import World
-
-COMPLETED = "completed"
-INTERRUPTED = "interrupted"
-DESERTED = "nobody is living any more"
-"""Why a run ended: all its ticks are done, somebody asked it to stop, or no robot is left."""
 
 
 def lower_bound(area_m2: float, roster: Sequence[RobotSpec], range_m: float) -> float:
@@ -43,74 +39,6 @@ def header_of(world: World, started: str | None = None) -> Header:
         bound_s=lower_bound(area, [spec for spec in scenario.roster if not spec.spare], scenario.sensor.range),
         started=started,
     )
-
-
-class Writer(Protocol):
-    """Where records go: `patrol.journal.file.JournalWriter`, or a list in memory."""
-
-    def write(self, record: Record) -> None:
-        """Take the next record."""
-        ...
-
-
-class RunRecord(Protocol):
-    """A run's records, read back: `patrol.journal.file.Journal`, or a list in memory."""
-
-    @property
-    def header(self) -> Header:
-        """The first record."""
-        ...
-
-    @property
-    def ticks(self) -> Iterator[TickRecord]:
-        """The ticks in order; a new iterator on each access."""
-        ...
-
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """The events in order."""
-        ...
-
-    @property
-    def end(self) -> End | None:
-        """The last record, or None for a run that was cut off."""
-        ...
-
-    @property
-    def truncated(self) -> bool:
-        """Whether something damaged follows the last whole record."""
-        ...
-
-
-class MemoryJournal:
-    """A run's records in memory: written like a journal, read like one. Without `keep` its ticks are let go."""
-
-    truncated = False
-
-    def __init__(self, header: Header, keep: bool = True) -> None:
-        self.header = header
-        self._keep = keep
-        self.records: list[TickRecord] = []
-        self.events: tuple[Event, ...] = ()
-        self.end: End | None = None
-
-    @property
-    def ticks(self) -> Iterator[TickRecord]:
-        """The ticks in order; a new iterator on each access."""
-        return iter(self.records)
-
-    def write(self, record: Record) -> None:
-        """Append one record."""
-        match record:
-            case TickRecord():
-                if self._keep:
-                    self.records.append(record)
-            case Event():
-                self.events += (record,)
-            case End():
-                self.end = record
-            case Header():
-                self.header = record
 
 
 class Recorder:

@@ -19,7 +19,7 @@ from worldsim.verdict.checks import Check
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
     from worldsim.fleet.sessions import Mailbox
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
 
 ROOM = 64
 """Frames of one robot that wait for the world to look at them."""

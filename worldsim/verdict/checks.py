@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Protocol
 from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Status, TickRecord, TraceHash
 from patrol.pose import Pose
-from worldsim.output.record import COMPLETED, INTERRUPTED
+from worldsim.run_record import COMPLETED, INTERRUPTED
 from worldsim.truth import Truth
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ from worldsim.verdict.robots.status_checks import DownAreSilent, ExitCodes, Paus
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
 
 Outcome = Literal["valid", "invalid", "unknown"]
 

@@ -11,7 +11,7 @@ from patrol.journal import Status, TickRecord
 from patrol.journal.records import Event
 from patrol.net.phases import FIRST_INCARNATION
 from worldsim.fleet.loop import run_ticks
-from worldsim.output.record import COMPLETED, DESERTED, MemoryJournal
+from worldsim.run_record import COMPLETED, DESERTED, MemoryJournal
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:

@@ -22,18 +22,9 @@ from patrol.net.phases import (
     decode_to_robot,
 )
 from patrol.pose import Pose
-from worldsim.fleet.process_control import (
-    START_S,
-    STOPPED,
-    UNSEEN,
-    Handless,
-    NoShow,
-    Request,
-    SeatedHands,
-    answer_line,
-    process_name,
-)
+from worldsim.fleet.process_control import START_S, Handless, NoShow, Request, SeatedHands, answer_line
 from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Seats, Wire
+from worldsim.lifecycle import STOPPED, UNSEEN, process_name
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2"}

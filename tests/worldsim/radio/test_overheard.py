@@ -16,8 +16,9 @@ from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
-from worldsim.output.record import COMPLETED, MemoryJournal, header_of
+from worldsim.output.record import header_of
 from worldsim.radio.overheard import LAST_WORDS_S, DirectLinks, Ear, as_measured
+from worldsim.run_record import COMPLETED, MemoryJournal
 from worldsim.world import World
 
 KEYS = FleetKeys("f")

@@ -13,7 +13,7 @@ import pytest
 from patrol.journal import JournalWriter, RobotTick, TickRecord, read_journal, trace_hash
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
-from worldsim.output.record import INTERRUPTED, MemoryJournal
+from worldsim.run_record import INTERRUPTED, MemoryJournal
 from worldsim.verdict.judge import Judge, Verdict, judge
 
 if TYPE_CHECKING:

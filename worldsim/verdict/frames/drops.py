@@ -16,8 +16,8 @@ from worldsim.verdict.checks import Check, names_of
 from worldsim.verdict.frames.airborne import NO_ROBOT, active, fates, fault_of, forgers_of, kind_of, on_link, origins_of
 
 if TYPE_CHECKING:
-    from worldsim.output.record import RunRecord
     from worldsim.radio.ether import Link
+    from worldsim.run_record import RunRecord
     from worldsim.timeline import Entry, Timeline
 
 _DEAF = {

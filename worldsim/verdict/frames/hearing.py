@@ -18,7 +18,7 @@ from worldsim.verdict.checks import Check, names_of
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
     from worldsim.timeline import Timeline
     from worldsim.verdict.frames.recomputed import Replay
 

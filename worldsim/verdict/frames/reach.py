@@ -17,8 +17,8 @@ from worldsim.verdict.frames.airborne import NO_ROBOT, active, fates, fault_of, 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.journal.records import TickRecord
-    from worldsim.output.record import RunRecord
     from worldsim.radio.ether import Link
+    from worldsim.run_record import RunRecord
     from worldsim.timeline import Entry, Timeline
 
 ROUNDING_M = 1e-9

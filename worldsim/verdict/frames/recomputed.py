@@ -21,7 +21,7 @@ from worldsim.verdict.frames.airborne import BEFORE_THE_AIR, active, fates, faul
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
 
 ROUNDING_BYTES = 1e-6
 """A bucket that is so nearly full counts as either."""

@@ -14,8 +14,8 @@ from worldsim.verdict.frames.airborne import active, airborne, arrived, forgers_
 
 if TYPE_CHECKING:
     from patrol.journal.records import TickRecord
-    from worldsim.output.record import RunRecord
     from worldsim.radio.ether import Link
+    from worldsim.run_record import RunRecord
     from worldsim.timeline import Entry, Timeline
 
 SOON = 0.2

@@ -18,7 +18,7 @@ from worldsim.verdict.robots.statuses import Roll
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from patrol.scenario import RobotSpec
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
     from worldsim.timeline import Timeline
 
 SLACK = 1e-6

@@ -14,7 +14,7 @@ from worldsim.verdict.checks import Check
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
 
 WITHIN = 5.0
 """How many times the fault-free mean MFoW a patrol may take to see every point again."""

@@ -22,7 +22,7 @@ from worldsim.verdict.frames.airborne import active
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
     from worldsim.timeline import Entry, Timeline
 
 ROUNDED_M = 0.00501

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.net.phases import FIRST_INCARNATION
-from worldsim.fleet.acts import LOOKED_AT
-from worldsim.fleet.process_control import STOPPED, UNSEEN, process_name
+from worldsim.lifecycle import LOOKED_AT, STOPPED, UNSEEN, process_name
 from worldsim.verdict.checks import Check, names_of
 from worldsim.verdict.robots.statuses import Roll
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
     from worldsim.timeline import Timeline
 
 _STATUSES = {status.name.lower() for status in Status}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Pose
 from worldsim.bodies import overlap
-from worldsim.fleet.acts import APPLIES
+from worldsim.lifecycle import APPLIES
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

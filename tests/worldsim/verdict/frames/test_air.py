@@ -26,7 +26,7 @@ from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
-    from worldsim.output.record import MemoryJournal
+    from worldsim.run_record import MemoryJournal
     from worldsim.world import World
 
 NEAR = {"kind": "range", "reach": 8.0, "id": "near"}

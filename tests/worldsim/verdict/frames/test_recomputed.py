@@ -14,8 +14,8 @@ from patrol.pose import Pose
 from patrol.radio.inbox import inbox_of
 from patrol.radio.message import Position, encode
 from patrol.random import draw
-from worldsim.output.record import MemoryJournal
 from worldsim.radio.rules import Burst
+from worldsim.run_record import MemoryJournal
 from worldsim.timeline import Timeline
 from worldsim.verdict.frames.drops import NothingCrossed
 from worldsim.verdict.frames.recomputed import WithinBandwidth

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import Event, Status
-from worldsim.output.record import MemoryJournal
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.checks import Check
 from worldsim.verdict.judge import Judge, judge
 

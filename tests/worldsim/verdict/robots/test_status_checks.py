@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import Event, RobotTick, Status
-from worldsim.fleet.acts import LOOKED_AT
-from worldsim.fleet.process_control import STOPPED, UNSEEN
-from worldsim.output.record import MemoryJournal
+from worldsim.lifecycle import LOOKED_AT, STOPPED, UNSEEN
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
