@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from worldsim.output.feed_publisher import Feed
     from worldsim.output.record import Recorder
     from worldsim.output.ticks_table import TicksTable
-    from worldsim.radio.overheard import Ear
+    from worldsim.radio.listener import Ear
     from worldsim.world import World
 
 HELP = f"""
@@ -143,7 +143,7 @@ def _ear(link: Link, air: Air, keys: FleetKeys, scenario: Scenario) -> Ear:
     from patrol.net.link import Mailbox
     from patrol.net.telemetry import read_traffic
     from patrol.radio.message import MAX_FRAME
-    from worldsim.radio.overheard import MAX_TRAFFIC, ROOM, Ear
+    from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Ear
 
     numbers = {spec.name: spec.number for spec in scenario.roster}
     positions = Mailbox([keys.position(name) for name in numbers], bytes, MAX_FRAME, ROOM)

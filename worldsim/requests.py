@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from patrol.scenario import Scenario
+    from worldsim.mailbox import Mailbox
 
 TIMELINE = "timeline.yaml"
 
@@ -33,18 +34,10 @@ class Question(Protocol):
         ...
 
 
-class Mailbox(Protocol):
-    """What a `patrol.net.link.Mailbox` of questions offers here."""
-
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Question] | None:
-        """The next question and its key, or None when none came in time."""
-        ...
-
-
 class FrontDesk:
     """A `worldsim.operator.Desk`: takes requests from those who have the fleet's token."""
 
-    def __init__(self, mailbox: Mailbox, token: str) -> None:
+    def __init__(self, mailbox: Mailbox[Question], token: str) -> None:
         self._mailbox = mailbox
         self._token = token
 

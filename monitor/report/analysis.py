@@ -96,7 +96,7 @@ def measures(run: Run) -> list[Measure]:
 
 
 def direct_of(run: Run) -> Mapping[str, Any]:
-    """What the summary of a run with direct radio says of it (`worldsim.radio.overheard`); empty without one."""
+    """What the summary of a run with direct radio says of it (`worldsim.output.direct_radio`); empty without one."""
     said = (run.summary or {}).get("direct")
     return said if isinstance(said, dict) else {}
 

@@ -20,7 +20,7 @@ from worldsim.radio.rules import PHASE_B_SHARE
 from worldsim.world import Reply, Report
 
 if TYPE_CHECKING:
-    from worldsim.radio.overheard import Ear
+    from worldsim.radio.listener import Ear
 
 
 class PacedFleet:

@@ -30,6 +30,7 @@ from patrol.net.phases import (
     ToWorld,
     encode,
 )
+from worldsim.mailbox import Mailbox
 
 POLL_S = 0.1
 HELLO_S = 1.0
@@ -48,14 +49,14 @@ class Missing(Exception):
     """Robots that nobody came for in time; one line names them."""
 
 
-class Mailbox(Protocol):
-    """What a `patrol.net.link.Mailbox` offers here."""
+class CountingMailbox(Mailbox[Any], Protocol):
+    """A mailbox that counts what it dropped.
+
+    Attributes:
+        refused: Messages that were dropped, by reason.
+    """
 
     refused: Counter[str]
-
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
-        """The next message and its key, or None when none came in time."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ class Wire:
     keys: FleetKeys
     names: Mapping[int, str]
     posts: Mapping[int, Callable[[bytes], None]]
-    mailbox: Mailbox
+    mailbox: CountingMailbox
     connected: Callable[[], bool]
     now: Callable[[], float]
     ending: Callable[[], bool]

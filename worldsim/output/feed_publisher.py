@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from patrol.journal import JournalWriter
     from patrol.journal.records import Header, Record
     from patrol.prepare import Prepared
+    from worldsim.mailbox import Mailbox
     from worldsim.operator import Manner
-    from worldsim.requests import Mailbox, Question
+    from worldsim.requests import Question
     from worldsim.world import World
 
 BATCH_S = 0.05
@@ -48,7 +49,7 @@ class Feed:
         journal: JournalWriter,
         header: Header,
         post: Callable[[bytes], None],
-        questions: Mailbox,
+        questions: Mailbox[Question],
         submit: Callable[[Callable[[], None]], None],
         now: Callable[[], float],
         manner: Callable[[], Manner],

@@ -14,9 +14,9 @@ from patrol.journal import Event, Header, RobotTick, Status, TickRecord
 from patrol.journal.records import DEAD_END, FORGED, standing_after
 from patrol.pose import Drive, Velocity
 from worldsim.motion import length
+from worldsim.output.direct_radio import as_measured
 from worldsim.output.traffic import Traffic
 from worldsim.radio.ether import there
-from worldsim.radio.overheard import as_measured
 
 if TYPE_CHECKING:
     from worldsim.run_record import RunRecord
@@ -186,7 +186,7 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     `refused`: messages that the world dropped unread, by reason;
     at the pace of the clock also `deadlines`: frames and commands that were not there in time by robot, how
     many of the frames came after all (`too_late`; they reach nobody and are not among the sent), and how far the world
-    itself fell behind (wall s). For direct radio see `worldsim.radio.overheard.as_measured`.
+    itself fell behind (wall s). For direct radio see `worldsim.output.direct_radio.as_measured`.
     """
     totals = Totals(journal.header, journal.events)
     for record in journal.ticks:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal
 
 from patrol.scenario.controls import prepared_as_operated
 from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Pause
-from worldsim.radio.overheard import DirectLinks
 from worldsim.timeline import Timeline
 from worldsim.verdict.checks import (
     Check,
@@ -19,6 +18,7 @@ from worldsim.verdict.checks import (
     Tally,
     TraceAgrees,
 )
+from worldsim.verdict.frames.direct_links import DirectLinks
 from worldsim.verdict.frames.drops import DropsExplained, NothingCrossed
 from worldsim.verdict.frames.forgeries import SpoofsAsAsked
 from worldsim.verdict.frames.hearing import ForgedAsConfigured, Hearing

@@ -7,19 +7,16 @@ frame's fate on a link is unknown; how many of a link's frames were heard is mea
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.telemetry import Traffic
 from patrol.radio.message import CONTACT, Rejected, decode
-from worldsim.verdict.checks import Check
 
 if TYPE_CHECKING:
-    from patrol.journal import TickRecord
-    from worldsim.fleet.sessions import Mailbox
-    from worldsim.run_record import RunRecord
+    from worldsim.mailbox import Mailbox
 
 ROOM = 64
 """Frames of one robot that wait for the world to look at them."""
@@ -76,8 +73,8 @@ class Ear:
         self,
         keys: FleetKeys,
         numbers: Mapping[str, int],
-        positions: Mailbox,
-        telemetry: Mailbox,
+        positions: Mailbox[bytes],
+        telemetry: Mailbox[Traffic],
         now: Callable[[], float],
     ) -> None:
         self.missed: Counter[int] = Counter()
@@ -130,86 +127,3 @@ def _place(frame: bytes, k: int) -> int | None:
     except Rejected:
         return None
     return position.robot if position.sequence == k else None
-
-
-class DirectLinks:
-    """By what robots say themselves nobody has heard more of a robot than it has sent.
-
-    What became of the other frames nobody knows, so there is no more to judge.
-    """
-
-    def __init__(self, journal: RunRecord) -> None:
-        self._journal = journal
-
-    def tick(self, record: TickRecord) -> None:
-        """A tick says nothing of links."""
-
-    def check(self) -> Check:
-        """The result, once the journal has ended."""
-        said = _said(self._journal)
-        problems = [
-            f"{hearer} heard {count} frames of {sender}, which sent {said[sender]['sent']}"
-            for hearer, says in said.items()
-            for sender, count in says["heard"].items()
-            if sender in said and said[sender]["final"] and count > said[sender]["sent"]
-        ]
-        if problems:
-            return Check("links add up", False, problems[0])
-        sums = _totals(_links(said).values())
-        measured = "no two robots say what they heard"
-        if sums["sent"]:
-            measured = f"robots say that they heard {sums['delivered']} of {sums['sent']} frames"
-        why = "with direct radio nobody knows a frame's fate"
-        return Check("links add up", True, f"not judged: {why}; {measured}", judged=False)
-
-
-def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any]:
-    """The summary of a fleet with direct radio: frames by what the robots say, where an ether would know.
-
-    delivered: heard. dropped, in_flight: None, for nobody knows. frames, bytes_per_robot_s: of what the world has
-    overheard. direct: for each directed link of robots that have both said so the frames sent and heard; heard_share:
-    over all of these; missed: frames that reached the world too late to be overheard; unsaid: robots whose counts are
-    missing or end before their process did.
-    """
-    said = _said(journal)
-    links = _links(said)
-    names = [robot.name for robot in journal.header.robots]
-    robots = {name: dict(facts) for name, facts in summary["robots"].items()}
-    for name, facts in robots.items():
-        facts.update(
-            _totals(counts for (sender, _), counts in links.items() if sender == name), dropped=None, in_flight=None
-        )
-    totals = _totals(links.values())
-    share = totals["delivered"] / totals["sent"] if totals["sent"] else None
-    unknown: dict[str, Any] = {"dropped": None, "dropped_by_cause": {}, "in_flight": None}
-    messages = {**summary["messages"], **totals, **unknown}
-    direct = {
-        "links": {f"{source} to {destination}": counts for (source, destination), counts in links.items()},
-        "heard_share": share,
-        "missed": journal.end.notes["direct"]["missed"] if said and journal.end else {},
-        "unsaid": [name for name in names if name not in said or not said[name]["final"]],
-    }
-    return {**summary, "messages": messages, "robots": robots, "links": {}, "direct": direct}
-
-
-def _totals(links: Iterable[Mapping[str, int]]) -> dict[str, int]:
-    """What some links add up to, in the summary's words."""
-    counts = list(links)
-    return {"sent": sum(link["sent"] for link in counts), "delivered": sum(link["heard"] for link in counts)}
-
-
-def _said(journal: RunRecord) -> dict[str, dict[str, Any]]:
-    """What each robot said last, by name."""
-    notes = journal.end.notes if journal.end else {}
-    said: dict[str, dict[str, Any]] = notes.get("direct", {}).get("said", {})
-    return said
-
-
-def _links(said: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], dict[str, int]]:
-    """Frames sent and heard by directed link, of robots that have both said so."""
-    return {
-        (sender, hearer): {"sent": said[sender]["sent"], "heard": count}
-        for hearer, says in said.items()
-        for sender, count in says["heard"].items()
-        if sender in said
-    }

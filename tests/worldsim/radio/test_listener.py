@@ -16,9 +16,11 @@ from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
+from worldsim.output.direct_radio import as_measured
 from worldsim.output.record import header_of
-from worldsim.radio.overheard import LAST_WORDS_S, DirectLinks, Ear, as_measured
+from worldsim.radio.listener import LAST_WORDS_S, Ear
 from worldsim.run_record import COMPLETED, MemoryJournal
+from worldsim.verdict.frames.direct_links import DirectLinks
 from worldsim.world import World
 
 KEYS = FleetKeys("f")
