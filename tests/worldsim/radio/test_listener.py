@@ -16,10 +16,12 @@ from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
+from tests.worldsim.verdict.judged import result_of
 from worldsim.output.direct_radio import as_measured
 from worldsim.output.record import header_of
 from worldsim.radio.listener import LAST_WORDS_S, Ear
 from worldsim.run_record import COMPLETED, MemoryJournal
+from worldsim.verdict.common.check import CheckResult
 from worldsim.verdict.frames.direct_links import DirectLinks
 from worldsim.world import World
 
@@ -129,9 +131,13 @@ def says(sent: int, *, final: bool = True, **heard: int) -> dict[str, Any]:
     return {"sent": sent, "heard": heard, "refused": 0, "final": final}
 
 
+def links_of(journal: MemoryJournal) -> CheckResult:
+    return result_of(DirectLinks, prepare(load_scenario(direct())), journal)
+
+
 def test_links_are_measured_and_not_judged(ended: Callable[..., MemoryJournal]) -> None:
     journal = ended({"r1": says(10, r2=15), "r2": says(20, r1=8)})
-    check = DirectLinks(journal).check()
+    check = links_of(journal)
     assert check.ok
     assert "not judged" in check.detail
     assert "23 of 30" in check.detail
@@ -150,7 +156,7 @@ def test_links_are_measured_and_not_judged(ended: Callable[..., MemoryJournal]) 
 
 def test_a_robot_that_has_said_nothing_is_named(ended: Callable[..., MemoryJournal]) -> None:
     journal = ended({"r1": says(10, r2=15)})
-    assert DirectLinks(journal).check().ok
+    assert links_of(journal).ok
     summary = as_measured({"messages": {}, "robots": {}}, journal)["direct"]
     assert summary["links"] == {}
     assert summary["heard_share"] is None
@@ -158,11 +164,13 @@ def test_a_robot_that_has_said_nothing_is_named(ended: Callable[..., MemoryJourn
 
 
 def test_nobody_can_have_heard_more_than_was_sent(ended: Callable[..., MemoryJournal]) -> None:
-    check = DirectLinks(ended({"r1": says(10, r2=21), "r2": says(20, r1=8)})).check()
+    check = result_of(
+        DirectLinks, prepare(load_scenario(direct())), ended({"r1": says(10, r2=21), "r2": says(20, r1=8)})
+    )
     assert not check.ok
     assert check.detail == "r1 heard 21 frames of r2, which sent 20"
     killed = ended({"r1": says(10, r2=21), "r2": says(20, final=False, r1=8)})
-    assert DirectLinks(killed).check().ok, "what a killed robot sent last it could not say"
+    assert links_of(killed).ok, "what a killed robot sent last it could not say"
 
 
 def test_the_world_carries_nothing() -> None:

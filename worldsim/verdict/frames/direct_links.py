@@ -5,39 +5,41 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from worldsim.radio.reported import links_of, reported, totals
-from worldsim.verdict.checks import Check
+from worldsim.verdict.common.check import Check, CheckResult
 
 if TYPE_CHECKING:
-    from patrol.journal import TickRecord
-    from worldsim.run_record import RunRecord
+    from worldsim.verdict.common.check import JudgedRun
 
 
-class DirectLinks:
-    """By what robots say themselves nobody has heard more of a robot than it has sent.
+class DirectLinks(Check):
+    """By the robots' own counts nobody has heard more frames of a robot than it has sent.
 
-    What became of the other frames nobody knows, so there is no more to judge.
+    With direct radio the fate of the other frames is unknown, so there is no more to judge.
     """
 
-    def __init__(self, journal: RunRecord) -> None:
-        self._journal = journal
+    name = "links add up"
 
-    def tick(self, record: TickRecord) -> None:
-        """A tick says nothing of links."""
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where robots hear each other directly."""
+        return not run.by_ether
 
-    def check(self) -> Check:
+    def result(self) -> CheckResult:
         """The result, once the journal has ended."""
-        said = reported(self._journal)
+        counts = reported(self._run.journal)
         problems = [
-            f"{hearer} heard {count} frames of {sender}, which sent {said[sender]['sent']}"
-            for hearer, says in said.items()
+            f"{hearer} heard {count} frames of {sender}, which sent {counts[sender]['sent']}"
+            for hearer, says in counts.items()
             for sender, count in says["heard"].items()
-            if sender in said and said[sender]["final"] and count > said[sender]["sent"]
+            if sender in counts and counts[sender]["final"] and count > counts[sender]["sent"]
         ]
         if problems:
-            return Check("links add up", False, problems[0])
-        sums = totals(links_of(said).values())
-        measured = "no two robots say what they heard"
+            return CheckResult(self.name, False, problems[0])
+        sums = totals(links_of(counts).values())
+        measured = "no two robots reported their counts"
         if sums["sent"]:
-            measured = f"robots say that they heard {sums['delivered']} of {sums['sent']} frames"
-        why = "with direct radio nobody knows a frame's fate"
-        return Check("links add up", True, f"not judged: {why}; {measured}", judged=False)
+            measured = f"robots report that they heard {sums['delivered']} of {sums['sent']} frames"
+        return self._not_judged(f"not judged: with direct radio the fate of a frame is unknown; {measured}")
+
+    def _good(self) -> str:
+        return ""
