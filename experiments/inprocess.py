@@ -43,7 +43,7 @@ class Outcome:
 class InProcessFleet:
     """The minds of a fleet, called directly.
 
-    It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.Hands`.
+    It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.ProcessControl`.
 
     make: a new mind by robot number and incarnation. threads: how many step at once. Their answers are put in roster
     order, so the trace does not depend on it; minds that share scratch memory allow one only.

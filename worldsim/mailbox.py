@@ -8,7 +8,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class Mailbox(Protocol[T_co]):
-    """The reading side of a `patrol.net.link.Mailbox`."""
+    """The reading side of a mailbox of `patrol.net`."""
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, T_co] | None:
         """Take out the next message.

@@ -87,7 +87,7 @@ class Timeline:
         asked = [*((0, fault) for fault in scenario.faults), *extra]
         self.entries = tuple(self._entry(index, k, fault) for index, (k, fault) in enumerate(asked))
         self.starts_absent = _absent_at_first(self.entries[: len(scenario.faults)]) | self._spares
-        self.needs_hands = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
+        self.needs_process_control = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
         self._acts = self._all_acts()
         self._changes, self._active = self._all_active()
 

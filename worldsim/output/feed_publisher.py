@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from patrol.journal.records import Header, Record
     from patrol.prepare import Prepared
     from worldsim.mailbox import Mailbox
-    from worldsim.operator import Manner
+    from worldsim.operator import RunState
     from worldsim.requests import Question
     from worldsim.world import World
 
@@ -40,7 +40,7 @@ class Feed:
     """A `worldsim.run_record.Writer` that passes records on to a journal and to those who watch.
 
     post: sends a batch, or drops it. questions: those for the fog so far. submit: has something done elsewhere, while
-    the ticks go on. now: wall clock, s. manner: how the ticks go.
+    the ticks go on. now: wall clock, s. state: how the ticks go.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Feed:
         questions: Mailbox[Question],
         submit: Callable[[Callable[[], None]], None],
         now: Callable[[], float],
-        manner: Callable[[], Manner],
+        state: Callable[[], RunState],
     ) -> None:
         self._world = world
         self._journal = journal
@@ -60,8 +60,8 @@ class Feed:
         self._questions = questions
         self._submit = submit
         self._now = now
-        self._manner = manner
-        self._said = manner()
+        self._run_state = state
+        self._said = state()
         self._header = pack(header)
         self._ground = ground_of(world.prepared)
         self._number = 1
@@ -112,7 +112,7 @@ class Feed:
 
     def rest(self) -> None:
         """No tick is due for now: nobody waits for what has happened already."""
-        if self._waiting or self._manner() != self._said:
+        if self._waiting or self._run_state() != self._said:
             self.flush()
         self.between()
 
@@ -121,12 +121,12 @@ class Feed:
         records, self._waiting = tuple(self._waiting), []
         self._size = 0
         self._due = self._now() + BATCH_S
-        self._said = self._manner()
+        self._said = self._run_state()
         self._post(batch_bytes(Batch(self._number - len(records), records, self._said.running, self._said.pace)))
 
     def _so_far(self) -> SoFar:
         every = -(-max(len(self._mfow), 1) // MOST_POINTS)
-        manner = self._manner()
+        state = self._run_state()
         return SoFar(
             number=self._number,
             header=self._header,
@@ -138,8 +138,8 @@ class Feed:
             every=every,
             mfow=thinned(self._mfow, every),
             fog_mean=thinned(self._fog_mean, every),
-            running=manner.running,
-            pace=manner.pace,
+            running=state.running,
+            pace=state.pace,
             ground=self._ground,
         )
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from patrol.journal.records import FORGED
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
-from patrol.scenario.faults.kinds import Bandwidth, OnLinks, Partition, Range, Silence, Spoof
+from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Spoof
 from worldsim.radio.ether import there
+from worldsim.radio.rules import receivers
 from worldsim.timeline import Entry, Timeline
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class _Fault:
 
     def facts(self) -> dict[str, Any]:
         facts = {"kind": self.entry.fault.kind}
-        if isinstance(self.entry.fault, OnLinks | Partition | Silence | Range | Bandwidth | Spoof):
+        if self.entry.fault.kind not in (*PROCESS_KINDS, *SENSE_KINDS):
             counts = ("frames", "dropped", "delayed", "duplicated")
             facts |= {name: getattr(self, name) for name in counts}
         return facts
@@ -116,7 +117,7 @@ class Traffic:
         for entry in timeline.at(record.k):
             if not isinstance(entry.fault, Spoof):
                 self._faults[entry.id].frames += sum(
-                    frames * len(_receivers(entry, origin, here) - {origin}) for origin, frames in senders.items()
+                    frames * len(receivers(entry, origin, here) - {origin}) for origin, frames in senders.items()
                 )
         for *_, cause in record.dropped:
             if (fault := cause.partition(":")[2]) in self._faults:
@@ -125,22 +126,3 @@ class Traffic:
             self._faults[fault].delayed += 1
         for *_, fault in record.copies:
             self._faults[fault].duplicated += 1
-
-
-def _receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]:
-    """Whom a robot's frames reach over links that a fault is about, or that a stranger's do (origin 0)."""
-    match entry.fault:
-        case OnLinks() if origin in entry.sources:
-            return here.intersection(entry.targets)
-        case Range() | Bandwidth() if origin in entry.who:
-            return here
-        case Silence(direction=direction):
-            if origin in entry.who and direction != "in":
-                return here
-            return here.intersection(entry.who) if direction != "out" else frozenset()
-        case Partition(direction=direction):
-            places = [place for place, group in enumerate(entry.groups) if origin in group]
-            groups = enumerate(entry.groups) if places else ()
-            other = [g for place, g in groups if place > places[0] or (place < places[0] and direction == "both")]
-            return here.intersection(number for group in other for number in group)
-    return frozenset()

@@ -1,7 +1,8 @@
-"""A fleet whose robots hear each other directly: what the world can still know of their radio.
+"""The world as a listener to a fleet whose robots hear each other directly.
 
-It carries no frame. It overhears those that reach it too, and each robot says how many it has sent and heard. So a
-frame's fate on a link is unknown; how many of a link's frames were heard is measured, by those who should have.
+The world carries no frame of such a fleet. It hears those that reach it too, and each robot reports how many it has
+sent and heard. So a frame's fate on a link is unknown, but how many of a link's frames were heard is measured, by those
+who should have heard them.
 """
 
 from __future__ import annotations
@@ -19,18 +20,18 @@ if TYPE_CHECKING:
     from worldsim.mailbox import Mailbox
 
 ROOM = 64
-"""Frames of one robot that wait for the world to look at them."""
+"""Frames of one robot that can wait for the world to read them."""
 
 MAX_TRAFFIC = 1024
-"""Bytes of the longest telemetry, for each robot of the fleet."""
+"""Length of the longest telemetry, bytes for each robot of the fleet."""
 
-LAST_WORDS_S = 2.0
-"""How long the world waits for what robots have to say when they leave."""
+LAST_REPORTS_S = 2.0
+"""How long the world waits for the last telemetry of robots that are leaving, s."""
 
 
 @dataclass(slots=True)
-class _Said:
-    """What the processes of one robot have said together; the newest process speaks, the others have."""
+class _Counts:
+    """The counts that the processes of one robot have reported: `last` of the newest, the sums of those before it."""
 
     senders: frozenset[str]
     last: Traffic | None = None
@@ -39,7 +40,7 @@ class _Said:
     heard: Counter[str] = field(default_factory=Counter)
 
     def take(self, traffic: Traffic) -> None:
-        """The next that it says; what an older process says comes too late."""
+        """Take the next report; one of an older process comes too late."""
         if self.last is not None and traffic.incarnation < self.last.incarnation:
             return
         if self.last is not None and traffic.incarnation > self.last.incarnation:
@@ -51,11 +52,11 @@ class _Said:
 
     @property
     def has_left(self) -> bool:
-        """Whether there is no more to come."""
+        """Whether no more reports will come."""
         return self.last is not None and self.last.final
 
     def total(self) -> dict[str, Any]:
-        """For the journal; what is not final may lack the frames of its last moments."""
+        """The sums, for the journal; where they are not final they may lack the last frames."""
         last = self.last
         assert last is not None
         heard = {sender: self.heard[sender] + count for sender, count in sorted(last.heard.items())}
@@ -63,10 +64,11 @@ class _Said:
         return {"sent": self.sent + last.sent, "heard": heard, "refused": refused, "final": last.final}
 
 
-class Ear:
-    """What the world hears of a direct radio, and what robots say of it.
+class Listener:
+    """What the world hears of a direct radio, and what robots report of it.
 
-    numbers: of the robots by name. positions: the frames, by the senders' keys. telemetry: `Traffic`, by the robots'.
+    Attributes:
+        missed: Frames by robot number that reached the world too late, or out of order.
     """
 
     def __init__(
@@ -77,18 +79,33 @@ class Ear:
         telemetry: Mailbox[Traffic],
         now: Callable[[], float],
     ) -> None:
+        """Listen to a fleet.
+
+        Args:
+            keys: The fleet's keys.
+            numbers: The robots' numbers by name.
+            positions: The frames, by their senders' keys.
+            telemetry: What the robots report, by their keys.
+            now: Wall clock, s.
+        """
         self.missed: Counter[int] = Counter()
         self._numbers = {keys.position(name): number for name, number in numbers.items()}
         self._positions = positions
         self._telemetry = telemetry
         self._now = now
-        self._said = {name: _Said(frozenset(numbers) - {name}) for name in numbers}
+        self._counts = {name: _Counts(frozenset(numbers) - {name}) for name in numbers}
 
-    def overhear(self, k: int) -> dict[int, list[bytes]]:
-        """The frames of tick k that have reached the world by now, of each robot its position first.
+    def frames(self, k: int) -> dict[int, list[bytes]]:
+        """Take the frames of a tick that have reached the world by now.
 
-        Frames of another tick have come too late, or say what is not so; they are counted as missed, and so are
-        contacts without a position.
+        Frames of another tick have come too late, or are false; they are counted as missed, and so are contacts without
+        a position.
+
+        Args:
+            k: The tick.
+
+        Returns:
+            The frames by robot number, of each robot its position first.
         """
         frames: dict[int, list[bytes]] = {}
         while (arrived := self._positions.get()) is not None:
@@ -102,21 +119,21 @@ class Ear:
         return frames
 
     def notes(self) -> dict[str, Any]:
-        """For the journal's end: what each robot said last, and what the world itself has missed.
+        """Notes for the journal's end: what each robot reported last, and what the world itself has missed.
 
-        Waits, not for long, for robots that are leaving now.
+        Waits up to `LAST_REPORTS_S` for robots that are leaving now.
         """
-        until = self._now() + LAST_WORDS_S
+        until = self._now() + LAST_REPORTS_S
         self._listen()
-        while not all(said.has_left for said in self._said.values()) and (left := until - self._now()) > 0.0:
+        while not all(counts.has_left for counts in self._counts.values()) and (left := until - self._now()) > 0.0:
             self._listen(left)
-        said = {name: said.total() for name, said in self._said.items() if said.last is not None}
+        said = {name: counts.total() for name, counts in self._counts.items() if counts.last is not None}
         missed = {robot_of(key): self.missed[number] for key, number in self._numbers.items()}
         return {"direct": {"said": said, "missed": missed}}
 
     def _listen(self, wait_s: float = 0.0) -> None:
         while (arrived := self._telemetry.get(wait_s)) is not None:
-            self._said[robot_of(arrived[0])].take(arrived[1])
+            self._counts[robot_of(arrived[0])].take(arrived[1])
             wait_s = 0.0
 
 

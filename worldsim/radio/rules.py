@@ -13,13 +13,25 @@ what a sender has left of its bandwidth, which depends on the frames that it sen
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from patrol.ground.kernels import swept_path as sweep
 from patrol.pose import Pose
 from patrol.random import Purpose, draw, gauss
-from patrol.scenario.faults.kinds import Bandwidth, Delay, Duplicate, Loss, Partition, Range, Reorder, Silence, Wait
+from patrol.scenario.faults.kinds import (
+    Bandwidth,
+    Delay,
+    Duplicate,
+    Fault,
+    Loss,
+    OnLinks,
+    Partition,
+    Range,
+    Reorder,
+    Silence,
+    Wait,
+)
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -38,7 +50,10 @@ BEAM = 1e-6
 NOBODY = 0
 """The origin of a stranger's frames: no robot's radio, so no robot's links."""
 
-_OF_FRAMES = (Silence, Partition, Range, Bandwidth, Loss, Delay, Reorder, Duplicate)
+DROPS: tuple[type[Fault], ...] = (Silence, Partition, Range, Bandwidth, Loss)
+"""The kinds of faults that drop frames, in the order in which they apply."""
+
+_ON_FRAMES: tuple[type[Fault], ...] = (*DROPS, Delay, Reorder, Duplicate)
 
 
 def arrival(k: int, delay_s: float, step: float) -> int:
@@ -108,6 +123,10 @@ class Bucket:
         self._left -= size
 
 
+_Drops = Callable[["Entry", int, int, int, int], bool]
+"""Whether a fault drops a frame, by its origin, source, destination and sequence."""
+
+
 class RadioRules:
     """The radio faults of a timeline. Say `begin` for each tick in turn, then ask about its frames in their order.
 
@@ -124,6 +143,13 @@ class RadioRules:
         self._poses: Mapping[int, Pose] = {}
         self._entries: Sequence[Entry] = ()
         self._active: dict[type, list[Entry]] = {}
+        self._drops: dict[type, _Drops] = {
+            Silence: self._silenced,
+            Partition: self._cut,
+            Range: self._out_of_reach,
+            Loss: self._loses,
+        }
+        self._dropping: list[tuple[Entry, _Drops | None]] = []
         self._bursts: dict[tuple[int, int, int], Burst] = {}
         self._buckets: dict[tuple[int, int], Bucket] = {}
 
@@ -133,7 +159,8 @@ class RadioRules:
         entries = self.timeline.at(k)
         if entries is not self._entries:
             self._entries = entries
-            self._active = {kind: [e for e in entries if isinstance(e.fault, kind)] for kind in _OF_FRAMES}
+            self._active = {kind: [e for e in entries if isinstance(e.fault, kind)] for kind in _ON_FRAMES}
+            self._dropping = [(entry, self._drops.get(kind)) for kind in DROPS for entry in self._active[kind]]
         return any(self._active.values())
 
     def jammed(self, origin: int, size: int) -> str | None:
@@ -153,20 +180,23 @@ class RadioRules:
         return None
 
     def lost(self, origin: int, source: int, destination: int, sequence: int, jam: str | None) -> str | None:
-        """Why a frame is lost on a link, or None. jam: what `jammed` said of it."""
-        for entry in self._active.get(Silence, ()):
-            if _silences(entry, origin, "out") or _silences(entry, destination, "in"):
-                return cause(entry)
-        for entry in self._active.get(Partition, ()):
-            if self._cut(entry, origin, destination):
-                return cause(entry)
-        for entry in self._active.get(Range, ()):
-            if self._out_of_reach(entry, origin, destination):
-                return cause(entry)
-        if jam is not None:
-            return jam
-        for entry in self._active.get(Loss, ()):
-            if self._loses(entry, origin, source, destination, sequence):
+        """Find out whether a frame is lost on a link.
+
+        Args:
+            origin: The robot whose radio sends it.
+            source: Its sender in the journal.
+            destination: Its receiver.
+            sequence: Its sequence in the journal.
+            jam: What `jammed` said of it.
+
+        Returns:
+            The cause, as the journal names it, or None.
+        """
+        for entry, drops in self._dropping:
+            if drops is None:  # a bandwidth, which acts on a frame and not on its links
+                if jam is not None:
+                    return jam
+            elif drops(entry, origin, source, destination, sequence):
                 return cause(entry)
         return None
 
@@ -196,14 +226,17 @@ class RadioRules:
                 found.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *values, 1)))
         return found
 
-    def _cut(self, entry: Entry, origin: int, destination: int) -> bool:
+    def _silenced(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
+        return _silences(entry, origin, "out") or _silences(entry, destination, "in")
+
+    def _cut(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
         fault = entry.fault
         if not isinstance(fault, Partition) or origin == NOBODY:
             return False
         here, there = _group(entry.groups, origin), _group(entry.groups, destination)
         return here < there if fault.direction == "one-way" else here != there
 
-    def _out_of_reach(self, entry: Entry, origin: int, destination: int) -> bool:
+    def _out_of_reach(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
         fault = entry.fault
         if not isinstance(fault, Range) or origin not in entry.who:
             return False
@@ -251,3 +284,31 @@ def _on_link(entry: Entry, origin: int, destination: int) -> bool:
 
 def _group(groups: Sequence[Collection[int]], number: int) -> int:
     return next(place for place, group in enumerate(groups) if number in group)
+
+
+def receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]:
+    """The robots that a sender's frames reach over the links that a fault acts on.
+
+    Args:
+        entry: The fault.
+        origin: Number of the robot whose radio sends, `NOBODY` for a stranger.
+        here: Numbers of the robots that are there.
+
+    Returns:
+        Numbers of the receivers, which may include the sender's own.
+    """
+    match entry.fault:
+        case OnLinks() if origin in entry.sources:
+            return here.intersection(entry.targets)
+        case Range() | Bandwidth() if origin in entry.who:
+            return here
+        case Silence(direction=direction):
+            if origin in entry.who and direction != "in":
+                return here
+            return here.intersection(entry.who) if direction != "out" else frozenset()
+        case Partition(direction=direction):
+            places = [place for place, group in enumerate(entry.groups) if origin in group]
+            groups = enumerate(entry.groups) if places else ()
+            other = [g for place, g in groups if place > places[0] or (place < places[0] and direction == "both")]
+            return here.intersection(number for group in other for number in group)
+    return frozenset()

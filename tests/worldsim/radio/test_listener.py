@@ -19,7 +19,7 @@ from patrol.scenario import load_scenario
 from tests.worldsim.verdict.judged import result_of
 from worldsim.output.direct_radio import as_measured
 from worldsim.output.record import header_of
-from worldsim.radio.listener import LAST_WORDS_S, Ear
+from worldsim.radio.listener import LAST_REPORTS_S, Listener
 from worldsim.run_record import COMPLETED, MemoryJournal
 from worldsim.verdict.common.check import CheckResult
 from worldsim.verdict.frames.direct_links import DirectLinks
@@ -30,13 +30,13 @@ NUMBERS = {"r1": 1, "r2": 2}
 
 
 class Scene:
-    """An ear, what reaches it, and a clock that waiting moves on."""
+    """An listener, what reaches it, and a clock that waiting moves on."""
 
     def __init__(self) -> None:
         self.time = 0.0
         self.positions: Mailbox[bytes] = Mailbox([KEYS.position(name) for name in NUMBERS], bytes, 64)
         self.telemetry = Waiting(self)
-        self.ear = Ear(KEYS, NUMBERS, self.positions, self.telemetry, lambda: self.time)
+        self.listener = Listener(KEYS, NUMBERS, self.positions, self.telemetry, lambda: self.time)
 
     def send(self, robot: str, *frames: bytes) -> None:
         for frame in frames:
@@ -71,27 +71,27 @@ def test_the_world_overhears_the_frames_of_its_tick() -> None:
     scene = Scene()
     scene.send("r1", position(1, 7), contact(7))
     scene.send("r2", position(2, 6))
-    assert scene.ear.overhear(7) == {1: [position(1, 7), contact(7)]}
-    assert scene.ear.overhear(8) == {}
-    assert scene.ear.missed == {2: 1}
+    assert scene.listener.frames(7) == {1: [position(1, 7), contact(7)]}
+    assert scene.listener.frames(8) == {}
+    assert scene.listener.missed == {2: 1}
 
 
 def test_a_robots_position_is_the_first_and_only_one_of_its_frames() -> None:
     scene = Scene()
     scene.send("r1", contact(7), position(1, 7), position(1, 7), b"junk")
-    assert scene.ear.overhear(7) == {1: [position(1, 7)]}
-    assert scene.ear.missed == {1: 3}
+    assert scene.listener.frames(7) == {1: [position(1, 7)]}
+    assert scene.listener.missed == {1: 3}
 
 
 def test_what_robots_say_of_their_radio_adds_up_over_their_processes() -> None:
     scene = Scene()
     scene.say("r1", sent=10, r2=3)
-    scene.ear.overhear(0)
+    scene.listener.frames(0)
     scene.say("r1", incarnation=2, sent=5, r2=1, stranger=99)
-    scene.ear.overhear(1)
+    scene.listener.frames(1)
     scene.say("r1", sent=1000, r2=1000)  # the process that is no more
     scene.say("r2", sent=20, r1=8)
-    said = scene.ear.notes()["direct"]["said"]
+    said = scene.listener.notes()["direct"]["said"]
     assert said["r1"] == {"sent": 15, "heard": {"r2": 4}, "refused": 2, "final": True}
     assert said["r2"] == {"sent": 20, "heard": {"r1": 8}, "refused": 1, "final": True}
     assert scene.time == 0.0
@@ -100,10 +100,10 @@ def test_what_robots_say_of_their_radio_adds_up_over_their_processes() -> None:
 def test_the_world_waits_a_moment_for_last_words() -> None:
     scene = Scene()
     scene.say("r1", final=False)
-    notes = scene.ear.notes()["direct"]
+    notes = scene.listener.notes()["direct"]
     assert list(notes["said"]) == ["r1"]
     assert not notes["said"]["r1"]["final"]
-    assert scene.time == pytest.approx(LAST_WORDS_S)
+    assert scene.time == pytest.approx(LAST_REPORTS_S)
 
 
 def direct(**more: object) -> Mapping[str, Any]:

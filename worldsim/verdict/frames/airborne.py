@@ -4,16 +4,29 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from patrol.journal.records import FORGED, frame_sequence
+from patrol.scenario.faults.kinds import Fault, Loss
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link, there
+from worldsim.radio.rules import DROPS
 from worldsim.verdict.common.faults import NO_ROBOT
 
 if TYPE_CHECKING:
     from patrol.journal.records import TickRecord
 
-BEFORE_THE_AIR = ("silence", "partition", "range", "bandwidth", OVERSIZED, OWN)
+
+def causes_before(kind: type[Fault]) -> frozenset[str]:
+    """Why a frame may be dropped before a fault of some kind has its turn: causes, and kinds of faults."""
+    return frozenset({OVERSIZED, OWN, *(name_of(earlier) for earlier in DROPS[: DROPS.index(kind)])})
+
+
+def name_of(kind: type[Fault]) -> str:
+    """What scenarios and journals call a kind of fault."""
+    return str(get_args(kind.model_fields["kind"].annotation)[0])
+
+
+BEFORE_THE_AIR = causes_before(Loss)
 """Why a frame is dropped before it can be lost on its way."""
 
 ON_ARRIVAL = (RECEIVER_DEAD, RECEIVER_PAUSED, RECEIVER_ABSENT)

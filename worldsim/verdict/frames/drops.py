@@ -15,7 +15,7 @@ from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD,
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck, active, forgers_of, on_link
 from worldsim.verdict.common.robots_there import RobotsThere
-from worldsim.verdict.frames.airborne import fates, fault_of, kind_of, origins_of
+from worldsim.verdict.frames.airborne import fates, fault_of, kind_of, name_of, origins_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,6 +108,7 @@ class NothingCrossed(FrameFaultCheck):
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         self._stopped = 0
+        self._cuts = frozenset(name_of(kind) for kind in self.kinds)
 
     def _active_tick(self, record: TickRecord, entries: Sequence[Entry]) -> None:
         cuts = sorted(entries, key=lambda entry: isinstance(entry.fault, Partition))
@@ -115,7 +116,7 @@ class NothingCrossed(FrameFaultCheck):
             if why in (OVERSIZED, OWN):
                 continue
             due = next((entry for entry in cuts if _stops(entry, origin, link[1])), None)
-            cut = why if kind_of(why) in ("silence", "partition") else ""
+            cut = why if kind_of(why) in self._cuts else ""
             self._stopped += bool(cut)
             if cut != ("" if due is None else f"{due.fault.kind}:{due.id}"):
                 self._wrong(link, record.k, due, cut)

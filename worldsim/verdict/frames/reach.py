@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.scenario.faults.kinds import Range
-from worldsim.radio.ether import OVERSIZED, OWN
 from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck
-from worldsim.verdict.frames.airborne import fates, fault_of, kind_of
+from worldsim.verdict.frames.airborne import causes_before, fates, fault_of, kind_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +27,7 @@ ROUNDING_M = 1e-9
 GRAZING_M = 1e-5
 """A line that passes a wall's corner this closely may or may not count as a line of sight, m."""
 
-_BEFORE_RANGE = (OVERSIZED, OWN, "silence", "partition")
+_BEFORE_RANGE = causes_before(Range)
 """Causes that stop a frame before its reach matters."""
 
 Place = tuple[float, float]

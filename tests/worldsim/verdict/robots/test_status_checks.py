@@ -64,7 +64,7 @@ def test_what_was_planned_is_valid(run: Run) -> None:
     assert details["statuses"] == "6 changes as planned"
     assert details["exit codes"] == "4 processes ended with 0, 1 were killed as planned"
     assert details["the down are silent"] == "in 15 ticks of robots"
-    assert details["the paused stand still"] == "2 times they were seen to"
+    assert details["the paused stand still"] == "2 inspections found the process stopped"
 
 
 @pytest.mark.parametrize(
@@ -191,7 +191,7 @@ def test_a_pause_that_nobody_looked_at_fails_where_there_are_processes(run: Run)
     says = "r1 was paused at tick 6, but its process was not inspected"
     assert failures(run, EXITS) == {"the paused stand still": says}
     (check,) = [c for c in judge(run[0], {}, run[1].prepared).checks if c.name == "the paused stand still"]
-    assert (check.ok, check.judged, check.detail) == (True, False, "there were no processes")
+    assert (check.ok, check.judged, check.detail) == (True, False, "the run had no processes")
 
 
 def test_where_nobody_can_look_it_is_not_judged(run: Run) -> None:
