@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 SKIPPED = "skipped"
 WAITING = "waiting"
 LOOKED_AT = "looked at"
-"""Kinds of events that change no status; the last tells what was seen of a process when its pause began or ended."""
+"""Kinds of events that change no status; the last reports what was seen of a process when its pause began or ended."""
 
 APPLIES: Mapping[str, frozenset[Status]] = {
     "kill": frozenset({Status.ALIVE, Status.PAUSED}),
@@ -23,7 +23,7 @@ APPLIES: Mapping[str, frozenset[Status]] = {
     "join": frozenset({Status.ABSENT, Status.LEFT}),
     "leave": frozenset({Status.ALIVE, Status.PAUSED}),
 }
-"""The robots that each kind of act makes sense for, by their status; none that is just being started."""
+"""The statuses of the robots that each kind of act makes sense for; it makes none for one that is being started."""
 
 BECOMES: Mapping[str, Status] = {
     "kill": Status.DEAD,
@@ -33,15 +33,24 @@ BECOMES: Mapping[str, Status] = {
     "join": Status.ALIVE,
     "leave": Status.LEFT,
 }
-"""What each kind of act makes of them, once it is done."""
+"""The status that each kind of act gives a robot, once it is done."""
 
 STOPPED = "its process stands still"
 UNSEEN = "its process cannot be looked at here"
-"""What was seen of a process that was to be stopped; anything else is wrong."""
+"""What was seen of a process that should be stopped, as journals have it; anything else is wrong."""
 
 
 def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) -> dict[int, Status]:
-    """Each robot's status after so many ticks if its process does nothing else than what it is told to."""
+    """The robots' statuses after a number of ticks, if their processes do only what faults make them do.
+
+    Args:
+        timeline: The faults.
+        numbers: The robots' numbers.
+        ticks: The number of ticks.
+
+    Returns:
+        The statuses by robot number.
+    """
     standing = {number: Status.ABSENT if number in timeline.starts_absent else Status.ALIVE for number in numbers}
     for k in range(ticks):
         for act in timeline.acts(k):
@@ -51,5 +60,13 @@ def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) 
 
 
 def process_name(robot: str, incarnation: int) -> str:
-    """What a robot's process is called where exit codes are listed: the first like the robot, the next "r1 (2)"."""
+    """Name a robot's process, for lists of exit codes.
+
+    Args:
+        robot: The robot's name.
+        incarnation: Of the process, from 1.
+
+    Returns:
+        The robot's name for the first process, "r1 (2)" for the second.
+    """
     return robot if incarnation <= 1 else f"{robot} ({incarnation})"

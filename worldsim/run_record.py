@@ -10,7 +10,7 @@ from patrol.journal import End, Event, Header, Record, TickRecord
 COMPLETED = "completed"
 INTERRUPTED = "interrupted"
 DESERTED = "nobody is living any more"
-"""Why a run ended: all its ticks are done, somebody asked it to stop, or no robot is left."""
+"""Why a run ended, as journals have it: all ticks are done, it was asked to stop, or no robot is left."""
 
 
 class Writer(Protocol):
@@ -51,11 +51,24 @@ class RunRecord(Protocol):
 
 
 class MemoryJournal:
-    """A run's records in memory: written like a journal, read like one. Without `keep` its ticks are let go."""
+    """A run's records in memory: written like a journal, read like one.
+
+    Attributes:
+        header: The first record.
+        records: The ticks.
+        events: The events.
+        end: The last record, or None before it is written.
+    """
 
     truncated = False
 
     def __init__(self, header: Header, keep: bool = True) -> None:
+        """Begin a run's records.
+
+        Args:
+            header: The first record.
+            keep: Whether to keep the ticks.
+        """
         self.header = header
         self._keep = keep
         self.records: list[TickRecord] = []

@@ -1,4 +1,4 @@
-"""The true fog: what the whole fleet has really seen, from the poses of all living bodies."""
+"""The true fog: what the whole fleet has seen, from the true poses of all robots that are alive."""
 
 from __future__ import annotations
 
@@ -19,17 +19,31 @@ def as_sent(number: int, tick: int, step: float, pose: Pose) -> Pose:
 
 
 class Truth:
-    """The fog over the patrolled area as it really is.
+    """The true fog over the patrolled area.
 
-    patrolled: bool (height, width), the points that count. All ages are in ticks of `step` seconds.
+    Attributes:
+        footprint: The robots' sensor.
+        fog: The fog; ages are in ticks.
     """
 
     def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_], step: float) -> None:
+        """Begin with nothing seen.
+
+        Args:
+            footprint: The robots' sensor.
+            patrolled: bool (height, width): the points that count.
+            step: Length of a tick, s.
+        """
         self.footprint = footprint
         self.fog = Fog(patrolled)
         self._step = step
 
     def observe(self, tick: int, poses: Iterable[tuple[int, Pose]]) -> None:
-        """Everyone in `poses` (robot number, pose) looks around once, in that order."""
+        """Let robots look around once.
+
+        Args:
+            tick: The tick.
+            poses: Robot numbers and true poses, in the order in which they look.
+        """
         for number, pose in poses:
             self.fog.observe(self.footprint.visible(as_sent(number, tick, self._step, pose)), tick)

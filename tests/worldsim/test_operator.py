@@ -192,7 +192,7 @@ REFUSED: dict[str, dict[str, Any]] = {
     "there is no such fault": {"do": "heal", "id": "f7"},
     "has not begun": {"do": "heal", "id": "f1"},
     "happens at once": {"do": "heal", "id": "f2"},
-    "are remembered": {"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 5000.0}}},
+    "s are kept": {"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 5000.0}}},
     "rename one": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "id": "f1"}},
     "would never happen": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "at": 40}},
     "seconds from now": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "at": -1}},

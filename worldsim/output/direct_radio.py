@@ -12,12 +12,19 @@ if TYPE_CHECKING:
 
 
 def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any]:
-    """The summary of a fleet with direct radio: frames by what the robots say, where an ether would know.
+    """Replace what a summary says of frames by what the robots of a direct radio reported.
 
-    delivered: heard. dropped, in_flight: None, for nobody knows. frames, bytes_per_robot_s: of what the world has
-    overheard. direct: for each directed link of robots that have both said so the frames sent and heard; heard_share:
-    over all of these; missed: frames that reached the world too late to be overheard; unsaid: robots whose counts are
-    missing or end before their process did.
+    `delivered` is what was heard; `dropped` and `in_flight` are None, for they are unknown; `frames` and
+    `bytes_per_robot_s` are of the frames that the world heard itself. `direct` has, for each directed link of robots
+    that have both reported, the frames sent and heard; `heard_share` over all of these; `missed`, the frames that
+    reached the world too late; and `unsaid`, the robots whose counts are missing or end before their process did.
+
+    Args:
+        summary: The summary as for a run with an ether.
+        journal: The run's records.
+
+    Returns:
+        The new summary.
     """
     said = reported(journal)
     links = links_of(said)

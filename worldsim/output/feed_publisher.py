@@ -1,7 +1,7 @@
-"""Shows a run while it goes on: whatever the journal gets, those who watch get too, in batches, unless they are slow.
+"""Publishes a run while it goes on: viewers get what the journal gets, in batches, unless they are slow.
 
-Watching costs the ticks nothing but one message each `BATCH_S` of wall time, which is dropped where it cannot be sent
-at once. Who comes late asks for the fog so far; that is copied between two ticks, and packed by somebody else.
+Viewers cost the ticks one message each `BATCH_S` of wall time, which is dropped where it cannot be sent at once. A
+viewer that joins late asks for the fog so far; that is copied between two ticks and packed on another thread.
 """
 
 from __future__ import annotations
@@ -26,22 +26,18 @@ if TYPE_CHECKING:
     from worldsim.world import World
 
 BATCH_S = 0.05
-"""Wall time between two batches."""
+"""Wall time between two batches, s."""
 BATCH_BYTES = 1 << 15
-"""A batch that has grown to this is sent at once: what fits into one piece is dropped at once where it must be."""
+"""A batch of this size is sent at once: what fits into one piece is dropped without delay where it must be."""
 ANSWER_S = 0.5
-"""Wall time between two answers; whoever asks meanwhile shares the next."""
+"""Wall time between two answers, s; all who ask meanwhile share the next."""
 MOST_EVENTS = 2000
 MOST_POINTS = 5000
 """Events and points of the curves that an answer holds at most."""
 
 
 class Feed:
-    """A `worldsim.run_record.Writer` that passes records on to a journal and to those who watch.
-
-    post: sends a batch, or drops it. questions: those for the fog so far. submit: has something done elsewhere, while
-    the ticks go on. now: wall clock, s. state: how the ticks go.
-    """
+    """A `worldsim.run_record.Writer` that passes records on to a journal and to viewers."""
 
     def __init__(
         self,
@@ -54,6 +50,18 @@ class Feed:
         now: Callable[[], float],
         state: Callable[[], RunState],
     ) -> None:
+        """Publish a run.
+
+        Args:
+            world: Its world.
+            journal: Where its records go.
+            header: Its first record, which the journal has.
+            post: Sends a batch, or drops it.
+            questions: Viewers' questions for the fog so far.
+            submit: Has work done on another thread.
+            now: Wall clock, s.
+            state: Whether and how fast the ticks run.
+        """
         self._world = world
         self._journal = journal
         self._post = post
@@ -76,7 +84,7 @@ class Feed:
         self._asking: list[Question] = []
 
     def write(self, record: Record) -> None:
-        """Write a record to the journal, and show it when it is time to."""
+        """Write a record to the journal, and send a batch when one is due."""
         payload = pack(record)
         self._journal.append(payload)
         self._number += 1
@@ -95,7 +103,7 @@ class Feed:
             self.flush()
 
     def between(self) -> None:
-        """Between two ticks: answer those who have asked for the fog."""
+        """Between two ticks: answer viewers that have asked for the fog."""
         while (arrived := self._questions.get()) is not None:
             self._asking.append(arrived[1])
         if self._asking and self._now() >= self._answer_due:
@@ -111,13 +119,13 @@ class Feed:
             self._submit(answer)
 
     def rest(self) -> None:
-        """No tick is due for now: nobody waits for what has happened already."""
+        """Send what there is while no tick is due, so that viewers need not wait for it."""
         if self._waiting or self._run_state() != self._said:
             self.flush()
         self.between()
 
     def flush(self) -> None:
-        """Show what there is."""
+        """Send what there is."""
         records, self._waiting = tuple(self._waiting), []
         self._size = 0
         self._due = self._now() + BATCH_S
@@ -145,7 +153,7 @@ class Feed:
 
 
 def ground_of(prepared: Prepared) -> Ground:
-    """The grids of a prepared scenario."""
+    """The grids of a prepared scenario, for viewers."""
     areas = {id(fields): fields.patrolled for fields in prepared.fields.values()}
     places = {key: place for place, key in enumerate(areas)}
     area_of = {number: places[id(fields)] for number, fields in prepared.fields.items()}

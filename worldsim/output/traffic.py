@@ -1,4 +1,4 @@
-"""What went over the links, for the summary: per directed link, and per fault of the radio."""
+"""The frames on the links, for the summary: per directed link, and per fault of the radio."""
 
 from __future__ import annotations
 
@@ -60,10 +60,16 @@ class _Fault:
 class Traffic:
     """Counts a run's frames tick by tick; a frame counts once per receiver, and so does each copy.
 
-    frames, of a fault: those sent over its links while it was active; of a spoof, those that it forged.
+    The `frames` of a fault are those sent over its links while it was active; of a spoof, those that it forged.
     """
 
     def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
+        """Count from zero.
+
+        Args:
+            header: The run's first record.
+            events: Those of the whole run, among which operators may have added faults.
+        """
         self._names = {FORGED: FORGER, **{robot.number: robot.name for robot in header.robots}}
         self._links: dict[tuple[int, int], _Link] | None = None
         if len(header.robots) <= MOST_ROBOTS:
@@ -84,14 +90,14 @@ class Traffic:
             self._count_faults(self._timeline, record, here, sent)
 
     def links(self) -> dict[str, Any]:
-        """Per sender and receiver by name; nothing for a large fleet."""
+        """The counts by the names of sender and receiver; empty for a fleet above `MOST_ROBOTS`."""
         found: dict[str, dict[str, Any]] = {}
         for (source, to), link in sorted((self._links or {}).items()):
             found.setdefault(self._names[source], {})[self._names[to]] = link.facts()
         return found
 
     def faults(self) -> dict[str, Any]:
-        """Per fault by its id."""
+        """The counts by the ids of faults."""
         return {name: fault.facts() for name, fault in self._faults.items()}
 
     def _count_links(

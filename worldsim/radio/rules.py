@@ -1,13 +1,13 @@
 """What the radio faults do to one frame on one directed link.
 
-Faults compose in a fixed order. The first that applies drops the frame and is named: silence, partition, range,
+Faults act in a fixed order (`DROPS`). The first that applies drops the frame and is named: silence, partition, range,
 bandwidth, loss, and of two of one kind the earlier in the scenario. What gets through is held up by all delay and
 reorder faults together. Then each duplicate fault that hits adds one copy, which takes as long as the frame itself and
 the copy's own delay.
 
-Every draw is a hash of (seed, Purpose.ETHER, fault, source, destination, sequence), so what befalls one frame does not
-depend on any other. Only two things have a memory: a burst of losses, which is a function of the tick all the same, and
-what a sender has left of its bandwidth, which depends on the frames that it sent before.
+Every draw is a hash of (seed, Purpose.ETHER, fault, source, destination, sequence), so what happens to one frame does
+not depend on any other. Only two things have a memory: a burst of losses, which is a function of the tick all the same,
+and what a sender has left of its bandwidth, which depends on the frames that it sent before.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ if TYPE_CHECKING:
     from worldsim.timeline import Entry, Timeline
 
 PHASE_B_SHARE = 0.2
-"""When phase B begins, as a share of the step: a frame that takes no longer is heard in its own tick."""
+"""When phase B begins, as a share of the step: a frame that takes at most this is heard in its own tick."""
 
 LEAST_BUCKET = 64.0
-"""Bytes that may be sent at once however little the bandwidth, so that any frame fits sooner or later."""
+"""Bytes that may be sent at once with any bandwidth, so that any frame fits sooner or later."""
 
 BEAM = 1e-6
 """Radius (m) of a line of sight, so that none passes along the crack between two points of a wall."""
@@ -57,12 +57,29 @@ _ON_FRAMES: tuple[type[Fault], ...] = (*DROPS, Delay, Reorder, Duplicate)
 
 
 def arrival(k: int, delay_s: float, step: float) -> int:
-    """The tick in whose phase B a frame is heard that was sent in phase A of tick k and takes delay_s."""
+    """When a frame is heard.
+
+    Args:
+        k: The tick in whose phase A it is sent.
+        delay_s: How long it takes, s.
+        step: Length of a tick, s.
+
+    Returns:
+        The tick in whose phase B it is heard.
+    """
     return k + max(0, math.ceil((delay_s - PHASE_B_SHARE * step) / step - 1e-9))
 
 
 def waited(wait: Wait, *values: int) -> float:
-    """How long (s, not below 0) a wait is this time, drawn from the integers given."""
+    """Draw the length of a wait.
+
+    Args:
+        wait: Its distribution.
+        values: Integers that the draw is a hash of.
+
+    Returns:
+        The length, s, at least 0.
+    """
     first, *rest = wait.values
     match wait.shape:
         case "uniform":
@@ -89,7 +106,7 @@ class Burst:
         self._bad = draw(*self._draws, entry.begin) < rate
 
     def bad(self, k: int) -> bool:
-        """Whether the link is bad in tick k, which is none before those asked for already."""
+        """Whether the link is bad in tick k; to be asked in ascending ticks."""
         while self._k < k:
             self._k += 1
             chance = draw(*self._draws, self._k)
@@ -98,7 +115,15 @@ class Burst:
 
 
 def chain_of(rate: float, mean_burst: float) -> tuple[float, float]:
-    """The probabilities r (bad to good) and p (good to bad) of a Gilbert-Elliott chain."""
+    """The probabilities of a Gilbert-Elliott chain.
+
+    Args:
+        rate: Share of bad ticks.
+        mean_burst: Mean length of a bad spell, ticks.
+
+    Returns:
+        r (bad to good) and p (good to bad).
+    """
     r = 1.0 / mean_burst
     return r, min(rate * r / (1.0 - rate), 1.0)
 
@@ -113,13 +138,13 @@ class Bucket:
         self._k = k
 
     def holds(self, size: int, k: int) -> bool:
-        """Whether a frame of so many bytes may be sent in tick k."""
+        """Whether a frame of `size` bytes may be sent in tick k."""
         self._left = min(self._capacity, self._left + self._rate * (k - self._k))
         self._k = k
         return size <= self._left
 
     def take(self, size: int) -> None:
-        """Send it."""
+        """Use up the bytes of a frame that is sent."""
         self._left -= size
 
 
@@ -128,9 +153,12 @@ _Drops = Callable[["Entry", int, int, int, int], bool]
 
 
 class RadioRules:
-    """The radio faults of a timeline. Say `begin` for each tick in turn, then ask about its frames in their order.
+    """The radio faults of a timeline. Call `begin` for each tick in turn, then ask about its frames in their order.
 
-    origin: the robot from whose radio a frame comes (`NOBODY` for a stranger), whoever the frame claims to be from.
+    The origin of a frame is the robot from whose radio it comes (`NOBODY` for a stranger), whatever sender it claims.
+
+    Attributes:
+        timeline: The faults.
     """
 
     def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
@@ -154,7 +182,15 @@ class RadioRules:
         self._buckets: dict[tuple[int, int], Bucket] = {}
 
     def begin(self, k: int, poses: Mapping[int, Pose]) -> bool:
-        """Tick k begins, the robots being at their true poses; whether any radio fault is active."""
+        """Begin a tick.
+
+        Args:
+            k: The tick.
+            poses: The robots' true poses by number.
+
+        Returns:
+            Whether any radio fault is active.
+        """
         self._k, self._poses = k, poses
         entries = self.timeline.at(k)
         if entries is not self._entries:
@@ -164,9 +200,14 @@ class RadioRules:
         return any(self._active.values())
 
     def jammed(self, origin: int, size: int) -> str | None:
-        """Take a frame of so many bytes off its sender's bandwidth; why it cannot be sent, if it cannot.
+        """Charge a frame to its sender's bandwidth. A sender that is silenced sends nothing.
 
-        A sender that is not heard at all sends nothing.
+        Args:
+            origin: The robot whose radio sends it.
+            size: Its bytes.
+
+        Returns:
+            The cause, as the journal names it, if it cannot be sent; else None.
         """
         entries = [entry for entry in self._active.get(Bandwidth, ()) if origin in entry.who]
         if not entries or any(_silences(entry, origin, "out") for entry in self._active.get(Silence, ())):
@@ -201,7 +242,11 @@ class RadioRules:
         return None
 
     def delays(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
-        """The faults that hold a frame up, by their ids, and how long each does, s."""
+        """Find the faults that delay a frame on a link; the arguments are those of `lost`.
+
+        Returns:
+            Their ids, and how long each delays it, s.
+        """
         found = []
         for entry in (*self._active.get(Delay, ()), *self._active.get(Reorder, ())):
             if not _on_link(entry, origin, destination):
@@ -215,7 +260,11 @@ class RadioRules:
         return found
 
     def copies(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
-        """The faults that copy a frame, by their ids, and how much longer (s) each copy takes than the frame."""
+        """Find the faults that copy a frame on a link; the arguments are those of `lost`.
+
+        Returns:
+            Their ids, and how much longer than the frame each copy takes, s.
+        """
         found = []
         for entry in self._active.get(Duplicate, ()):
             values = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
