@@ -100,9 +100,8 @@ class Forger:
         """
         spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
         if any(self._age(entry) > self._depth for entry in spoofs):
-            raise BadInput(
-                f"control: fault.payload.replay: at most {self._depth * self._step:g} s are kept; choose a smaller number"
-            )
+            kept_s = self._depth * self._step
+            raise BadInput(f"control: fault.payload.replay: at most {kept_s:g} s are kept; choose a smaller number")
         if self._key is None and any(entry.sources[0] != NOBODY for entry in spoofs):
             self._key = fleet_key(self._scenario)
         self.timeline = timeline
