@@ -24,7 +24,7 @@ from patrol.ground.builtins import builtin_terrain
 from patrol.random import Draws, Purpose
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
 from patrol.scenario.faults.kinds import nothing
-from worldsim.output.record import COMPLETED, DESERTED
+from worldsim.run_record import COMPLETED, DESERTED
 from worldsim.verdict.judge import Verdict
 
 KEY = b"chaos has no secrets"

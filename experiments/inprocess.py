@@ -23,8 +23,9 @@ from patrol.prepare import Prepared, prepare
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
 from patrol.radio.fleet_key import fleet_key
 from worldsim.fleet.loop import run_ticks
-from worldsim.output.record import COMPLETED, INTERRUPTED, MemoryJournal, Recorder, RunRecord, Writer, header_of
+from worldsim.output.record import Recorder, header_of
 from worldsim.output.summary import Totals, summarise
+from worldsim.run_record import COMPLETED, INTERRUPTED, MemoryJournal, RunRecord, Writer
 from worldsim.verdict.judge import Judge, Verdict, judge
 from worldsim.world import World
 
@@ -44,7 +45,7 @@ class Outcome:
 class InProcessFleet:
     """The minds of a fleet, called directly.
 
-    It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.Hands`.
+    It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.ProcessControl`.
 
     A mind whose policy fails is lost, as its process would be; the others go on.
     """

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fogwatch.launch.launcher import Launch
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
 
 MOST_THREADS = 8
@@ -331,7 +331,7 @@ def _result(
 ) -> Result:
     """Write the summary and the files that are made from the journal."""
     from patrol.journal import Journal
-    from worldsim.output.record import INTERRUPTED
+    from worldsim.run_record import INTERRUPTED
 
     asked = options.stop()
     folder.write_summary(summary)

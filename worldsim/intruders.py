@@ -1,4 +1,4 @@
-"""Who sees which intruder: the world's own sensors, and what the verdict recomputes."""
+"""Which robots see which intruders: what the world gives robots, and the verdict recomputes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,15 @@ class Intruders:
         self._footprint = footprint
 
     def seen_by(self, tick: int, pose: Pose) -> tuple[Place, ...]:
-        """Where a robot sees intruders: on points of its footprint; at most `MAX_CONTACTS`, nearest first."""
+        """Where a robot sees intruders: on points of its footprint.
+
+        Args:
+            tick: The tick.
+            pose: Its true pose.
+
+        Returns:
+            Their places, nearest first, at most `MAX_CONTACTS`.
+        """
         here = [intruder.place for intruder in self._intruders if intruder.is_there(tick * self._step)]
         if not here:
             return ()

@@ -21,69 +21,99 @@ if TYPE_CHECKING:
     from worldsim.world import World
 
 POLL_S = 0.05
-"""How long the world waits for a control at a time while its ticks are held."""
+"""How long the world waits for a request at a time while its ticks are held, s."""
 
-HANDLESS = "control: robots' processes were not started by this run, so that nobody here can kill, pause or start them"
+NO_PROCESS_CONTROL = (
+    "control: kind: this run did not start the robots' processes, so it cannot kill, pause or start them; "
+    "run the scenario with: fogwatch run"
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What somebody asks for. control: what, or why it cannot be read. answer: to be called once."""
+class ControlRequest:
+    """A request of an operator.
+
+    Attributes:
+        control: What is asked for, or why that cannot be read.
+        answer: Sends the answer; to be called once.
+    """
 
     control: Control | BadInput
     answer: Callable[[Answer], None]
 
 
-class Desk(Protocol):
-    """Where controls come in."""
+class ControlRequests(Protocol):
+    """Where operators' requests come in."""
 
-    def get(self, timeout_s: float) -> Asked | None:
-        """The next one, or None when none came in time."""
+    def get(self, timeout_s: float) -> ControlRequest | None:
+        """Take the next request.
+
+        Args:
+            timeout_s: How long to wait for one, s.
+
+        Returns:
+            The request, or None when none came in time.
+        """
         ...
 
 
-class Rested(Protocol):
-    """A fleet that can be kept waiting between ticks."""
+class PacedBetweenTicks(Protocol):
+    """A fleet that can wait between ticks."""
 
     def rest(self) -> None:
-        """No tick is due for now."""
+        """Deal with what arrives while no tick is due."""
         ...
 
-    def hasten(self, step_s: float) -> None:
-        """Steps take so long from now on (s of wall time), where the fleet sees to that itself."""
+    def set_step(self, step_s: float) -> None:
+        """Set the wall time of a step (s), for a fleet that keeps to the clock itself."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
-    """How the ticks go. running: by themselves. pace: the factor of real time that was asked for, None for none."""
+class RunState:
+    """Whether and how fast the ticks run.
+
+    Attributes:
+        running: Whether they run by themselves, and are not held.
+        pace: The factor of real time, or None for no limit.
+    """
 
     running: bool
     pace: float | None
 
 
 class Operator:
-    """Does what is asked for between the ticks of a world.
+    """Does what operators ask for, between the ticks of a world.
 
-    handy: whether somebody can kill, pause and start robots. now: wall clock, s. amended: told of each new scenario.
-    rest: called again and again while no tick is due.
+    Attributes:
+        rest: Called again and again while no tick is due.
     """
 
     def __init__(
         self,
         world: World,
-        fleet: Rested,
-        desk: Desk,
+        fleet: PacedBetweenTicks,
+        requests: ControlRequests,
         now: Callable[[], float],
         *,
-        handy: bool,
+        controls_processes: bool,
         amended: Callable[[Scenario], None] = lambda _scenario: None,
     ) -> None:
+        """Take requests for a world.
+
+        Args:
+            world: The world.
+            fleet: Its robots.
+            requests: Where requests come in.
+            now: Wall clock, s.
+            controls_processes: Whether this run can kill, pause and start robots' processes.
+            amended: Called with each scenario that operators have changed.
+        """
         self._world = world
         self._fleet = fleet
-        self._desk = desk
+        self._requests = requests
         self._now = now
-        self._handy = handy
+        self._controls_processes = controls_processes
         self._amended = amended
         self._waits = world.scenario.factor is None
         self.rest: Callable[[], None] = lambda: None
@@ -93,20 +123,24 @@ class Operator:
         self._due = -math.inf
 
     @property
-    def manner(self) -> Manner:
-        """How the ticks go now."""
-        return Manner(not self._held, self._pace)
+    def state(self) -> RunState:
+        """Whether and how fast the ticks run now."""
+        return RunState(not self._held, self._pace)
 
     def between(self, stop: Callable[[], bool]) -> Iterator[Event]:
-        """Do what is asked for until the next tick is due; what is done, as the journal has it.
+        """Do what is asked for until the next tick is due.
 
-        stop: asked while that takes time, whether to give up waiting.
+        Args:
+            stop: Asked again and again whether to stop waiting.
+
+        Yields:
+            What was done, as events for the journal.
         """
         while not stop():
             wait_s = self._wait_s()
-            asked = self._desk.get(min(wait_s, POLL_S))
-            if asked is not None:
-                yield from self._do(asked)
+            request = self._requests.get(min(wait_s, POLL_S))
+            if request is not None:
+                yield from self._do(request)
             elif wait_s <= 0.0:
                 break
             else:
@@ -119,26 +153,26 @@ class Operator:
             self._due = max(self._due + self._world.step / self._pace, self._now())
 
     def _wait_s(self) -> float:
-        """How long until the next tick is due."""
+        """How long until the next tick is due, s."""
         if self._held and not self._steps:
             return math.inf
         if self._held or self._pace is None or not self._waits:
             return 0.0
         return max(0.0, self._due - self._now())
 
-    def _do(self, asked: Asked) -> Iterator[Event]:
+    def _do(self, request: ControlRequest) -> Iterator[Event]:
         try:
-            if isinstance(asked.control, BadInput):
-                raise asked.control
-            text = self._obey(asked.control)
+            if isinstance(request.control, BadInput):
+                raise request.control
+            text = self._obey(request.control)
         except (BadInput, RecursionError) as refused:
-            asked.answer(Answer(False, str(refused)))
+            request.answer(Answer(False, str(refused)))
             return
-        yield Event(self._world.tick, OPERATOR, None, as_detail(asked.control))
-        asked.answer(Answer(True, text))
+        yield Event(self._world.tick, OPERATOR, None, as_detail(request.control))
+        request.answer(Answer(True, text))
 
     def _obey(self, control: Control) -> str:
-        """Do it; what to tell the one who asked."""
+        """Do what is asked for; the text of the answer."""
         k = self._world.tick
         match control:
             case Pause():
@@ -155,8 +189,8 @@ class Operator:
                 return self._hurry(factor)
         scenario, text = amended(self._world.scenario, k, control)
         kinds = {fault.kind for fault in scenario.faults if fault not in self._world.scenario.faults}
-        if not self._handy and kinds & set(PROCESS_KINDS):
-            raise BadInput(HANDLESS)
+        if not self._controls_processes and kinds & set(PROCESS_KINDS):
+            raise BadInput(NO_PROCESS_CONTROL)
         self._world.amend(scenario)
         self._amended(scenario)
         return text
@@ -165,6 +199,6 @@ class Operator:
         if factor is None and not self._waits:
             raise BadInput("control: factor = null: this run keeps to the clock; give a factor of real time")
         if factor is not None:
-            self._fleet.hasten(self._world.step / factor)
+            self._fleet.set_step(self._world.step / factor)
         self._pace, self._due = factor, self._now()
         return "as fast as it goes" if factor is None else f"{factor:g} x real time"

@@ -1,4 +1,4 @@
-"""Where an operator's requests come in over Zenoh, and where the scenario that they come to is kept."""
+"""Takes operators' requests from the network, and keeps the scenario that they have changed."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from patrol.errors import BadInput
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import Answer, answer_bytes, read_request
 from patrol.scenario.copying import MAP
-from worldsim.operator import Asked
+from worldsim.operator import ControlRequest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from patrol.scenario import Scenario
+    from worldsim.mailbox import Mailbox
 
 TIMELINE = "timeline.yaml"
 
 
 class Question(Protocol):
-    """What a `patrol.net.mailbox.Question` offers here."""
+    """What the world needs of a question that came over the network, so that it can be tested without one."""
 
     @property
     def payload(self) -> bytes:
@@ -33,23 +34,28 @@ class Question(Protocol):
         ...
 
 
-class Mailbox(Protocol):
-    """What a `patrol.net.mailbox.Mailbox` of questions offers here."""
+class ControlMailbox:
+    """A `worldsim.operator.ControlRequests` that takes requests from operators who have the fleet's token."""
 
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Question] | None:
-        """The next question and its key, or None when none came in time."""
-        ...
+    def __init__(self, mailbox: Mailbox[Question], token: str) -> None:
+        """Take requests.
 
-
-class FrontDesk:
-    """A `worldsim.operator.Desk`: takes requests from those who have the fleet's token."""
-
-    def __init__(self, mailbox: Mailbox, token: str) -> None:
+        Args:
+            mailbox: Where they arrive.
+            token: The fleet's token, which each must carry.
+        """
         self._mailbox = mailbox
         self._token = token
 
-    def get(self, timeout_s: float) -> Asked | None:
-        """The next request, or None when none came in time."""
+    def get(self, timeout_s: float) -> ControlRequest | None:
+        """Take the next request.
+
+        Args:
+            timeout_s: How long to wait for one, s.
+
+        Returns:
+            The request, or None when none came in time.
+        """
         arrived = self._mailbox.get(timeout_s)
         if arrived is None:
             return None
@@ -59,13 +65,18 @@ class FrontDesk:
             question.answer(answer_bytes(answer))
 
         try:
-            return Asked(read_request(question.payload, self._token), answer)
+            return ControlRequest(read_request(question.payload, self._token), answer)
         except BadInput as bad:
-            return Asked(bad, answer)
+            return ControlRequest(bad, answer)
 
 
 def keep_timeline(folder: Path, scenario: Scenario) -> None:
-    """Write the scenario as operators have made it, whole or not at all; by its copy here, where a map has one."""
+    """Write the scenario as operators have changed it to `TIMELINE`, whole or not at all.
+
+    Args:
+        folder: The run's folder. Where it holds a copy of the scenario's map, the scenario refers to that.
+        scenario: The scenario.
+    """
     if scenario.terrain.map is not None:
         copy = Path(MAP) / Path(scenario.terrain.map).name
         if (folder / copy).is_file():

@@ -1,6 +1,6 @@
-"""What robots take for true of themselves: where they are and what time it is, as the drift and clock faults have it.
+"""Where robots take themselves to be, and what time their clocks show, as drift and clock faults have it.
 
-A body never feels either: the world moves bodies, and keeps the true fog, by their true poses.
+Bodies are not affected: the world moves them, and keeps the true fog, by their true poses.
 """
 
 from __future__ import annotations
@@ -23,10 +23,13 @@ _NOISE, _JUMP = 0, 1
 
 
 class Senses:
-    """The poses and clocks that phase A tells robots: functions of the timeline, the tick and the true pose alone.
+    """The poses and clocks that phase A gives robots: functions of the timeline, the tick and the true pose alone.
 
-    Several drifts of one robot add up, and so do several wrong clocks. A localiser knows its map, so a pose that is
-    told never lies off the terrain; and no clock shows less than zero or more than a message can say.
+    Several drifts of one robot add up, and so do several clock faults. A localiser knows its map, so these poses never
+    lie off the terrain; and no clock shows less than zero or more than a message can hold.
+
+    Attributes:
+        timeline: The faults.
     """
 
     def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
@@ -40,7 +43,16 @@ class Senses:
         self._jumps: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def pose(self, number: int, k: int, true: Pose) -> Pose:
-        """Where a robot takes itself to be in tick k, its true pose being `true`."""
+        """Where a robot takes itself to be.
+
+        Args:
+            number: The robot's number.
+            k: The tick.
+            true: Its true pose.
+
+        Returns:
+            The pose that it senses.
+        """
         x, y, wrong = true.x, true.y, False
         for entry in self.timeline.at(k):
             if isinstance(entry.fault, Drift) and number in entry.who:
@@ -51,7 +63,15 @@ class Senses:
         return Pose(_within(x, self._x_limits), _within(y, self._y_limits), true.heading)
 
     def clock(self, number: int, k: int) -> float:
-        """What a robot's clock shows in tick k, s."""
+        """What a robot's clock shows.
+
+        Args:
+            number: The robot's number.
+            k: The tick.
+
+        Returns:
+            The time, s.
+        """
         time_s = k * self._step
         ahead = 0.0
         for entry in self.timeline.at(k):
@@ -71,7 +91,7 @@ class Senses:
         return dx, dy
 
     def _jumped(self, entry: Entry, number: int, times: int, size: float) -> tuple[float, float]:
-        """What so many jumps come to, added up in their order."""
+        """The sum of the first `times` jumps, added up in their order, m."""
         sums = self._jumps.setdefault((entry.index, number), [(0.0, 0.0)])
         while len(sums) <= times:
             bearing = TAU * draw(self._seed, Purpose.SENSES, entry.index, number, len(sums), _JUMP)

@@ -1,4 +1,4 @@
-"""When and to whom a scenario's faults happen: entries resolved to ticks and robot numbers.
+"""When a scenario's faults happen, and to which robots: entries resolved to ticks and robot numbers.
 
 Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
 the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in the run.
@@ -32,7 +32,7 @@ from patrol.scenario.faults.roster import tick_of, ticks_of
 from patrol.scenario.faults.targets import Some, Target, in_drawn_order, meant
 
 FAULT_EVENT = "fault"
-"""The kind of the journal's events that tell of faults."""
+"""The kind of the journal's events that report faults."""
 
 ActKind = Literal["kill", "restart", "pause", "resume", "join", "leave"]
 
@@ -41,10 +41,16 @@ ActKind = Literal["kill", "restart", "pause", "resume", "join", "leave"]
 class Entry:
     """One fault, resolved.
 
-    index: its place among all faults, from 0. begin, end: ticks; active in begin <= k < end, end None: to the end of
-    the run. What happens at once has end == begin. who: robot numbers, ascending; of a spoof the victims. sources,
-    targets: senders and receivers of the directed links of a link fault; of a spoof, sources holds who forges (0 for a
-    stranger). groups: of a partition, each ascending, all robots in one of them.
+    Attributes:
+        index: Its place among all faults, from 0.
+        fault: The fault.
+        begin: First tick in which it is active.
+        end: First tick in which it is not active any more; None: active to the end of the run. Equal to `begin` for a
+            fault that happens at once.
+        who: Robot numbers, ascending; of a spoof, those of the victims.
+        sources: Senders of the directed links of a link fault; of a spoof, the robot that forges (0 for a stranger).
+        targets: Receivers of the directed links of a link fault.
+        groups: Of a partition: robot numbers, ascending in each group; every robot is in one.
     """
 
     index: int
@@ -58,13 +64,20 @@ class Entry:
 
     @property
     def id(self) -> str:
-        """The fault's name."""
+        """The fault's id: given, or made from its place."""
         return self.fault.id or f"f{self.index + 1}"
 
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """One thing to do to one robot between two ticks. fault: the id of who asked for it. wreck: of a kill."""
+    """One thing to do to one robot between two ticks.
+
+    Attributes:
+        kind: What to do.
+        number: The robot's number.
+        fault: Id of the fault that asks for it.
+        wreck: What becomes of the body of a robot that is killed.
+    """
 
     kind: ActKind
     number: int
@@ -78,7 +91,9 @@ class Timeline:
     def __init__(self, scenario: Scenario, extra: Sequence[tuple[int, Fault]] = ()) -> None:
         """Resolve the scenario's faults.
 
-        extra: faults asked for later, each with the tick from which its `at` counts; their indices follow on.
+        Args:
+            scenario: The scenario.
+            extra: Faults added later, each with the tick from which its `at` counts; their indices follow on.
         """
         self._step = scenario.step
         self._seed = scenario.seed
@@ -88,7 +103,7 @@ class Timeline:
         asked = [*((0, fault) for fault in scenario.faults), *extra]
         self.entries = tuple(self._entry(index, k, fault) for index, (k, fault) in enumerate(asked))
         self.starts_absent = _absent_at_first(self.entries[: len(scenario.faults)]) | self._spares
-        self.needs_hands = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
+        self.needs_process_control = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
         self._acts = self._all_acts()
         self._changes, self._active = self._all_active()
 
@@ -119,9 +134,9 @@ class Timeline:
 
     @property
     def healed(self) -> int | None:
-        """The first tick from which nothing is active and nothing is done any more; None when something never ends.
+        """The first tick from which no fault is active and none will be; None when one never ends.
 
-        Robots may still be dead, paused or gone: only what happens in the run tells.
+        Robots may still be dead, paused or gone: that depends on what happens in the run.
         """
         if any(_lasts(entry) and entry.end is None for entry in self.entries):
             return None
@@ -129,7 +144,7 @@ class Timeline:
         return max(ends, default=0)
 
     def describe(self, entry: Entry) -> str:
-        """Whom a fault befalls and how, in a few words."""
+        """Describe in a few words which robots a fault acts on, and how."""
         fault = entry.fault
         parts = []
         if isinstance(fault, OnLinks):
@@ -140,9 +155,9 @@ class Timeline:
             parts.append(f"{fault.by} as {self._listed(entry.who)}")
         else:
             parts.append(self._listed(entry.who))
-        told = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups"}
+        shown = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups"}
         values = fault.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-        parts += [f"{name} {_shown(value)}" for name, value in values.items() if name not in told]
+        parts += [f"{name} {_shown(value)}" for name, value in values.items() if name not in shown]
         return ", ".join(parts)
 
     def _listed(self, numbers: Sequence[int]) -> str:

@@ -1,4 +1,4 @@
-"""The true fog: what the whole fleet has really seen, from the poses of all living bodies."""
+"""The true fog: what the whole fleet has seen, from the true poses of all robots that are alive."""
 
 from __future__ import annotations
 
@@ -14,16 +14,29 @@ from patrol.radio.message import as_received
 
 
 class Truth:
-    """The fog over the patrolled area as it really is.
+    """The true fog over the patrolled area.
 
-    patrolled: bool (height, width), the points that count. All ages are in ticks.
+    Attributes:
+        footprint: The robots' sensor.
+        fog: The fog; ages are in ticks.
     """
 
     def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_]) -> None:
+        """Begin with nothing seen.
+
+        Args:
+            footprint: The robots' sensor.
+            patrolled: bool (height, width): the points that count.
+        """
         self.footprint = footprint
         self.fog = Fog(patrolled)
 
     def observe(self, tick: int, poses: Iterable[tuple[int, Pose]]) -> None:
-        """Everyone in `poses` (robot number, pose) looks around once, in that order, from the pose that others hear."""
+        """Let robots look around once.
+
+        Args:
+            tick: The tick.
+            poses: Robot numbers and true poses, in the order in which they look.
+        """
         for _, pose in poses:
             self.fog.observe(self.footprint.visible(as_received(pose)), tick)

@@ -97,7 +97,7 @@ def _faults(scenario: Scenario) -> Iterator[str]:
 def _remains(scenario: Scenario, timeline: Timeline) -> str:
     """Which robots do not patrol at the end, and why; empty when all do."""
     from patrol.journal.records import Status
-    from worldsim.fleet.acts import standing_at_the_end
+    from worldsim.lifecycle import standing_at_the_end
 
     names = {spec.number: spec.name for spec in scenario.roster}
     standing = standing_at_the_end(timeline, names, scenario.ticks)

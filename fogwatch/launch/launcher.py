@@ -30,7 +30,7 @@ from patrol.net.mailbox import Mailbox
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.net.telemetry import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
 from patrol.process.readiness import StartFailure, StartReport
-from worldsim.fleet.process_control import process_name
+from worldsim.lifecycle import process_name
 
 ROUTER, WORLD, PAGE = "the router", "the world", "the page"
 """Names that no robot can have."""
@@ -132,7 +132,7 @@ class Launch:
         """End whatever is left, in order.
 
         Returns:
-            The exit codes by name (`worldsim.fleet.process_control.process_name`), negative for signals.
+            The exit codes by name (`worldsim.lifecycle.process_name`), negative for signals.
         """
         children = self.children
         if self.interrupted:

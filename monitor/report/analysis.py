@@ -122,7 +122,7 @@ def measures(run: Run) -> list[Measure]:
 
 
 def direct_of(run: Run) -> Mapping[str, Any]:
-    """The part of the summary about direct radio (`worldsim.radio.overheard`); empty without one."""
+    """The part of the summary about direct radio (`worldsim.output.direct_radio`); empty without one."""
     said = (run.summary or {}).get("direct")
     return said if isinstance(said, dict) else {}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from patrol.errors import BadInput
 from patrol.process.lifeline import Ending
@@ -50,7 +50,28 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> ar
     return parser
 
 
-def prepared_as_told(scenario: Scenario, options: argparse.Namespace, ending: Ending) -> Prepared | None:
+class StaticOptions(Protocol):
+    """Those of the options that say where the static fields come from."""
+
+    @property
+    def static(self) -> Path | None:
+        """The launcher's folder, None to compute them here."""
+        ...
+
+    @property
+    def wait(self) -> float:
+        """How long to wait without a launcher, s."""
+        ...
+
+    @property
+    def lifeline(self) -> int | None:
+        """File descriptor of the launcher's pipe, None without one."""
+        ...
+
+
+def prepared_as_told(
+    scenario: Scenario, options: argparse.Namespace | StaticOptions, ending: Ending
+) -> Prepared | None:
     """Prepare the scenario, or load what the launcher has prepared.
 
     Args:

@@ -26,13 +26,16 @@ from experiments.chaos import (
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, load_scenario
 from patrol.scenario.faults.kinds import KINDS, Forgery, Partition, Spoof
-from worldsim.output.record import COMPLETED, INTERRUPTED
+from worldsim.run_record import COMPLETED, INTERRUPTED
 from worldsim.timeline import Timeline
-from worldsim.verdict.checks import Check
+from worldsim.verdict.common.check import CheckResult
 from worldsim.verdict.judge import Verdict
 
-GOOD = WayResult("trace", Verdict("valid", (Check("complete", True, ""),)), COMPLETED)
-BAD = Verdict("invalid", (Check("fog", False, "thick"), Check("trace", True, ""), Check("moves", False, "wild")))
+GOOD = WayResult("trace", Verdict("valid", (CheckResult("complete", True, ""),)), COMPLETED)
+BAD = Verdict(
+    "invalid",
+    (CheckResult("fog", False, "thick"), CheckResult("trace", True, ""), CheckResult("moves", False, "wild")),
+)
 FEW = {"terrain": {"builtin": "open"}, "point": 2, "robots": {"count": 4}, "duration": 10}
 SMALL = load_scenario({"terrain": {"builtin": "open"}, "duration": 100, "nemesis": {"interval": 5}})
 

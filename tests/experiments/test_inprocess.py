@@ -16,7 +16,7 @@ from patrol.exchange import Sensed
 from patrol.journal import Event, TickRecord, read_journal
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
-from worldsim.output.record import INTERRUPTED
+from worldsim.run_record import INTERRUPTED
 from worldsim.verdict.judge import judge
 
 CARS = {"count": 3, "model": "car"}

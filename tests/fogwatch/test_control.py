@@ -137,7 +137,7 @@ def test_nothing_is_obeyed_without_the_token_or_that_cannot_be(operate: Callable
         "there is no robot r9": at.fault(kind="kill", who="r9"),
         "cannot join": at.fault(kind="join", who="r1"),
         "no such fault": at.ask(do="heal", id="f1"),
-        "are remembered": at.fault(kind="spoof", payload={"replay": 5000}, **{"as": "r1"}),
+        "s are kept": at.fault(kind="spoof", payload={"replay": 5000}, **{"as": "r1"}),
         "known are": at.ask(do="destroy"),
         "rename one": at.ask(do="fault", fault={"kind": "kill", "who": "r1", "id": ""}),
     }

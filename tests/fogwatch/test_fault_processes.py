@@ -14,8 +14,7 @@ import pytest
 import fogwatch
 from fogwatch.launch.launcher import Launch
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
-from worldsim.fleet.acts import LOOKED_AT
-from worldsim.fleet.process_control import STOPPED
+from worldsim.lifecycle import LOOKED_AT, STOPPED
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

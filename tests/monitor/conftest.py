@@ -83,7 +83,7 @@ def run_of(folder: Path, scenario: Mapping[str, Any]) -> Seen:
             for number in world.living:
                 seen.beliefs[record.k, number] = minds[number].belief.fog.last_seen.copy()
 
-        recorder.end(run_ticks(world, fleet, on_tick, recorder.event, hands=fleet))
+        recorder.end(run_ticks(world, fleet, on_tick, recorder.event, control=fleet))
     journal = read_journal(folder / "journal")
     summary = summarise(journal, judge(journal, {}, prepared), 1.0)
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")

@@ -20,8 +20,9 @@ from patrol.radio.message import Position, encode
 from patrol.random import draw
 from patrol.scenario import load_scenario
 from worldsim.fleet.loop import run_ticks
-from worldsim.fleet.process_control import NoShow
-from worldsim.output.record import COMPLETED, MemoryJournal, Recorder, header_of
+from worldsim.fleet.process_control import NotStarted
+from worldsim.output.record import Recorder, header_of
+from worldsim.run_record import COMPLETED, MemoryJournal
 from worldsim.world import World
 
 NEVER = -1
@@ -118,7 +119,7 @@ class RandomFleet:
 
     def arrived(self, number: int) -> bool:
         if self.late.get(number) == NEVER:
-            raise NoShow("it did not come")
+            raise NotStarted("it did not come")
         return self.world.tick >= self.late.get(number, 0)
 
     def release(self, paused: Iterable[int]) -> None:

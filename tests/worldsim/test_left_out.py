@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tests.worldsim.conftest import Lab
-    from worldsim.output.record import MemoryJournal
+    from worldsim.run_record import MemoryJournal
     from worldsim.world import World
 
 TICKS = 12

@@ -21,9 +21,10 @@ from patrol.scenario import load_scenario, scenario_hash
 from patrol.scenario.controls import OPERATOR, Answer, amended, in_force, prepared_as_operated, read_control
 from patrol.scenario.copying import FILE, keep_scenario
 from worldsim.fleet.loop import run_ticks
-from worldsim.operator import Asked, Operator
-from worldsim.output.record import MemoryJournal, Recorder, header_of
+from worldsim.operator import ControlRequest, Operator
+from worldsim.output.record import Recorder, header_of
 from worldsim.requests import TIMELINE, keep_timeline
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 from worldsim.world import World
 
@@ -48,7 +49,7 @@ class Hour:
 
 
 class Script:
-    """A desk at which controls come before given ticks."""
+    """A requests at which controls come before given ticks."""
 
     def __init__(self, hour: Hour, controls: Mapping[int, list[dict[str, Any]]]) -> None:
         self.world: World | None = None
@@ -57,7 +58,7 @@ class Script:
         self._hour = hour
         self._controls = {k: deque(asked) for k, asked in controls.items()}
 
-    def get(self, timeout_s: float) -> Asked | None:
+    def get(self, timeout_s: float) -> ControlRequest | None:
         assert self.world is not None
         k = self.world.tick
         if self._controls.get(k):
@@ -66,7 +67,7 @@ class Script:
                 control = read_control(control)
             except BadInput as bad:
                 control = bad
-            return Asked(control, lambda answer: self.answers.append((k, answer)))
+            return ControlRequest(control, lambda answer: self.answers.append((k, answer)))
         self._hour.s += timeout_s
         return None
 
@@ -81,17 +82,21 @@ class Rests:
     def rest(self) -> None:
         self.times += 1
 
-    def hasten(self, step_s: float) -> None:
+    def set_step(self, step_s: float) -> None:
         self.steps.append(step_s)
 
 
 def run(
-    prepared: Prepared, controls: Mapping[int, list[dict[str, Any]]], *, handy: bool = True, ticks: int = 10**9
+    prepared: Prepared,
+    controls: Mapping[int, list[dict[str, Any]]],
+    *,
+    controls_processes: bool = True,
+    ticks: int = 10**9,
 ) -> tuple[MemoryJournal, Script, Rests, list[float]]:
     """Run a world to its end under these controls; also the time of each tick."""
     hour, rests = Hour(), Rests()
-    desk = Script(hour, controls)
-    world = desk.world = World(prepared, operated=True)
+    requests = Script(hour, controls)
+    world = requests.world = World(prepared, operated=True)
     make = mind_maker(prepared, None, shared_by(prepared))
     fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in world.living}, make)
     journal = MemoryJournal(header_of(world))
@@ -102,10 +107,10 @@ def run(
         recorder.tick(record)
         times.append(hour.s)
 
-    operator = Operator(world, rests, desk, hour, handy=handy)
+    operator = Operator(world, rests, requests, hour, controls_processes=controls_processes)
     stop = lambda: hour.s > 1000.0 or world.tick >= ticks  # noqa: E731
     recorder.end(run_ticks(world, fleet, on_tick, recorder.event, stop, fleet, operator))
-    return journal, desk, rests, times
+    return journal, requests, rests, times
 
 
 EVERYTHING: dict[int, list[dict[str, Any]]] = {
@@ -133,8 +138,8 @@ EVERYTHING: dict[int, list[dict[str, Any]]] = {
 
 def test_all_that_an_operator_does_is_judged_and_gives_the_same_trace_again() -> None:
     prepared = prepare(load_scenario(SMALL))
-    journal, desk, rests, _ = run(prepared, EVERYTHING)
-    assert [answer.text for _, answer in desk.answers if not answer.done] == []
+    journal, requests, rests, _ = run(prepared, EVERYTHING)
+    assert [answer.text for _, answer in requests.answers if not answer.done] == []
     assert rests.times == 0  # whoever holds the ticks for no time keeps nobody waiting
     verdict = judge(journal, {}, prepared)
     assert verdict.valid, verdict.failed
@@ -160,13 +165,13 @@ def test_a_verdict_that_knows_nothing_of_the_operator_is_invalid() -> None:
 def test_ticks_are_held_stepped_and_paced_without_changing_the_trace() -> None:
     prepared = prepare(load_scenario(SMALL))
     untouched, *_ = run(prepared, {})
-    manner: dict[int, list[dict[str, Any]]] = {
+    state: dict[int, list[dict[str, Any]]] = {
         4: [{"do": "pause"}, {"do": "step", "ticks": 2}],
         6: [{"do": "pace", "factor": 0.5}, {"do": "go"}],
     }
-    journal, desk, rests, times = run(prepared, manner)
+    journal, requests, rests, times = run(prepared, state)
     assert journal.end == untouched.end
-    assert all(answer.done for _, answer in desk.answers)
+    assert all(answer.done for _, answer in requests.answers)
     assert times[5] == times[0] == 0.0
     assert [round(later - sooner, 6) for sooner, later in pairwise(times[6:])] == [1.0] * 33
     assert rests.steps == [1.0]
@@ -188,7 +193,7 @@ REFUSED: dict[str, dict[str, Any]] = {
     "no such fault": {"do": "heal", "id": "f7"},
     "has not begun": {"do": "heal", "id": "f1"},
     "happens at once": {"do": "heal", "id": "f2"},
-    "are remembered": {"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 5000.0}}},
+    "s are kept": {"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 5000.0}}},
     "rename one": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "id": "f1"}},
     "would never happen": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "at": 40}},
     "seconds from now": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "at": -1}},
@@ -202,8 +207,8 @@ REFUSED: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("why", REFUSED)
 def test_what_cannot_be_is_refused_and_leaves_no_trace(why: str) -> None:
     prepared = prepare(load_scenario(SMALL))
-    journal, desk, *_ = run(prepared, {1: [REFUSED[why]]}, ticks=3)
-    ((_, answer),) = desk.answers
+    journal, requests, *_ = run(prepared, {1: [REFUSED[why]]}, ticks=3)
+    ((_, answer),) = requests.answers
     assert not answer.done
     assert why in answer.text
     assert answer.text.startswith("control: ")
@@ -213,8 +218,8 @@ def test_what_cannot_be_is_refused_and_leaves_no_trace(why: str) -> None:
 def test_robots_that_nobody_here_started_are_not_killed() -> None:
     prepared = prepare(load_scenario(SMALL))
     kill = {"do": "fault", "fault": {"kind": "kill", "who": "r1"}}
-    _, desk, *_ = run(prepared, {1: [kill]}, handy=False, ticks=3)
-    assert "were not started" in desk.answers[0][1].text
+    _, requests, *_ = run(prepared, {1: [kill]}, controls_processes=False, ticks=3)
+    assert "did not start" in requests.answers[0][1].text
 
 
 def test_what_an_operator_has_asked_for_is_in_force_until_it_ends() -> None:
@@ -255,8 +260,8 @@ def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
     ]
     prepared = prepare(load_scenario({**SMALL, "robots": {"count": 3, "spare": 2}, "faults": faults}))
     unasked, *_ = run(prepared, {})
-    journal, desk, *_ = run(prepared, {5: [{"do": "fault", "fault": {"kind": "join", "who": "r5"}}]})
-    assert [answer.done for _, answer in desk.answers] == [True]
+    journal, requests, *_ = run(prepared, {5: [{"do": "fault", "fault": {"kind": "join", "who": "r5"}}]})
+    assert [answer.done for _, answer in requests.answers] == [True]
     there = [row.status for row in journal.records[-1].robots]
     assert sorted(there[:3]) == [Status.ALIVE, Status.ALIVE, Status.DEAD]
     assert there[3:] == [Status.ABSENT, Status.ALIVE]

@@ -168,8 +168,8 @@ def test_acts_are_by_fault_and_then_by_robot() -> None:
     )
     assert line.acts(0) == (Act("pause", 3, "nap"),)
     assert line.acts(1) == ()
-    assert line.needs_hands
-    assert not timeline({"kind": "silence", "who": "all"}).needs_hands
+    assert line.needs_process_control
+    assert not timeline({"kind": "silence", "who": "all"}).needs_process_control
 
 
 def test_who_joins_is_absent_from_the_beginning() -> None:

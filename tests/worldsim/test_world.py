@@ -14,7 +14,7 @@ from patrol.journal import Status, trace_hash
 from patrol.pose import Drive, Pose, Velocity
 from patrol.radio.message import MAX_FRAME, Position, decode
 from worldsim.fleet.loop import run_ticks
-from worldsim.output.record import DESERTED
+from worldsim.run_record import DESERTED
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:

@@ -1,82 +1,56 @@
 """What the timeline does to robots between ticks: killed, restarted, paused, resumed, joining, leaving.
 
 Only ALIVE robots take part in ticks. PAUSED and DEAD bodies stand in the way; those of robots that have left or are not
-there yet do not, nor do wrecks that were taken away. A robot that joins, or is restarted after its wreck was taken
-away, appears at its start, and waits tick by tick while another body overlaps that place; one whose wreck is still
-there wakes up in it. An act that makes no sense for a robot as it is then is skipped, and an event says so.
+there yet do not, nor do wrecks that were removed. A robot that joins, or is restarted after its wreck was removed,
+appears at its start, and waits tick by tick while another body overlaps that place; one whose wreck is still there
+restarts in it. An act that makes no sense for a robot in its present status is skipped, and an event says so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Event, Status
-from worldsim.fleet.process_control import Hands, NoShow
+from worldsim.fleet.process_control import NotStarted, ProcessControl
+from worldsim.lifecycle import APPLIES, LOOKED_AT, SKIPPED, WAITING
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Act, Timeline
+    from worldsim.timeline import Act
     from worldsim.world import World
-
-SKIPPED = "skipped"
-WAITING = "waiting"
-LOOKED_AT = "looked at"
-"""Kinds of events that change no status; the last tells what was seen of a process when its pause began or ended."""
-
-APPLIES: Mapping[str, frozenset[Status]] = {
-    "kill": frozenset({Status.ALIVE, Status.PAUSED}),
-    "restart": frozenset({Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST}),
-    "pause": frozenset({Status.ALIVE}),
-    "resume": frozenset({Status.PAUSED}),
-    "join": frozenset({Status.ABSENT, Status.LEFT}),
-    "leave": frozenset({Status.ALIVE, Status.PAUSED}),
-}
-"""The robots that each kind of act makes sense for, by their status; none that is just being started."""
-
-BECOMES: Mapping[str, Status] = {
-    "kill": Status.DEAD,
-    "restart": Status.ALIVE,
-    "pause": Status.PAUSED,
-    "resume": Status.ALIVE,
-    "join": Status.ALIVE,
-    "leave": Status.LEFT,
-}
-"""What each kind of act makes of them, once it is done."""
 
 _AS_IT_IS = {status: status.name.lower() for status in Status} | {Status.LEFT: "gone", Status.ABSENT: "not there yet"}
 
-HANDS_NEEDED = (
-    "faults: robots' processes are to be killed, paused or started, and nobody here started them; run the scenario "
+NEEDS_LAUNCHER = (
+    "faults: they kill, pause or start robots' processes, which only a run that started these can do; run the scenario "
     "with: fogwatch run"
 )
 
 
-def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) -> dict[int, Status]:
-    """Each robot's status after so many ticks if its process does nothing else than what it is told to."""
-    standing = {number: Status.ABSENT if number in timeline.starts_absent else Status.ALIVE for number in numbers}
-    for k in range(ticks):
-        for act in timeline.acts(k):
-            if standing[act.number] in APPLIES[act.kind]:
-                standing[act.number] = BECOMES[act.kind]
-    return standing
-
-
 class Acts:
-    """Carries out the acts of a world's timeline: on bodies by itself, on minds by somebody's hands."""
+    """Carries out the acts of a world's timeline: on bodies by itself, on robots' processes by process control."""
 
-    def __init__(self, world: World, hands: Hands | None) -> None:
-        """Raises BadInput when hands are needed and there are none."""
-        if hands is None and world.timeline.needs_hands:
-            raise BadInput(HANDS_NEEDED)
+    def __init__(self, world: World, control: ProcessControl | None) -> None:
+        """Take the acts of a world's timeline.
+
+        Args:
+            world: The world.
+            control: What kills, pauses and starts robots' processes, or None.
+
+        Raises:
+            BadInput: Process control is needed and there is none.
+        """
+        if control is None and world.timeline.needs_process_control:
+            raise BadInput(NEEDS_LAUNCHER)
         self._world = world
-        self._hands = hands
+        self._control = control
         self._coming: dict[int, str] = {}
-        self._told: set[int] = set()
+        self._waiting: set[int] = set()
 
     @property
     def deserted(self) -> bool:
-        """Whether somebody was lost, nobody drives any more, and nobody is to come back."""
+        """Whether a robot was lost, none is alive or paused any more, and none will come back."""
         bodies = self._world.bodies.values()
         if self._coming or any(body.status in (Status.ALIVE, Status.PAUSED) for body in bodies):
             return False
@@ -86,17 +60,21 @@ class Acts:
         return not any(e.begin >= self._world.tick and e.fault.kind in back for e in self._world.timeline.entries)
 
     def due(self) -> Iterator[Event]:
-        """Do what is due before the next tick; what happened, as it happens."""
+        """Do what is due before the next tick.
+
+        Yields:
+            What happened, as it happens.
+        """
         timeline, k = self._world.timeline, self._world.tick
         yield from (*timeline.endings(k), *timeline.beginnings(k))
         for act in timeline.acts(k):
-            if self._hands is not None:
-                yield from self._act(act, self._hands)
+            if self._control is not None:
+                yield from self._act(act, self._control)
         for number in list(self._coming):
-            if self._hands is not None:
-                yield from self._bring_in(number, self._hands)
+            if self._control is not None:
+                yield from self._bring_in(number, self._control)
 
-    def _act(self, act: Act, hands: Hands) -> Iterator[Event]:
+    def _act(self, act: Act, control: ProcessControl) -> Iterator[Event]:
         world, number = self._world, act.number
         body = world.bodies[number]
         reason = f"{act.fault} {act.kind}"
@@ -106,46 +84,46 @@ class Acts:
             return
         match act.kind:
             case "kill":
-                hands.kill(number)
+                control.kill(number)
                 yield world.stand_down(number, Status.DEAD, reason, away=act.wreck == "removed")
             case "pause":
-                seen = hands.pause(number)
+                seen = control.pause(number)
                 yield world.stand_down(number, Status.PAUSED, reason)
                 yield from self._looked_at(number, seen)
             case "resume":
-                seen = hands.resume(number)
+                seen = control.resume(number)
                 yield world.wake(number, reason)
                 yield from self._looked_at(number, seen)
             case "leave":
-                hands.leave(number)
+                control.leave(number)
                 yield world.stand_down(number, Status.LEFT, reason, away=True)
             case "restart" | "join":
                 if act.kind == "restart" and body.status is not Status.DEAD:
-                    hands.kill(number)
+                    control.kill(number)
                     yield world.stand_down(number, Status.DEAD, reason)
                 body.incarnation += 1
-                hands.start(number, body.incarnation)
+                control.start(number, body.incarnation)
                 self._coming[number] = f"{reason}: process {body.incarnation}"
 
     def _looked_at(self, number: int, seen: str) -> Iterator[Event]:
         if seen:
             yield Event(self._world.tick, LOOKED_AT, number, seen)
 
-    def _bring_in(self, number: int, hands: Hands) -> Iterator[Event]:
-        """Let a robot that was started take part, as soon as its mind is there and its place is free."""
+    def _bring_in(self, number: int, control: ProcessControl) -> Iterator[Event]:
+        """Let a robot that was started take part, as soon as its process is ready and its place is free."""
         world = self._world
         try:
-            if not hands.arrived(number):
+            if not control.arrived(number):
                 return
-        except NoShow as why:
+        except NotStarted as why:
             del self._coming[number]
             yield world.stand_down(number, Status.LOST, str(why))
             return
         body = world.bodies[number]
         if body.away and (others := world.in_the_way(number)):
-            if number not in self._told:
-                self._told.add(number)
+            if number not in self._waiting:
+                self._waiting.add(number)
                 yield Event(world.tick, WAITING, number, f"its start is taken by {', '.join(others)}")
             return
-        self._told.discard(number)
+        self._waiting.discard(number)
         yield world.wake(number, self._coming.pop(number))

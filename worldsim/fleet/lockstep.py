@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
-from worldsim.fleet.sessions import POLL_S, Seats
+from worldsim.fleet.sessions import POLL_S, Sessions
 
 DEADLINE_S = 10.0
 FIRST_DEADLINE_S = 60.0
-"""For the first tick, in which minds may still load what they need."""
+"""For the first tick, in which robots may still load what they need."""
 RESEND_S = 1.0
 _DRAINED = 16
 
@@ -24,13 +24,19 @@ Make = Callable[[int, int], ToRobot]
 class LockstepFleet:
     """A `worldsim.fleet.loop.Fleet` of processes.
 
-    A phase's messages are sent again every `RESEND_S` to whoever has not answered; whoever has not after deadline_s of
-    waiting, or whose process is gone, has died unasked. Waiting is counted in the slices that were spent on it, so that
-    a pause of the world's own process (a suspended machine) is nobody's death.
+    A phase's messages are sent again every `RESEND_S` to robots that have not answered. A robot that has not answered
+    within the deadline, or whose process is gone, is lost. Waiting is counted in the slices that were spent on it, so
+    that a pause of the world's own process (a suspended machine) loses no robot.
     """
 
-    def __init__(self, seats: Seats, deadline_s: float = DEADLINE_S) -> None:
-        self._seats = seats
+    def __init__(self, sessions: Sessions, deadline_s: float = DEADLINE_S) -> None:
+        """Drive the robots that have sessions.
+
+        Args:
+            sessions: Theirs.
+            deadline_s: Wall time for an answer, s; in the first tick at least `FIRST_DEADLINE_S`.
+        """
+        self._sessions = sessions
         self._deadline_s = deadline_s
         self._lost: list[tuple[int, Status, str]] = []
 
@@ -45,50 +51,50 @@ class LockstepFleet:
         return {number: answer.reply for number, answer in self._ask(k, "B", asked, ReplyB).items()}
 
     def lost(self) -> list[tuple[int, Status, str]]:
-        """Who has died in this tick, and how it was noticed."""
+        """The robots lost in this tick, and how that was noticed."""
         lost, self._lost = self._lost, []
         return lost
 
     def rest(self) -> None:
-        """No tick is due for now: deal with what arrives meanwhile."""
-        drain(self._seats)
+        """Deal with messages that arrive while no tick is due."""
+        drain(self._sessions)
 
-    def hasten(self, _step_s: float) -> None:
-        """Nothing: the next tick begins when the world says so."""
+    def set_step(self, _step_s: float) -> None:
+        """Do nothing: the next tick begins when the world says so."""
 
     def finish(self, k: int) -> None:
-        """Send everybody home."""
-        self._seats.close(k, "the run is over")
+        """Dismiss all robots."""
+        self._sessions.close(k, "the run is over")
 
     def notes(self) -> dict[str, Any]:
-        """What the journal's end says of the pace: nothing in lockstep."""
+        """Notes on the pace for the journal's end: none in lockstep."""
         return {}
 
     def _ask(self, k: int, phase: str, messages: Mapping[int, Make], kind: type[T]) -> dict[int, T]:
         """Send each robot its message and wait for all answers."""
-        seats = self._seats
-        sent = {number: seats.send(number, make) for number, make in messages.items()}
+        sessions = self._sessions
+        sent = {number: sessions.send(number, make) for number, make in messages.items()}
         answers: dict[int, T] = {}
         deadline_s = self._deadline_s if k else max(self._deadline_s, FIRST_DEADLINE_S)
         waited_s = 0.0
-        before = seats.now
+        before = sessions.now
         resend = before + RESEND_S
         while len(answers) < len(sent):
-            arrived = seats.take(POLL_S)
+            arrived = sessions.take(POLL_S)
             if arrived is not None:
                 number, answer = arrived
                 if isinstance(answer, kind) and answer.k == k and number in sent:
                     answers[number] = answer
                     continue
-            now = seats.now
+            now = sessions.now
             waited_s += min(now - before, 2.0 * POLL_S)
             before = now
             waiting = [number for number in sent if number not in answers]
-            for number, reason in seats.failed(waiting).items():
+            for number, reason in sessions.failed(waiting).items():
                 self._lose(number, reason)
                 del sent[number]
             waiting = [number for number in waiting if number in sent]
-            for number in seats.gone(waiting):
+            for number in sessions.gone(waiting):
                 self._lose(number, f"its process was gone in phase {phase} of tick {k}")
                 del sent[number]
             if waited_s >= deadline_s:
@@ -100,18 +106,18 @@ class LockstepFleet:
                 resend = now + RESEND_S
                 for number in waiting:
                     if number in sent:
-                        seats.repeat(number, sent[number])
+                        sessions.repeat(number, sent[number])
         return {number: answers[number] for number in messages if number in answers}
 
     def _lose(self, number: int, reason: str) -> None:
         self._lost.append((number, Status.LOST, reason))
-        self._seats.dismiss(number, f"left out: {reason}", orderly=False)
+        self._sessions.dismiss(number, f"left out: {reason}", orderly=False)
 
 
-def drain(seats: Seats) -> None:
-    """Deal with what has come between two ticks, when no answer is due."""
+def drain(sessions: Sessions) -> None:
+    """Deal with messages that arrived between two ticks, when no answer is due."""
     for _ in range(_DRAINED):
-        seats.take(0.0)
+        sessions.take(0.0)
 
 
 def tell(k: int, sensed: Sensed) -> Make:

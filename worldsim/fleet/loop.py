@@ -1,4 +1,4 @@
-"""The run: ticks in lockstep, the same over processes and in one process."""
+"""The loop of a run's ticks, the same over processes and in one process."""
 
 from __future__ import annotations
 
@@ -7,38 +7,49 @@ from typing import TYPE_CHECKING, Protocol
 
 from patrol.journal import Event, Status, TickRecord
 from worldsim.fleet.acts import Acts
-from worldsim.output.record import COMPLETED, DESERTED, INTERRUPTED
+from worldsim.run_record import COMPLETED, DESERTED, INTERRUPTED
 
 if TYPE_CHECKING:
     from patrol.exchange import Reply, Sensed
-    from worldsim.fleet.process_control import Hands
+    from worldsim.fleet.process_control import ProcessControl
     from worldsim.operator import Operator
     from worldsim.world import World
 
 
 class Fleet(Protocol):
-    """All robots' minds, wherever they are."""
+    """All robots' minds, wherever they run."""
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
-        """Tell the living robots what they sense; returns the frames that they send, none from one that stays silent.
+        """Send the living robots what they sense.
 
-        A robot missing from the answer has died.
+        Args:
+            k: The tick.
+            reports: By robot number.
+
+        Returns:
+            The frames that they send, by robot number; none from one that stays silent. A robot that is missing has
+            died.
         """
         ...
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
-        """Tell those who answered phase A what they hear; returns their replies, None from one that is late.
+        """Send those who answered phase A what they hear.
 
-        A robot missing from the answer has died.
+        Args:
+            k: The tick.
+            heard: Frames by robot number.
+
+        Returns:
+            Their replies by robot number, None from one that is late. A robot that is missing has died.
         """
         ...
 
     def lost(self) -> Iterable[tuple[int, Status, str]]:
-        """Between ticks: (number, status, reason) of each robot that has left the living since the last call."""
+        """Between ticks: (number, status, reason) of each robot that was found to be lost since the last call."""
         ...
 
     def finish(self, k: int) -> None:
-        """There will be no tick k, nor any later one, whatever the reason."""
+        """End the run before tick k, whatever the reason."""
         ...
 
 
@@ -48,18 +59,27 @@ def run_ticks(
     sink: Callable[[TickRecord], None],
     events: Callable[[Event], None],
     stop: Callable[[], bool] = lambda: False,
-    hands: Hands | None = None,
+    control: ProcessControl | None = None,
     operator: Operator | None = None,
 ) -> str:
-    """Run the ticks that are left, waiting for every living robot in each phase.
+    """Run the ticks that are left.
 
-    Returns why they ended (`worldsim.output.record`).
+    Args:
+        world: The world.
+        fleet: The robots.
+        sink: Takes each tick's record.
+        events: Takes what happens between ticks.
+        stop: Asked between ticks whether to stop.
+        control: Does to robots' processes what the scenario's faults ask for; None where none do.
+        operator: Does what operators ask for between ticks; None where nobody can ask.
 
-    sink: takes each tick's record. events: takes what happens between ticks. stop: asked between ticks. hands: those
-    that do to robots' minds what the scenario's faults ask for, where any do. operator: asked between ticks for what
-    somebody wants of the run while it goes on.
+    Returns:
+        Why the ticks ended (`worldsim.run_record`).
+
+    Raises:
+        BadInput: The faults need process control and there is none.
     """
-    acts = Acts(world, hands)
+    acts = Acts(world, control)
     try:
         while world.tick < world.ticks:
             if stop():
@@ -76,8 +96,8 @@ def run_ticks(
             _run_tick(world, fleet, sink, events)
         return COMPLETED
     finally:
-        if hands is not None:
-            hands.release([number for number, body in world.bodies.items() if body.status is Status.PAUSED])
+        if control is not None:
+            control.release([number for number, body in world.bodies.items() if body.status is Status.PAUSED])
         fleet.finish(world.tick)
 
 

@@ -1,9 +1,9 @@
-"""A fleet of processes at the pace of the wall clock: the world waits for nobody.
+"""A fleet of processes at the pace of the wall clock: the world waits for no robot.
 
 Tick k begins k steps after the first. Its phase A goes out at once, phase B a fifth of a step later with the frames
 that have come by then, and the step ends with the commands that have come by then. A frame that comes later is lost; a
 command that comes later counts for the tick it comes in, when that has none of its own. Each is a missed deadline.
-Where robots hear each other directly, the world only overhears their frames, and none can be late.
+Where robots hear each other directly, the world only listens to their frames, and none can be late.
 """
 
 from __future__ import annotations
@@ -16,27 +16,37 @@ from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.phases import PHASE_B_SHARE, ReplyA, ReplyB
 from worldsim.fleet.lockstep import drain, pass_on, tell
-from worldsim.fleet.sessions import POLL_S, Seats
+from worldsim.fleet.sessions import POLL_S, Sessions
 
 if TYPE_CHECKING:
-    from worldsim.radio.overheard import Ear
+    from worldsim.radio.listener import Listener
 
 
 class PacedFleet:
-    """A `worldsim.fleet.loop.Fleet` of processes that keeps to the clock. step_s: of wall time.
+    """A `worldsim.fleet.loop.Fleet` of processes that keeps to the clock.
 
-    late_frames, late_commands: missed deadlines by robot number. too_late: frames that came after theirs, and went to
-    nobody; the others never came. slipped_s: by how much the world itself has fallen
-    behind and given up on catching up. ear: what overhears a direct radio, or None.
+    Attributes:
+        late_frames: Ticks by robot number in which no frames were there in time.
+        late_commands: Ticks by robot number in which no command was there in time.
+        too_late: Frames by robot number that came after the deadline and reached nobody; the other late ones never
+            came.
+        slipped_s: By how much the world itself has fallen behind without catching up, s of wall time.
     """
 
-    def __init__(self, seats: Seats, step_s: float, ear: Ear | None = None) -> None:
+    def __init__(self, sessions: Sessions, step_s: float, listener: Listener | None = None) -> None:
+        """Drive the robots that have sessions.
+
+        Args:
+            sessions: Theirs.
+            step_s: Wall time of a tick, s.
+            listener: What hears a direct radio; None where the world carries the frames.
+        """
         self.late_frames: Counter[int] = Counter()
         self.late_commands: Counter[int] = Counter()
         self.too_late: Counter[int] = Counter()
         self.slipped_s = 0.0
-        self._seats = seats
-        self._ear = ear
+        self._sessions = sessions
+        self._listener = listener
         self._step_s = step_s
         self._k = 0
         self._closed = False  # no frame of this tick is taken any more
@@ -51,13 +61,13 @@ class PacedFleet:
         self._closed = False
         begins = self._begin()
         for number, report in reports.items():
-            self._seats.send(number, tell(k, report))
+            self._sessions.send(number, tell(k, report))
         frames: dict[int, Sequence[bytes]] = {}
         self._collect(frames, begins + PHASE_B_SHARE * self._step_s)
         self._closed = True
-        if self._ear is not None:
-            overheard = self._ear.overhear(k)
-            return {number: overheard.get(number, ()) for number in reports}
+        if self._listener is not None:
+            heard = self._listener.frames(k)
+            return {number: heard.get(number, ()) for number in reports}
         self.late_frames.update(number for number in reports if number not in frames)
         return {number: frames.get(number, ()) for number in reports}
 
@@ -66,46 +76,49 @@ class PacedFleet:
         begins = self._begins
         assert begins is not None
         for number, frames in heard.items():
-            self._seats.send(number, pass_on(k, frames))
+            self._sessions.send(number, pass_on(k, frames))
         self._collect({}, begins + self._step_s)
         commands, self._commands = self._commands, {}
         self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)
         return {number: commands[number].reply if number in commands else None for number in heard}
 
     def lost(self) -> list[tuple[int, Status, str]]:
-        """Whose process is gone. One that is only slow or paused is not lost: its watchdog has stopped it."""
-        gone = dict.fromkeys(self._seats.gone(self._living), "its process was gone")
-        gone |= self._seats.failed(self._living)
+        """The robots whose process is gone or whose mind has failed.
+
+        One that is only slow or paused is not lost: its watchdog has stopped it.
+        """
+        gone = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
+        gone |= self._sessions.failed(self._living)
         for number, reason in gone.items():
-            self._seats.dismiss(number, f"left out: {reason}", orderly=False)
+            self._sessions.dismiss(number, f"left out: {reason}", orderly=False)
         return [(number, Status.LOST, reason) for number, reason in sorted(gone.items())]
 
     def rest(self) -> None:
-        """No tick is due for now: the next one begins when it is asked for, and nobody is late for it."""
-        drain(self._seats)
+        """Deal with messages that arrive while no tick is due; the next tick begins when it is asked for."""
+        drain(self._sessions)
         self._begins = None
 
-    def hasten(self, step_s: float) -> None:
-        """Steps take so long from now on, s of wall time."""
+    def set_step(self, step_s: float) -> None:
+        """Set the wall time of the steps from now on, s."""
         self._step_s = step_s
 
     def finish(self, k: int) -> None:
-        """Send everybody home."""
-        self._seats.close(k, "the run is over")
+        """Dismiss all robots."""
+        self._sessions.close(k, "the run is over")
 
     def notes(self) -> dict[str, Any]:
-        """What the journal's end says of the pace: missed deadlines by robot number, and the world's own slip."""
+        """Notes on the pace for the journal's end: missed deadlines by robot number, and the world's own slip."""
         return {
             "late_frames": dict(sorted(self.late_frames.items())),
             "too_late": dict(sorted(self.too_late.items())),
             "late_commands": dict(sorted(self.late_commands.items())),
             "slipped_s": self.slipped_s,
-            **({} if self._ear is None else self._ear.notes()),
+            **({} if self._listener is None else self._listener.notes()),
         }
 
     def _begin(self) -> float:
         """Set when this tick begins: a step after the last one, or now when that is more than a step ago."""
-        now = self._seats.now
+        now = self._sessions.now
         due = now if self._begins is None else self._begins + self._step_s
         if now > due + self._step_s:
             self.slipped_s += now - due
@@ -116,8 +129,8 @@ class PacedFleet:
     def _collect(self, frames: dict[int, Sequence[bytes]], until: float) -> None:
         """Take what has come, and what comes until then."""
         while True:
-            left = until - self._seats.now
-            arrived = self._seats.take(min(max(left, 0.0), POLL_S))
+            left = until - self._sessions.now
+            arrived = self._sessions.take(min(max(left, 0.0), POLL_S))
             if arrived is not None:
                 self._note(*arrived, frames)
             elif left <= 0.0:

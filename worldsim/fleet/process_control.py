@@ -1,10 +1,10 @@
-"""Hands: who can end, stop, continue and start robots' minds, wherever these are.
+"""Process control: ends, stops, continues and starts robots' processes, wherever these are.
 
-The world knows when which robot is to be killed and so on, and what becomes of its body. What happens to the mind is
-done by somebody's hands: in one process minds are dropped and made anew (`experiments.inprocess`); of a fleet of
-processes the launcher has them (`fogwatch.launch.child_control`), and the world asks it, one JSON line for each
-request and answer,
-over a socket of their own, so that nothing depends on the router.
+The world decides when which robot is killed, paused and so on, and what becomes of its body. What happens to its
+process is done by process control. In a fleet in one process robots' minds are dropped and made again
+(`experiments.inprocess`). Of a fleet of processes only the launcher, their parent, can do it
+(`fogwatch.launch.child_control`): the world asks it, one JSON line for each request and answer, over a socket of their
+own, so that nothing depends on the router.
 """
 
 from __future__ import annotations
@@ -14,157 +14,180 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Protocol
 
-from worldsim.fleet.sessions import Interrupted, Seats
-
-STOPPED = "its process stands still"
-UNSEEN = "its process cannot be looked at here"
-"""What was seen of a process that was to be stopped; anything else is wrong."""
+from worldsim.fleet.sessions import Interrupted, Sessions
+from worldsim.lifecycle import STOPPED, UNSEEN
 
 START_S = 60.0
-"""How long a process that was started may take to take its robot's place, s of wall time."""
+"""How long a process that was started may take to open its session, s of wall time."""
 
 
-class Hands(Protocol):
-    """What can be done to a mind; each call returns when it is done."""
+class ProcessControl(Protocol):
+    """What can be done to a robot's process; each call returns when it is done. Robots go by number."""
 
     def kill(self, number: int) -> None:
-        """End a robot's mind at once; it is gone afterwards, whatever it was doing."""
+        """End a robot's process at once, whatever it is doing."""
         ...
 
     def pause(self, number: int) -> str:
-        """Stop it where it is; what was seen of its process then, in words, or nothing where it has none."""
+        """Stop it where it is.
+
+        Returns:
+            What was seen of the process then (`worldsim.lifecycle.STOPPED` and so on), empty where there is none.
+        """
         ...
 
     def resume(self, number: int) -> str:
-        """Let it go on where it was stopped; what was seen of its process just before, as for `pause`."""
+        """Let it go on where it was stopped.
+
+        Returns:
+            What was seen of the process just before, as for `pause`.
+        """
         ...
 
     def leave(self, number: int) -> None:
-        """Tell it to go in order; it is gone afterwards."""
+        """Have it leave in order; it is gone when this returns."""
         ...
 
     def start(self, number: int, incarnation: int) -> None:
-        """Start a new mind, with an empty memory, for a robot that has none."""
+        """Start a new process, with an empty memory, for a robot that has none."""
         ...
 
     def arrived(self, number: int) -> bool:
-        """Whether the mind that was started can be reached by now. Raises NoShow when it never will."""
+        """Whether the process that was started can be reached by now.
+
+        Raises:
+            NotStarted: It never will be.
+        """
         ...
 
     def release(self, paused: Iterable[int]) -> None:
-        """The run is over: let those that are stopped go on, so that they can leave as well."""
+        """The run is over: let the processes that are stopped go on, so that they can leave as well."""
         ...
 
 
-class NoShow(Exception):
-    """A mind that was started did not come; one line says so."""
+class NotStarted(Exception):
+    """A process that was started did not come; one line says so."""
 
 
-class Handless(Exception):
-    """Whoever had the hands does not answer, or could not do what was asked."""
+class ControlFailed(Exception):
+    """The launcher does not answer, or could not do what was asked."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the world asks of the launcher: do ("kill", "pause", "resume", "leave", "start") to the robot's process."""
+    """What the world asks of the launcher.
+
+    Attributes:
+        do: "kill", "pause", "resume", "leave" or "start".
+        robot: The robot's number.
+        incarnation: Of the process to start; 0 otherwise.
+    """
 
     do: str
     robot: int
     incarnation: int = 0
 
     def line(self) -> bytes:
-        """As a line."""
+        """The request as a line of JSON."""
         return json.dumps(asdict(self)).encode() + b"\n"
 
     @classmethod
     def read(cls, line: bytes) -> Request:
-        """From a line."""
+        """The request from a line of JSON."""
         says = json.loads(line)
         return cls(str(says["do"]), int(says["robot"]), int(says["incarnation"]))
 
 
 def answer_line(problem: str = "", state: str = "") -> bytes:
-    """The launcher's answer to a request: done, or the problem.
+    """Build the launcher's answer to a request.
 
-    state: of a process that was just paused, or is just about to go on, as the system tells it (proc(5)): "T" for one
-    that is stopped; empty where nobody can tell.
+    Args:
+        problem: Why it could not be done; empty when it was.
+        state: Of a process that was just paused, or is just about to go on, as the system reports it (proc(5)): "T" for
+            one that is stopped; empty where the system does not report it.
+
+    Returns:
+        The answer as a line of JSON.
     """
     return json.dumps({"problem": problem, "state": state}).encode() + b"\n"
 
 
-def process_name(robot: str, incarnation: int) -> str:
-    """What a robot's process is called where exit codes are listed: the first like the robot, the next "r1 (2)"."""
-    return robot if incarnation <= 1 else f"{robot} ({incarnation})"
+class LauncherControl:
+    """A `ProcessControl` over processes: the launcher sends signals and starts them, sessions say who has come."""
 
+    def __init__(self, ask: Callable[[bytes], bytes], sessions: Sessions, *, waits: bool) -> None:
+        """Control the processes of a launcher.
 
-class SeatedHands:
-    """`Hands` over processes: signals and starting are the launcher's, who takes a robot's place is the seats'.
-
-    ask: sends a line to the launcher and returns its answer. waits: whether `start` waits until the process has taken
-    its place, as in lockstep; otherwise the ticks go on, and it arrives when it does.
-    """
-
-    def __init__(self, ask: Callable[[bytes], bytes], seats: Seats, *, waits: bool) -> None:
+        Args:
+            ask: Sends a line to the launcher and returns its answer.
+            sessions: The robots' sessions.
+            waits: Whether `start` waits until the process has opened its session, as in lockstep; otherwise the ticks
+                go on meanwhile.
+        """
         self._ask = ask
-        self._seats = seats
+        self._sessions = sessions
         self._waits = waits
         self._until: dict[int, float] = {}
 
     def kill(self, number: int) -> None:
-        """SIGKILL, and waited for."""
+        """Have SIGKILL sent and the end waited for."""
         self._do("kill", number)
-        self._seats.vacate(number)
+        self._sessions.end(number)
 
     def pause(self, number: int) -> str:
-        """SIGSTOP; its process stands still, and was looked at to see that it does."""
+        """Have SIGSTOP sent and the state of the process read."""
         return _seen(self._do("pause", number))
 
     def resume(self, number: int) -> str:
-        """SIGCONT; its process was looked at before, to see that it stood still to the end."""
+        """Have the state of the process read and SIGCONT sent."""
         seen = _seen(self._do("resume", number))
-        self._seats.bear_with(number)
+        self._sessions.allow_recovery(number)
         return seen
 
     def leave(self, number: int) -> None:
-        """Told to go by the world, and its process waited for."""
+        """Tell the process to leave, and have its end waited for."""
         self._do("resume", number)
-        self._seats.dismiss(number, "it leaves the fleet", orderly=True)
+        self._sessions.dismiss(number, "it leaves the fleet", orderly=True)
         self._do("leave", number)
-        self._seats.vacate(number)
+        self._sessions.end(number)
 
     def start(self, number: int, incarnation: int) -> None:
-        """A new process; where the world waits, seated when this returns or never."""
-        self._seats.expect(number, incarnation)
+        """Have a new process started; in lockstep wait up to `START_S` for its session."""
+        self._sessions.expect(number, incarnation)
         self._do("start", number, incarnation)
-        self._until[number] = self._seats.now + START_S
-        while self._waits and not self._seats.seated(number) and self._seats.now < self._until[number]:
-            self._seats.welcome(number)
+        self._until[number] = self._sessions.now + START_S
+        while self._waits and not self._sessions.is_open(number) and self._sessions.now < self._until[number]:
+            self._sessions.await_session(number)
 
     def arrived(self, number: int) -> bool:
-        """Whether its process has taken its place."""
-        if self._seats.seated(number):
+        """Whether its process has opened its session.
+
+        Raises:
+            NotStarted: It has not within `START_S`.
+        """
+        if self._sessions.is_open(number):
             return True
-        if self._seats.now >= self._until[number]:
-            self._seats.vacate(number)
-            raise NoShow(f"its new process did not come within {START_S:g} s")
+        if self._sessions.now >= self._until[number]:
+            self._sessions.end(number)
+            raise NotStarted(f"its new process did not come within {START_S:g} s")
         return False
 
     def release(self, paused: Iterable[int]) -> None:
-        """SIGCONT for each of them; without a launcher they are its business."""
+        """Have SIGCONT sent to each of them, unless the launcher is gone."""
         for number in paused:
             try:
                 self.resume(number)
-            except (Interrupted, Handless):
+            except (Interrupted, ControlFailed):
                 return
 
     def _do(self, what: str, number: int, incarnation: int = 0) -> str:
-        """Have something done; the state of the process, where the launcher tells."""
+        """Have something done; the state of the process, where the launcher reports it."""
         answer = json.loads(self._ask(Request(what, number, incarnation).line()))
         if answer["problem"]:
-            raise Handless(f"{what} robot {number}: {answer['problem']}")
+            raise ControlFailed(f"{what} robot {number}: {answer['problem']}")
         return str(answer["state"])
 
 
 def _seen(state: str) -> str:
-    """What a state says of a process that is to stand still."""
+    """What the state of a process that should be stopped means."""
     return {"T": STOPPED, "": UNSEEN}.get(state, f"its process has the state {state} and does not stand still")

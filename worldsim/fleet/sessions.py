@@ -1,11 +1,11 @@
-"""The robots' processes as the world sees them: who has taken which robot's place, who has left it, what they say.
+"""The world's sessions with the robots' processes: which process speaks for which robot, and which are gone.
 
-A place is taken by answering the world's hello; from then on only that process, told by its incarnation and instance,
-speaks for the robot. A robot's liveliness token goes when its process or its link dies. It also goes, with all others,
-when the router does; so an absence counts only while the router answers, and after an outage only once clients have had
-time to find back.
+A process opens a session by answering the world's hello. From then on only that process, identified by its incarnation
+and instance, speaks for the robot. A robot's liveliness token goes when its process or its link dies. It also goes,
+with all others, when the router does; so an absence counts only while the router answers, and after an outage only once
+clients have had time to reconnect.
 
-Pure but for the mailbox: time is what `now` says.
+Time is what `now` says, and messages come from a mailbox, so that all of this can be tested without a network.
 """
 
 from __future__ import annotations
@@ -31,131 +31,164 @@ from patrol.net.phases import (
     ToWorld,
     encode,
 )
+from worldsim.mailbox import Mailbox
 
 POLL_S = 0.1
 HELLO_S = 1.0
 GRACE_S = 0.3
 """How long a token must have been gone, the router answering, before its robot counts as gone."""
 RECOVERY_S = 5.0
-"""How long clients may take to find back to a router that has returned."""
+"""How long clients may take to reconnect to a router that has returned."""
 DISMISSAL_S = 2.0
 
 
 class Interrupted(Exception):
-    """The world was asked to leave while it waited."""
+    """The world was asked to end while it waited."""
 
 
 class Missing(Exception):
-    """Robots that nobody came for in time; one line names them."""
+    """Robots whose processes did not come in time; one line names them."""
 
 
-class Mailbox(Protocol):
-    """What a `patrol.net.mailbox.Mailbox` offers here."""
+class CountingMailbox(Mailbox[Any], Protocol):
+    """A mailbox that counts what it dropped.
+
+    Attributes:
+        refused: Messages that were dropped, by reason.
+    """
 
     refused: Counter[str]
 
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
-        """The next message and its key, or None when none came in time."""
-        ...
-
 
 @dataclass(frozen=True, slots=True)
-class Wire:
-    """What connects the world with its robots: their names and posts by number, and the mailbox they answer into.
+class FleetConnection:
+    """What connects the world with its robots.
 
-    connected: whether the router answers now. now: seconds of a clock that never goes back. ending: whether the world
-    should leave.
+    Attributes:
+        keys: The fleet's keys.
+        names: The robots' names by number.
+        posts: What sends to each robot, by number.
+        mailbox: Where their answers arrive.
+        connected: Whether the router answers now.
+        now: Seconds of a clock that never goes back.
+        ending: Whether the world should end.
     """
 
     keys: FleetKeys
     names: Mapping[int, str]
     posts: Mapping[int, Callable[[bytes], None]]
-    mailbox: Mailbox
+    mailbox: CountingMailbox
     connected: Callable[[], bool]
     now: Callable[[], float]
     ending: Callable[[], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class _Seat:
+class _Session:
     incarnation: int
     instance: int
 
 
-class Seats:
-    """Who speaks for which robot.
+class Sessions:
+    """The processes that speak for the robots."""
 
-    run: a random number of this world. scenario: its hash. absent: robots that nobody is awaited for yet.
-    """
+    def __init__(self, connection: FleetConnection, run: int, scenario: str, absent: Collection[int] = ()) -> None:
+        """Expect a process for each robot.
 
-    def __init__(self, wire: Wire, run: int, scenario: str, absent: Collection[int] = ()) -> None:
-        self._wire = wire
+        Args:
+            connection: What connects the world with the robots.
+            run: A random number of this world.
+            scenario: The scenario's hash.
+            absent: Numbers of robots for which no process is expected yet.
+        """
+        self._connection = connection
         self._run = run
         self._scenario = scenario
-        self._number_of = {wire.keys.reply(name): number for number, name in wire.names.items()}
-        self._number_of |= {wire.keys.alive(name): number for number, name in wire.names.items()}
-        self._seats: dict[int, _Seat] = {}
-        self._awaited: dict[int, int | None] = {number: None for number in wire.names if number not in absent}
+        self._number_of = {connection.keys.reply(name): number for number, name in connection.names.items()}
+        self._number_of |= {connection.keys.alive(name): number for number, name in connection.names.items()}
+        self._sessions: dict[int, _Session] = {}
+        self._expected: dict[int, int | None] = {number: None for number in connection.names if number not in absent}
         self._present: set[int] = set()
         self._absent_since: dict[int, float] = {}
         self._dismissed: dict[int, str] = {}
         self._failed: dict[int, str] = {}
-        self._trusted_from = wire.now()
+        self._trusted_from = connection.now()
         self._k = 0
 
     @property
     def now(self) -> float:
         """The time, s."""
-        return self._wire.now()
+        return self._connection.now()
 
     @property
     def refused(self) -> Counter[str]:
-        """Messages from robots that were dropped, by reason."""
-        return self._wire.mailbox.refused
+        """Counts of messages from robots that were dropped, by reason."""
+        return self._connection.mailbox.refused
 
     def gather(self, wait_s: float, waiting: Callable[[list[str], float], None]) -> None:
-        """Greet the robots until somebody has come for each.
+        """Greet the robots until each has a session.
 
-        waiting: called about every five seconds with the names still missing and the seconds waited. Raises Missing
-        after wait_s, BadInput when a robot's scenario or protocol is another than ours, Interrupted.
+        Args:
+            wait_s: How long to wait, s.
+            waiting: Called about every five seconds with the names still missing and the seconds waited.
+
+        Raises:
+            Missing: Processes did not come in time.
+            BadInput: A robot has another scenario or protocol.
+            Interrupted: The world should end.
         """
-        began = told = self.now
+        began = reported = self.now
         greeted = -HELLO_S
-        while missing := [number for number in self._awaited if number not in self._seats]:
+        while missing := [number for number in self._expected if number not in self._sessions]:
             now = self.now
             if now >= greeted + HELLO_S:
                 greeted = now
                 for number in missing:
                     self._greet(number)
-            names = [self._wire.names[number] for number in missing]
+            names = [self._connection.names[number] for number in missing]
             if now - began >= wait_s:
-                raise Missing(f"nobody came for {', '.join(names[:8])} within {wait_s:g} s")
-            if now - told >= 5.0:
-                told = now
+                raise Missing(f"no process came for {', '.join(names[:8])} within {wait_s:g} s")
+            if now - reported >= 5.0:
+                reported = now
                 waiting(names, now - began)
             self.take(POLL_S)
 
     def send(self, number: int, make: Callable[[int, int], ToRobot]) -> bytes:
-        """Send a robot what `make` builds from its incarnation and instance; returns the bytes, for `repeat`."""
-        seat = self._seats[number]
-        message = make(seat.incarnation, seat.instance)
+        """Send a message to a robot that has a session.
+
+        Args:
+            number: The robot's number.
+            make: Builds the message from the incarnation and instance of its process.
+
+        Returns:
+            The bytes sent, for `repeat`.
+        """
+        session = self._sessions[number]
+        message = make(session.incarnation, session.instance)
         self._k = max(self._k, message.k)
         payload = encode(message)
-        self._wire.posts[number](payload)
+        self._connection.posts[number](payload)
         return payload
 
     def repeat(self, number: int, payload: bytes) -> None:
-        """Send the same once more."""
-        self._wire.posts[number](payload)
+        """Send the same bytes once more."""
+        self._connection.posts[number](payload)
 
     def take(self, timeout_s: float) -> tuple[int, ReplyA | ReplyB] | None:
-        """The next answer of a robot that speaks for itself; None when none came in time.
+        """Take the next answer of a process that has a session; deal with everything else that arrives.
 
-        Everything else that arrives is dealt with here. Raises Interrupted when the world should leave.
+        Args:
+            timeout_s: How long to wait for a message, s.
+
+        Returns:
+            The robot's number and the answer, or None when none came in time.
+
+        Raises:
+            Interrupted: The world should end.
         """
-        if self._wire.ending():
+        if self._connection.ending():
             raise Interrupted
-        arrived = self._wire.mailbox.get(timeout_s)
+        arrived = self._connection.mailbox.get(timeout_s)
         if arrived is None:
             return None
         number = self._number_of.get(arrived[0])
@@ -163,27 +196,27 @@ class Seats:
         if number is None:  # the world's own token
             return None
         if isinstance(message, ReplyA | ReplyB):
-            if self._is_seated(number, message):
+            if self._has_session(number, message):
                 return number, message
-            self._wire.mailbox.refused["stranger"] += 1
+            self._connection.mailbox.refused["stranger"] += 1
         elif isinstance(message, Failed):
-            if self._is_seated(number, message):
+            if self._has_session(number, message):
                 self._failed[number] = message.reason
             else:
-                self._wire.mailbox.refused["stranger"] += 1
+                self._connection.mailbox.refused["stranger"] += 1
         elif isinstance(message, HelloReply):
-            self._seat(number, message)
+            self._answer_hello(number, message)
         else:
             self._note_presence(number, present=message.present)
         return None
 
     def gone(self, numbers: Iterable[int]) -> list[int]:
-        """Those of the numbers whose process is gone."""
+        """Those of the robots whose process is gone."""
         now = self.now
         absent = [number for number in numbers if number in self._absent_since]
         if not absent:
             return []
-        if not self._wire.connected():
+        if not self._connection.connected():
             self._trusted_from = now + RECOVERY_S
         if now < self._trusted_from:
             return []
@@ -194,95 +227,106 @@ class Seats:
         return {number: self._failed[number] for number in numbers if number in self._failed}
 
     def dismiss(self, number: int, reason: str, *, orderly: bool) -> None:
-        """Tell a robot to leave; one that asks later is told again."""
+        """Tell a robot's process to leave; one that asks later is told again.
+
+        Args:
+            number: The robot's number.
+            reason: For the process to report.
+            orderly: Whether it leaves as planned, with exit code 0.
+        """
         self._dismissed[number] = reason
-        if number in self._seats:
+        if number in self._sessions:
             self.send(number, lambda incarnation, instance: Stop(incarnation, instance, self._k, orderly, reason))
 
-    def vacate(self, number: int) -> None:
-        """A robot's process is gone for good, and nobody is awaited in its place."""
-        self._seats.pop(number, None)
-        self._awaited.pop(number, None)
+    def end(self, number: int) -> None:
+        """Forget a robot's process, which is gone for good, and expect no other."""
+        self._sessions.pop(number, None)
+        self._expected.pop(number, None)
         self._dismissed.pop(number, None)
         self._failed.pop(number, None)
 
     def expect(self, number: int, incarnation: int) -> None:
-        """Await a robot's new process, of that incarnation and no other."""
-        self.vacate(number)
-        self._awaited[number] = incarnation
+        """Expect a robot's new process, of that incarnation and no other."""
+        self.end(number)
+        self._expected[number] = incarnation
         self._absent_since.pop(number, None)
 
-    def seated(self, number: int) -> bool:
-        """Whether somebody speaks for the robot."""
-        return number in self._seats
+    def is_open(self, number: int) -> bool:
+        """Whether a process speaks for the robot."""
+        return number in self._sessions
 
-    def welcome(self, number: int) -> None:
-        """Wait up to `HELLO_S` for somebody to come for the robot, having greeted whoever is there."""
+    def await_session(self, number: int) -> None:
+        """Greet a robot's process, if it is there, and wait up to `HELLO_S` for its session."""
         self._greet(number)
         until = self.now + HELLO_S
-        while not self.seated(number) and self.now < until:
+        while not self.is_open(number) and self.now < until:
             self.take(POLL_S)
 
-    def bear_with(self, number: int) -> None:
-        """A robot's process was stopped, by intent, and may need time until its token shows again."""
+    def allow_recovery(self, number: int) -> None:
+        """Allow a robot's process, which was paused on purpose, `RECOVERY_S` until its token must show again."""
         if number in self._absent_since:
             self._absent_since[number] = self.now + RECOVERY_S
 
     def close(self, k: int, reason: str) -> None:
-        """Send everybody home and wait, not for long, until they are gone."""
+        """Dismiss all robots and wait up to `DISMISSAL_S` until they are gone.
+
+        Args:
+            k: The tick that would be next.
+            reason: For the processes to report.
+        """
         self._k = k
-        staying = [number for number in self._seats if number not in self._dismissed]
-        until = self.now + (DISMISSAL_S / 4 if self._wire.ending() else DISMISSAL_S)
-        told = -HELLO_S
+        staying = [number for number in self._sessions if number not in self._dismissed]
+        until = self.now + (DISMISSAL_S / 4 if self._connection.ending() else DISMISSAL_S)
+        sent = -HELLO_S
         while (left := [number for number in staying if number in self._present]) and self.now < until:
-            if self.now >= told + HELLO_S / 2:
-                told = self.now
+            if self.now >= sent + HELLO_S / 2:
+                sent = self.now
                 for number in left:
                     self.dismiss(number, reason, orderly=True)
-            arrived = self._wire.mailbox.get(POLL_S)
+            arrived = self._connection.mailbox.get(POLL_S)
             if arrived is not None and arrived[0] in self._number_of and hasattr(arrived[1], "present"):
                 self._note_presence(self._number_of[arrived[0]], present=arrived[1].present)
 
     # --- what arrives ------------------------------------------------------------------------------------------------
 
     def _greet(self, number: int) -> None:
-        if number in self._present and number in self._awaited:
-            self._wire.posts[number](encode(Hello(0, ANYONE, self._k, self._run)))
+        if number in self._present and number in self._expected:
+            self._connection.posts[number](encode(Hello(0, ANYONE, self._k, self._run)))
 
     def _note_presence(self, number: int, *, present: bool) -> None:
         if present:
             self._present.add(number)
             self._absent_since.pop(number, None)
-            if number not in self._seats:
+            if number not in self._sessions:
                 self._greet(number)
         else:
             self._present.discard(number)
             self._absent_since.setdefault(number, self.now)
 
-    def _is_seated(self, number: int, message: ToWorld) -> bool:
-        seat = self._seats.get(number)
-        return seat == _Seat(message.incarnation, message.instance) and number not in self._dismissed
+    def _has_session(self, number: int, message: ToWorld) -> bool:
+        session = self._sessions.get(number)
+        return session == _Session(message.incarnation, message.instance) and number not in self._dismissed
 
-    def _seat(self, number: int, message: HelloReply) -> None:
-        """Somebody answers a hello, asks for one, or asks whether it still belongs to the run."""
-        name = self._wire.names[number]
-        seat = self._seats.get(number)
+    def _answer_hello(self, number: int, message: HelloReply) -> None:
+        """Deal with a process that answers a hello, asks for one, or asks whether it still belongs to the run."""
+        name = self._connection.names[number]
+        session = self._sessions.get(number)
         if message.run not in (self._run, NO_RUN):
-            self._wire.mailbox.refused["stranger"] += 1
-        elif seat is None and message.run == NO_RUN:
+            self._connection.mailbox.refused["stranger"] += 1
+        elif session is None and message.run == NO_RUN:
             self._note_presence(number, present=True)
-        elif seat is None and not self._is_awaited(number, message.incarnation):
-            self._turn_away(number, message, f"nobody is awaited for {name} now")
-        elif seat is None:
+        elif session is None and not self._is_expected(number, message.incarnation):
+            self._turn_away(number, message, f"no process is expected for {name} now")
+        elif session is None:
             self._check(name, message)
-            self._seats[number] = _Seat(message.incarnation, message.instance)
-        elif seat.instance != message.instance:
+            self._sessions[number] = _Session(message.incarnation, message.instance)
+        elif session.instance != message.instance:
             self._turn_away(number, message, f"another process is {name} already")
         elif number in self._dismissed:
             self._turn_away(number, message, self._dismissed[number])
 
-    def _is_awaited(self, number: int, incarnation: int) -> bool:
-        return number in self._awaited and self._awaited[number] in (None, incarnation)
+    def _is_expected(self, number: int, incarnation: int) -> bool:
+        return number in self._expected and self._expected[number] in (None, incarnation)
 
     def _check(self, name: str, message: HelloReply) -> None:
         if message.protocol != PROTOCOL:
@@ -297,4 +341,4 @@ class Seats:
 
     def _turn_away(self, number: int, message: HelloReply, reason: str) -> None:
         stop = Stop(message.incarnation, message.instance, self._k, orderly=False, reason=reason)
-        self._wire.posts[number](encode(stop))
+        self._connection.posts[number](encode(stop))

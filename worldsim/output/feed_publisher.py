@@ -1,7 +1,7 @@
-"""Shows a run while it goes on: whatever the journal gets, those who watch get too, in batches, unless they are slow.
+"""Publishes a run while it goes on: viewers get what the journal gets, in batches, unless they are slow.
 
-Watching costs the ticks nothing but one message each `BATCH_S` of wall time, which is dropped where it cannot be sent
-at once. Who comes late asks for the fog so far; that is copied between two ticks, and packed by somebody else.
+Viewers cost the ticks one message each `BATCH_S` of wall time, which is dropped where it cannot be sent at once. A
+viewer that joins late asks for the fog so far; that is copied between two ticks and packed on another thread.
 """
 
 from __future__ import annotations
@@ -20,27 +20,24 @@ if TYPE_CHECKING:
     from patrol.journal import JournalWriter
     from patrol.journal.records import Header, Record
     from patrol.prepare import Prepared
-    from worldsim.operator import Manner
-    from worldsim.requests import Mailbox, Question
+    from worldsim.mailbox import Mailbox
+    from worldsim.operator import RunState
+    from worldsim.requests import Question
     from worldsim.world import World
 
 BATCH_S = 0.05
-"""Wall time between two batches."""
+"""Wall time between two batches, s."""
 BATCH_BYTES = 1 << 15
-"""A batch that has grown to this is sent at once: what fits into one piece is dropped at once where it must be."""
+"""A batch of this size is sent at once: what fits into one piece is dropped without delay where it must be."""
 ANSWER_S = 0.5
-"""Wall time between two answers; whoever asks meanwhile shares the next."""
+"""Wall time between two answers, s; all who ask meanwhile share the next."""
 MOST_EVENTS = 2000
 MOST_POINTS = 5000
 """Events and points of the curves that an answer holds at most."""
 
 
 class Feed:
-    """A `worldsim.output.record.Writer` that passes records on to a journal and to those who watch.
-
-    post: sends a batch, or drops it. questions: those for the fog so far. submit: has something done elsewhere, while
-    the ticks go on. now: wall clock, s. manner: how the ticks go.
-    """
+    """A `worldsim.run_record.Writer` that passes records on to a journal and to viewers."""
 
     def __init__(
         self,
@@ -48,19 +45,31 @@ class Feed:
         journal: JournalWriter,
         header: Header,
         post: Callable[[bytes], None],
-        questions: Mailbox,
+        questions: Mailbox[Question],
         submit: Callable[[Callable[[], None]], None],
         now: Callable[[], float],
-        manner: Callable[[], Manner],
+        state: Callable[[], RunState],
     ) -> None:
+        """Publish a run.
+
+        Args:
+            world: Its world.
+            journal: Where its records go.
+            header: Its first record, which the journal has.
+            post: Sends a batch, or drops it.
+            questions: Viewers' questions for the fog so far.
+            submit: Has work done on another thread.
+            now: Wall clock, s.
+            state: Whether and how fast the ticks run.
+        """
         self._world = world
         self._journal = journal
         self._post = post
         self._questions = questions
         self._submit = submit
         self._now = now
-        self._manner = manner
-        self._said = manner()
+        self._run_state = state
+        self._said = state()
         self._header = pack(header)
         self._ground = ground_of(world.prepared)
         self._number = 1
@@ -75,7 +84,7 @@ class Feed:
         self._asking: list[Question] = []
 
     def write(self, record: Record) -> None:
-        """Write a record to the journal, and show it when it is time to."""
+        """Write a record to the journal, and send a batch when one is due."""
         payload = pack(record)
         self._journal.append(payload)
         self._number += 1
@@ -94,7 +103,7 @@ class Feed:
             self.flush()
 
     def between(self) -> None:
-        """Between two ticks: answer those who have asked for the fog."""
+        """Between two ticks: answer viewers that have asked for the fog."""
         while (arrived := self._questions.get()) is not None:
             self._asking.append(arrived[1])
         if self._asking and self._now() >= self._answer_due:
@@ -110,22 +119,22 @@ class Feed:
             self._submit(answer)
 
     def rest(self) -> None:
-        """No tick is due for now: nobody waits for what has happened already."""
-        if self._waiting or self._manner() != self._said:
+        """Send what there is while no tick is due, so that viewers need not wait for it."""
+        if self._waiting or self._run_state() != self._said:
             self.flush()
         self.between()
 
     def flush(self) -> None:
-        """Show what there is."""
+        """Send what there is."""
         records, self._waiting = tuple(self._waiting), []
         self._size = 0
         self._due = self._now() + BATCH_S
-        self._said = self._manner()
+        self._said = self._run_state()
         self._post(batch_bytes(Batch(self._number - len(records), records, self._said.running, self._said.pace)))
 
     def _so_far(self) -> SoFar:
         every = -(-max(len(self._mfow), 1) // MOST_POINTS)
-        manner = self._manner()
+        state = self._run_state()
         return SoFar(
             number=self._number,
             header=self._header,
@@ -137,14 +146,14 @@ class Feed:
             every=every,
             mfow=thinned(self._mfow, every),
             fog_mean=thinned(self._fog_mean, every),
-            running=manner.running,
-            pace=manner.pace,
+            running=state.running,
+            pace=state.pace,
             ground=self._ground,
         )
 
 
 def ground_of(prepared: Prepared) -> Ground:
-    """The grids of a prepared scenario."""
+    """The grids of a prepared scenario, for viewers."""
     areas = {id(fields): fields.patrolled for fields in prepared.fields.values()}
     places = {key: place for place, key in enumerate(areas)}
     area_of = {number: places[id(fields)] for number, fields in prepared.fields.items()}

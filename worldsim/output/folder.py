@@ -1,4 +1,4 @@
-"""The folder of a run whose world was started by hand: it gets all that the run can be read, and run again, with."""
+"""The folder of a run without a launcher: it gets all that is needed to read the run, and to repeat it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ from patrol.scenario.copying import FILE, MAP, keep_scenario
 
 
 def check(scenario: Path, out: Path) -> None:
-    """Make the folder, unless it is there. BadInput when it cannot be written to or holds anything of another run."""
+    """Make the folder, unless it is there.
+
+    Args:
+        scenario: The scenario's file, which may lie in the folder.
+        out: The folder.
+
+    Raises:
+        BadInput: It cannot be written to, or holds files of another run.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
         taken = any((out / name).exists() for name in ("journal", "ticks.csv"))
@@ -19,15 +27,24 @@ def check(scenario: Path, out: Path) -> None:
     except OSError as error:
         raise BadInput(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from None
     if taken:
-        raise BadInput(f"--out {out}: holds a run already; choose another folder")
+        raise BadInput(f"--out {out}: already holds a run; choose another folder")
     if others:
-        raise BadInput(f"--out {out}: holds {others[0]}, which is not this run's; choose another folder")
+        raise BadInput(f"--out {out}: holds {others[0]}, which belongs to another run; choose another folder")
     if not os.access(out, os.W_OK):
         raise BadInput(f"--out {out}: cannot be written; choose another folder")
 
 
 def keep(scenario: Scenario, file: Path, out: Path) -> None:
-    """Keep the scenario that was read from a file in the folder, unless the file is the folder's own."""
+    """Copy the scenario into the folder, unless it was read from there.
+
+    Args:
+        scenario: The scenario.
+        file: The file that it was read from.
+        out: The folder.
+
+    Raises:
+        BadInput: The folder cannot be written to.
+    """
     if _is_in(out, file):
         return
     try:

@@ -14,12 +14,12 @@ from patrol.journal import Event, Header, RobotTick, Status, TickRecord
 from patrol.journal.records import DEAD_END, FORGED, standing_after
 from patrol.pose import command_of
 from worldsim.motion import length
+from worldsim.output.direct_radio import as_measured
+from worldsim.output.traffic import Traffic
 from worldsim.radio.ether import there
-from worldsim.radio.overheard import as_measured
-from worldsim.radio.traffic import Traffic
 
 if TYPE_CHECKING:
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
 
 STAY_M = 1.0
@@ -176,7 +176,7 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     A message is counted once per receiver, and so are the copies that faults make: sent = delivered + dropped + in
     flight. `frames` counts it once, and `bytes` are those of these frames. What is forged is counted apart: as `forged`
     frames, and in `links` under the sender `forger`. `links`: by sender and receiver, for fleets of at most
-    `worldsim.radio.traffic.MOST_ROBOTS`. `faults`: by id, the frames on a fault's links while it was active, and what
+    `worldsim.output.traffic.MOST_ROBOTS`. `faults`: by id, the frames on a fault's links while it was active, and what
     it did
     to them. `bytes_per_robot_s`: bytes that a living robot sends per second.
 
@@ -186,7 +186,7 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     `refused`: messages that the world dropped unread, by reason;
     at the pace of the clock also `deadlines`: frames and commands that were not there in time by robot, how
     many of the frames came after all (`too_late`; they reach nobody and are not among the sent), and how far the world
-    itself fell behind (wall s). For direct radio see `worldsim.radio.overheard.as_measured`.
+    itself fell behind (wall s). For direct radio see `worldsim.output.direct_radio.as_measured`.
     """
     totals = Totals(journal.header, journal.events)
     for record in journal.ticks:

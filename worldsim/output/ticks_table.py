@@ -11,12 +11,18 @@ HEAD = "k,time_s,mfow_s,fog_mean_s,seen,living,sent,delivered,dropped,collisions
 
 
 class TicksTable:
-    """Writes ticks.csv as the run goes; each line reaches the operating system when its tick is done.
-
-    step: s. Raises OSError (FileExistsError for a file that is there) when it cannot write.
-    """
+    """Writes ticks.csv as the run goes; each line reaches the operating system when its tick is done."""
 
     def __init__(self, path: Path, step: float) -> None:
+        """Create the file.
+
+        Args:
+            path: Where.
+            step: Length of a tick, s.
+
+        Raises:
+            OSError: It cannot be written (FileExistsError where it exists).
+        """
         self._file = path.open("x", encoding="ascii", newline="", buffering=1)
         self._step = step
         self._file.write(f"{HEAD}\n")

@@ -27,7 +27,7 @@ RECEIVER_DEAD = "receiver dead"
 RECEIVER_PAUSED = "receiver paused"
 RECEIVER_ABSENT = "receiver absent"
 OWN = "own"
-"""Why a robot that forges does not hear what it forges."""
+"""Why a robot that forges does not hear its forged frames."""
 
 _DEAF = {
     Status.PAUSED: RECEIVER_PAUSED,
@@ -46,9 +46,13 @@ Link = tuple[int, int, int]
 class Delivery:
     """What the ether did in one tick, ordered by sender, sequence and receiver.
 
-    heard: for each receiver its frames, by sender, sequence and copy, forged ones first. arrived: (source, destination,
-    sequence), once for each copy. dropped: the same and the cause. forged: what somebody made up; the source of its
-    frames is `patrol.journal.records.FORGED`. copies, delayed: as in `patrol.journal.records.TickRecord`.
+    Attributes:
+        heard: For each receiver its frames, by sender, sequence and copy, forged ones first.
+        arrived: (source, destination, sequence) of each frame that arrived, once for each copy.
+        dropped: The same of each frame that was dropped, and the cause.
+        forged: The forged frames; their source is `patrol.journal.records.FORGED`.
+        copies: As in `patrol.journal.records.TickRecord`.
+        delayed: As in `patrol.journal.records.TickRecord`.
     """
 
     heard: dict[int, list[bytes]]
@@ -75,13 +79,18 @@ class Ether:
 
     A frame's sequence says in which tick the world took it and which of its sender's frames it was
     (`patrol.journal.records.frame_sequence`). Its fate on a link is fixed when it is sent, except that it is lost
-    where it
-    arrives at a robot that is not alive then. The ether keeps no counts: the journal has every frame's fate, and what
-    of it does not is still in flight.
+    where it arrives at a robot that is not alive then. The ether keeps no counts: the journal has every frame's fate,
+    and frames without one are still in flight.
     """
 
     def __init__(self, step: float = 0.5, rules: RadioRules | None = None, forger: Forger | None = None) -> None:
-        """rules: what befalls frames. forger: who sends forged ones. None for a radio that does no wrong."""
+        """Make a radio; without rules and forger every frame arrives within its tick.
+
+        Args:
+            step: Length of a tick, s.
+            rules: What faults do to frames, or None.
+            forger: What forges frames, or None.
+        """
         self._step = step
         self._rules = rules
         self._forger = forger
@@ -93,7 +102,14 @@ class Ether:
         return Counter((f.source, f.destination, f.sequence) for flying in self._flying.values() for f in flying)
 
     def follow(self, timeline: Timeline) -> None:
-        """Go on with a timeline that has other faults from the next tick on; BadInput where they cannot be followed."""
+        """Go on with a timeline that has other faults from the next tick on.
+
+        Args:
+            timeline: The timeline.
+
+        Raises:
+            BadInput: The faults cannot be added to this run.
+        """
         if self._rules is None or self._forger is None:
             raise BadInput("control: this run takes no faults while it goes on")
         self._forger.follow(timeline)
@@ -106,10 +122,16 @@ class Ether:
         statuses: Mapping[int, Status],
         poses: Mapping[int, Pose],
     ) -> Delivery:
-        """Send each robot's frames, in their order, to all others that are there; returns what happens in this tick.
+        """Send each robot's frames, in their order, to all others that are there; to be called for each tick in turn.
 
-        To be called for each tick in turn. frames: those of robots that are alive. statuses: of all robots; only those
-        alive hear. poses: the true ones.
+        Args:
+            tick: The tick.
+            frames: By the numbers of their senders, which are alive.
+            statuses: Of all robots by number; only those alive hear.
+            poses: The true ones, by robot number.
+
+        Returns:
+            What happens to frames in this tick.
         """
         forged = self._forger.forge(tick, frames, statuses, poses) if self._forger is not None else []
         troubled = self._rules is not None and self._rules.begin(tick, poses)
@@ -197,9 +219,20 @@ class Ether:
 def ether_of(
     scenario: Scenario, timeline: Timeline, terrain: Terrain, senses: Senses, *, operated: bool = False
 ) -> Ether:
-    """The ether of a scenario. BadInput when a robot forges and the fleet's key cannot be read.
+    """Make the ether of a scenario.
 
-    operated: whether it may be told to `follow` other timelines.
+    Args:
+        scenario: The scenario.
+        timeline: Its faults.
+        terrain: Its terrain.
+        senses: What makes robots report wrong places and times.
+        operated: Whether operators may add faults, so that it must be able to `follow` other timelines.
+
+    Returns:
+        The ether.
+
+    Raises:
+        BadInput: A robot forges and the fleet's key cannot be read.
     """
     if not timeline.entries and not operated:
         return Ether(scenario.step)

@@ -1,8 +1,8 @@
 """Forged positions: what a stranger, or a robot of the fleet, sends in others' names.
 
-A stranger has no key; where the fleet uses one, its tags are wrong, but for frames that it only repeats. It is heard by
-everybody whose radio hears. A robot that forges has the key and its own radio, with all that befalls it, and can do so
-while it is alive.
+A stranger has no key; where the fleet uses one, its tags are wrong, but for frames that it only repeats. All robots
+whose radios receive hear it. A robot that forges has the key and its own radio, with all faults that act on it, and
+forges only while it is alive.
 """
 
 from __future__ import annotations
@@ -36,7 +36,13 @@ MEMORY = 600
 
 @dataclass(frozen=True, slots=True)
 class Forged:
-    """A forged frame. origin: whose radio it comes from, `NOBODY` for a stranger. fault: the id of the spoof."""
+    """A forged frame.
+
+    Attributes:
+        origin: Number of the robot whose radio sends it, `NOBODY` for a stranger.
+        fault: Id of the spoof.
+        frame: The frame.
+    """
 
     origin: int
     fault: str
@@ -44,10 +50,10 @@ class Forged:
 
 
 class Forger:
-    """The forged frames of each tick, in the order of the faults and their victims.
+    """Makes the forged frames of each tick, in the order of the faults and their victims.
 
-    key: the fleet's, for the robots among the forgers; None when the fleet uses none. memory: ticks of which it keeps
-    the frames at least, for a replay that nobody has asked for yet.
+    Attributes:
+        timeline: The faults.
     """
 
     def __init__(
@@ -59,6 +65,16 @@ class Forger:
         key: bytes | None,
         memory: int = 0,
     ) -> None:
+        """Forge by a timeline's spoofs.
+
+        Args:
+            scenario: The scenario.
+            timeline: Its faults.
+            terrain: Its terrain.
+            senses: What makes robots report wrong places and times.
+            key: The fleet's key, for the robots among the forgers; None when the fleet has none.
+            memory: Number of ticks whose frames are kept at least, for a replay that operators may add.
+        """
         self.timeline = timeline
         self._scenario = scenario
         self._seed = scenario.seed
@@ -74,10 +90,18 @@ class Forger:
         self._frozen: dict[tuple[int, int], Pose] = {}
 
     def follow(self, timeline: Timeline) -> None:
-        """Go on with another timeline; BadInput where its forgeries need what is not there."""
+        """Go on with another timeline.
+
+        Args:
+            timeline: The timeline.
+
+        Raises:
+            BadInput: A replay is older than what is kept, or the fleet's key cannot be read.
+        """
         spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
         if any(self._age(entry) > self._depth for entry in spoofs):
-            raise BadInput(f"control: fault.payload.replay: at most {self._depth * self._step:g} s are remembered")
+            kept_s = self._depth * self._step
+            raise BadInput(f"control: fault.payload.replay: at most {kept_s:g} s are kept; choose a smaller number")
         if self._key is None and any(entry.sources[0] != NOBODY for entry in spoofs):
             self._key = fleet_key(self._scenario.radio.key)
         self.timeline = timeline
@@ -85,10 +109,18 @@ class Forger:
     def forge(
         self, k: int, frames: Mapping[int, Sequence[bytes]], statuses: Mapping[int, Status], poses: Mapping[int, Pose]
     ) -> list[Forged]:
-        """The frames forged in tick k; call for each tick in turn.
+        """Forge the frames of a tick; to be called for each tick in turn.
 
-        frames: what the robots send in this tick. poses: the true ones of all bodies. Nobody forges in the name of a
-        spare robot that has not joined yet.
+        No frame is forged in the name of a spare robot that has not joined yet.
+
+        Args:
+            k: The tick.
+            frames: What the robots send in this tick, by number.
+            statuses: Of all robots by number.
+            poses: The true ones of all bodies by number.
+
+        Returns:
+            The forged frames.
         """
         self._sent.append(frames)
         unknown = {number for number in self._spares if statuses[number] is Status.ABSENT}
@@ -140,7 +172,7 @@ class Forger:
         return self._frozen.get(key)
 
     def _repeated(self, ago: int, victim: int) -> Iterator[bytes]:
-        """The position that the victim sent so many ticks ago, byte by byte; nothing if it sent none."""
+        """The position that the victim sent `ago` ticks before, byte by byte; nothing if it sent none."""
         if ago < len(self._sent):
             yield from self._sent[-1 - ago].get(victim, ())[:1]
 

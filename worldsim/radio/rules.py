@@ -1,26 +1,38 @@
 """What the radio faults do to one frame on one directed link.
 
-Faults compose in a fixed order. The first that applies drops the frame and is named: silence, partition, range,
+Faults act in a fixed order (`DROPS`). The first that applies drops the frame and is named: silence, partition, range,
 bandwidth, loss, and of two of one kind the earlier in the scenario. What gets through is held up by all delay and
 reorder faults together. Then each duplicate fault that hits adds one copy, which takes as long as the frame itself and
 the copy's own delay.
 
-Every draw is a hash of (seed, Purpose.ETHER, fault, source, destination, sequence), so what befalls one frame does not
-depend on any other. Only two things have a memory: a burst of losses, which is a function of the tick all the same, and
-what a sender has left of its bandwidth, which depends on the frames that it sent before.
+Every draw is a hash of (seed, Purpose.ETHER, fault, source, destination, sequence), so what happens to one frame does
+not depend on any other. Only two things have a memory: a burst of losses, which is a function of the tick all the same,
+and what a sender has left of its bandwidth, which depends on the frames that it sent before.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from patrol.ground.kernels import swept_path as sweep
 from patrol.net.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.random import Purpose, draw, gauss
-from patrol.scenario.faults.kinds import Bandwidth, Delay, Duplicate, Loss, Partition, Range, Reorder, Silence, Wait
+from patrol.scenario.faults.kinds import (
+    Bandwidth,
+    Delay,
+    Duplicate,
+    Fault,
+    Loss,
+    OnLinks,
+    Partition,
+    Range,
+    Reorder,
+    Silence,
+    Wait,
+)
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -28,7 +40,7 @@ if TYPE_CHECKING:
     from worldsim.timeline import Entry, Timeline
 
 LEAST_BUCKET = 64.0
-"""Bytes that may be sent at once however little the bandwidth, so that any frame fits sooner or later."""
+"""Bytes that may be sent at once with any bandwidth, so that any frame fits sooner or later."""
 
 BEAM = 1e-6
 """Radius (m) of a line of sight, so that none passes along the crack between two points of a wall."""
@@ -36,16 +48,36 @@ BEAM = 1e-6
 NOBODY = 0
 """The origin of a stranger's frames: no robot's radio, so no robot's links."""
 
-_OF_FRAMES = (Silence, Partition, Range, Bandwidth, Loss, Delay, Reorder, Duplicate)
+DROPS: tuple[type[Fault], ...] = (Silence, Partition, Range, Bandwidth, Loss)
+"""The kinds of faults that drop frames, in the order in which they apply."""
+
+_ON_FRAMES: tuple[type[Fault], ...] = (*DROPS, Delay, Reorder, Duplicate)
 
 
 def arrival(k: int, delay_s: float, step: float) -> int:
-    """The tick in whose phase B a frame is heard that was sent in phase A of tick k and takes delay_s."""
+    """When a frame is heard.
+
+    Args:
+        k: The tick in whose phase A it is sent.
+        delay_s: How long it takes, s.
+        step: Length of a tick, s.
+
+    Returns:
+        The tick in whose phase B it is heard.
+    """
     return k + max(0, math.ceil((delay_s - PHASE_B_SHARE * step) / step - 1e-9))
 
 
 def waited(wait: Wait, *values: int) -> float:
-    """How long (s, not below 0) a wait is this time, drawn from the integers given."""
+    """Draw the length of a wait.
+
+    Args:
+        wait: Its distribution.
+        values: Integers that the draw is a hash of.
+
+    Returns:
+        The length, s, at least 0.
+    """
     first, *rest = wait.values
     match wait.shape:
         case "uniform":
@@ -72,7 +104,7 @@ class Burst:
         self._bad = draw(*self._draws, entry.begin) < rate
 
     def bad(self, k: int) -> bool:
-        """Whether the link is bad in tick k, which is none before those asked for already."""
+        """Whether the link is bad in tick k; to be asked in ascending ticks."""
         while self._k < k:
             self._k += 1
             chance = draw(*self._draws, self._k)
@@ -81,7 +113,15 @@ class Burst:
 
 
 def chain_of(rate: float, mean_burst: float) -> tuple[float, float]:
-    """The probabilities r (bad to good) and p (good to bad) of a Gilbert-Elliott chain."""
+    """The probabilities of a Gilbert-Elliott chain.
+
+    Args:
+        rate: Share of bad ticks.
+        mean_burst: Mean length of a bad spell, ticks.
+
+    Returns:
+        r (bad to good) and p (good to bad).
+    """
     r = 1.0 / mean_burst
     return r, min(rate * r / (1.0 - rate), 1.0)
 
@@ -96,20 +136,27 @@ class Bucket:
         self._k = k
 
     def holds(self, size: int, k: int) -> bool:
-        """Whether a frame of so many bytes may be sent in tick k."""
+        """Whether a frame of `size` bytes may be sent in tick k."""
         self._left = min(self._capacity, self._left + self._rate * (k - self._k))
         self._k = k
         return size <= self._left
 
     def take(self, size: int) -> None:
-        """Send it."""
+        """Use up the bytes of a frame that is sent."""
         self._left -= size
 
 
-class RadioRules:
-    """The radio faults of a timeline. Say `begin` for each tick in turn, then ask about its frames in their order.
+_Drops = Callable[["Entry", int, int, int, int], bool]
+"""Whether a fault drops a frame, by its origin, source, destination and sequence."""
 
-    origin: the robot from whose radio a frame comes (`NOBODY` for a stranger), whoever the frame claims to be from.
+
+class RadioRules:
+    """The radio faults of a timeline. Call `begin` for each tick in turn, then ask about its frames in their order.
+
+    The origin of a frame is the robot from whose radio it comes (`NOBODY` for a stranger), whatever sender it claims.
+
+    Attributes:
+        timeline: The faults.
     """
 
     def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
@@ -122,22 +169,43 @@ class RadioRules:
         self._poses: Mapping[int, Pose] = {}
         self._entries: Sequence[Entry] = ()
         self._active: dict[type, list[Entry]] = {}
+        self._drops: dict[type, _Drops] = {
+            Silence: self._silenced,
+            Partition: self._cut,
+            Range: self._out_of_reach,
+            Loss: self._loses,
+        }
+        self._dropping: list[tuple[Entry, _Drops | None]] = []
         self._bursts: dict[tuple[int, int, int], Burst] = {}
         self._buckets: dict[tuple[int, int], Bucket] = {}
 
     def begin(self, k: int, poses: Mapping[int, Pose]) -> bool:
-        """Tick k begins, the robots being at their true poses; whether any radio fault is active."""
+        """Begin a tick.
+
+        Args:
+            k: The tick.
+            poses: The robots' true poses by number.
+
+        Returns:
+            Whether any radio fault is active.
+        """
         self._k, self._poses = k, poses
         entries = self.timeline.at(k)
         if entries is not self._entries:
             self._entries = entries
-            self._active = {kind: [e for e in entries if isinstance(e.fault, kind)] for kind in _OF_FRAMES}
+            self._active = {kind: [e for e in entries if isinstance(e.fault, kind)] for kind in _ON_FRAMES}
+            self._dropping = [(entry, self._drops.get(kind)) for kind in DROPS for entry in self._active[kind]]
         return any(self._active.values())
 
     def jammed(self, origin: int, size: int) -> str | None:
-        """Take a frame of so many bytes off its sender's bandwidth; why it cannot be sent, if it cannot.
+        """Charge a frame to its sender's bandwidth. A sender that is silenced sends nothing.
 
-        A sender that is not heard at all sends nothing.
+        Args:
+            origin: The robot whose radio sends it.
+            size: Its bytes.
+
+        Returns:
+            The cause, as the journal names it, if it cannot be sent; else None.
         """
         entries = [entry for entry in self._active.get(Bandwidth, ()) if origin in entry.who]
         if not entries or any(_silences(entry, origin, "out") for entry in self._active.get(Silence, ())):
@@ -151,25 +219,32 @@ class RadioRules:
         return None
 
     def lost(self, origin: int, source: int, destination: int, sequence: int, jam: str | None) -> str | None:
-        """Why a frame is lost on a link, or None. jam: what `jammed` said of it."""
-        for entry in self._active.get(Silence, ()):
-            if _silences(entry, origin, "out") or _silences(entry, destination, "in"):
-                return cause(entry)
-        for entry in self._active.get(Partition, ()):
-            if self._cut(entry, origin, destination):
-                return cause(entry)
-        for entry in self._active.get(Range, ()):
-            if self._out_of_reach(entry, origin, destination):
-                return cause(entry)
-        if jam is not None:
-            return jam
-        for entry in self._active.get(Loss, ()):
-            if self._loses(entry, origin, source, destination, sequence):
+        """Find out whether a frame is lost on a link.
+
+        Args:
+            origin: The robot whose radio sends it.
+            source: Its sender in the journal.
+            destination: Its receiver.
+            sequence: Its sequence in the journal.
+            jam: What `jammed` said of it.
+
+        Returns:
+            The cause, as the journal names it, or None.
+        """
+        for entry, drops in self._dropping:
+            if drops is None:  # a bandwidth, which acts on a frame and not on its links
+                if jam is not None:
+                    return jam
+            elif drops(entry, origin, source, destination, sequence):
                 return cause(entry)
         return None
 
     def delays(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
-        """The faults that hold a frame up, by their ids, and how long each does, s."""
+        """Find the faults that delay a frame on a link; the arguments are those of `lost`.
+
+        Returns:
+            Their ids, and how long each delays it, s.
+        """
         found = []
         for entry in (*self._active.get(Delay, ()), *self._active.get(Reorder, ())):
             if not _on_link(entry, origin, destination):
@@ -183,7 +258,11 @@ class RadioRules:
         return found
 
     def copies(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
-        """The faults that copy a frame, by their ids, and how much longer (s) each copy takes than the frame."""
+        """Find the faults that copy a frame on a link; the arguments are those of `lost`.
+
+        Returns:
+            Their ids, and how much longer than the frame each copy takes, s.
+        """
         found = []
         for entry in self._active.get(Duplicate, ()):
             values = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
@@ -194,14 +273,17 @@ class RadioRules:
                 found.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *values, 1)))
         return found
 
-    def _cut(self, entry: Entry, origin: int, destination: int) -> bool:
+    def _silenced(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
+        return _silences(entry, origin, "out") or _silences(entry, destination, "in")
+
+    def _cut(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
         fault = entry.fault
         if not isinstance(fault, Partition) or origin == NOBODY:
             return False
         here, there = _group(entry.groups, origin), _group(entry.groups, destination)
         return here < there if fault.direction == "one-way" else here != there
 
-    def _out_of_reach(self, entry: Entry, origin: int, destination: int) -> bool:
+    def _out_of_reach(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
         fault = entry.fault
         if not isinstance(fault, Range) or origin not in entry.who:
             return False
@@ -249,3 +331,31 @@ def _on_link(entry: Entry, origin: int, destination: int) -> bool:
 
 def _group(groups: Sequence[Collection[int]], number: int) -> int:
     return next(place for place, group in enumerate(groups) if number in group)
+
+
+def receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]:
+    """The robots that a sender's frames reach over the links that a fault acts on.
+
+    Args:
+        entry: The fault.
+        origin: Number of the robot whose radio sends, `NOBODY` for a stranger.
+        here: Numbers of the robots that are there.
+
+    Returns:
+        Numbers of the receivers, which may include the sender's own.
+    """
+    match entry.fault:
+        case OnLinks() if origin in entry.sources:
+            return here.intersection(entry.targets)
+        case Range() | Bandwidth() if origin in entry.who:
+            return here
+        case Silence(direction=direction):
+            if origin in entry.who and direction != "in":
+                return here
+            return here.intersection(entry.who) if direction != "out" else frozenset()
+        case Partition(direction=direction):
+            places = [place for place, group in enumerate(entry.groups) if origin in group]
+            groups = enumerate(entry.groups) if places else ()
+            other = [g for place, g in groups if place > places[0] or (place < places[0] and direction == "both")]
+            return here.intersection(number for group in other for number in group)
+    return frozenset()

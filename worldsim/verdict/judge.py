@@ -7,18 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from patrol.scenario.controls import prepared_as_operated
-from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Pause
-from worldsim.radio.overheard import DirectLinks
 from worldsim.timeline import Timeline
-from worldsim.verdict.checks import (
-    Check,
-    Complete,
-    FogIsTrue,
-    NobodyLost,
-    RobotsThere,
-    Tally,
-    TraceAgrees,
-)
+from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
+from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.frames.direct_links import DirectLinks
 from worldsim.verdict.frames.drops import DropsExplained, NothingCrossed
 from worldsim.verdict.frames.forgeries import SpoofsAsAsked
 from worldsim.verdict.frames.hearing import ForgedAsConfigured, Hearing
@@ -26,29 +18,70 @@ from worldsim.verdict.frames.reach import WithinReach
 from worldsim.verdict.frames.recomputed import Replay, WithinBandwidth
 from worldsim.verdict.frames.sent import FramesAreTrue, LinksAddUp
 from worldsim.verdict.frames.shares import DelaysAsAsked, LossesAsAsked
-from worldsim.verdict.frames.timing import FaultsOnTime, OnTime
+from worldsim.verdict.frames.timing import OnTime
 from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
-from worldsim.verdict.robots.recovery import Recovers
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
-from worldsim.verdict.robots.status_checks import DownAreSilent, ExitCodes, PausedStandStill, StatusesFollow
+from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
+from worldsim.verdict.run.exit_codes import ExitCodes
+from worldsim.verdict.run.fault_times import FaultsOnTime
+from worldsim.verdict.run.fog_check import FogIsTrue
+from worldsim.verdict.run.journal_checks import Complete, TraceAgrees
+from worldsim.verdict.run.recovery import Recovers
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
     from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
+    from worldsim.run_record import RunRecord
 
 Outcome = Literal["valid", "invalid", "unknown"]
 
 EXIT_CODES: Mapping[Outcome, int] = {"valid": 0, "invalid": 1, "unknown": 3}
-"""What a command that judged a run ends with."""
+"""Exit codes of commands that judge a run."""
+
+CHECKS: tuple[type[Check], ...] = (
+    Complete,
+    TraceAgrees,
+    NobodyLost,
+    ExitCodes,
+    DownAreSilent,
+    LinksAddUp,
+    DirectLinks,
+    RobotsThere,
+    FaultsOnTime,
+    PausedStandStill,
+    StatusesFollow,
+    BodiesApart,
+    MovesAreTrue,
+    FramesAreTrue,
+    Replay,
+    DropsExplained,
+    SpoofsAsAsked,
+    NothingCrossed,
+    WithinReach,
+    WithinBandwidth,
+    LossesAsAsked,
+    OnTime,
+    DelaysAsAsked,
+    SensesAsAsked,
+    FogIsTrue,
+    Hearing,
+    ForgedAsConfigured,
+    Recovers,
+)
+"""All checks, in the order in which a verdict lists their results; each says which runs call for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of a run's checks; unknown when the journal does not reach its end, so that nobody can tell."""
+    """The results of a run's checks, and what follows from them.
+
+    Attributes:
+        outcome: "valid", "invalid", or "unknown" when the journal does not reach its end, so that nobody can tell.
+        checks: The results.
+    """
 
     outcome: Outcome
-    checks: tuple[Check, ...]
+    checks: tuple[CheckResult, ...]
 
     @property
     def valid(self) -> bool:
@@ -61,13 +94,13 @@ class Verdict:
         return EXIT_CODES[self.outcome]
 
     @property
-    def failed(self) -> tuple[Check, ...]:
-        """The checks that failed."""
+    def failed(self) -> tuple[CheckResult, ...]:
+        """The results of the checks that failed."""
         return tuple(check for check in self.checks if not check.ok)
 
 
 class Judge:
-    """A verdict in the making: give it every tick's record, then ask. The journal's ticks are not looked at."""
+    """A verdict in the making: give it every tick's record, then ask. It does not read the journal's ticks itself."""
 
     def __init__(
         self,
@@ -78,61 +111,39 @@ class Judge:
         verify_fog: bool = True,
         baseline_s: float | None = None,
     ) -> None:
-        """As for `judge`; the journal may still be being written.
+        """Choose the checks that the run calls for.
 
-        verify_fog: whether to recompute the fog, which takes longer than all other checks together, and what robots
-        made of what they heard. Without it the verdict has no checks of these names: for a sweep, whose world has just
-        computed the same numbers from the same poses with the same code in the same process, so that nothing could
-        have come between.
+        Args:
+            journal: As for `judge`; it may still be being written.
+            exit_codes: As for `judge`.
+            prepared: As for `judge`, with the faults that operators added.
+            verify_fog: Whether to recompute the fog, which takes longer than all other checks together, and what robots
+                made of what they heard. Without it the verdict has no checks of these names. That is for a sweep, whose
+                world has just computed the same numbers from the same poses with the same code in the same process.
+            baseline_s: As for `judge`.
         """
         self._journal = journal
-        self._there = RobotsThere(prepared)
-        timeline = Timeline(prepared.scenario)
-        replay = Replay(journal, prepared, timeline)
-        carried = prepared.scenario.radio.via == "ether"
-        self._always: list[Tally] = [
-            Complete(journal),
-            TraceAgrees(journal, prepared.scenario.spares),
-            NobodyLost(journal),
-            ExitCodes(journal, exit_codes, timeline),
-            DownAreSilent(journal),
-            LinksAddUp(journal, replay) if carried else DirectLinks(journal),
-            self._there,
-        ]
-        self._of_poses: list[Tally] = [
-            StatusesFollow(prepared, timeline),
-            BodiesApart(journal, prepared, timeline),
-            MovesAreTrue(prepared, timeline),
-            FramesAreTrue(journal, prepared),
-            *((replay, *_radio_checks(journal, prepared, timeline)) if carried else ()),
-        ]
-        if timeline.entries:
-            self._always.append(FaultsOnTime(timeline, prepared.scenario.step))
-        if any(isinstance(entry.fault, Pause) for entry in timeline.entries):
-            self._always.append(PausedStandStill(journal, processes=bool(exit_codes)))
-        if any(entry.fault.kind in SENSE_KINDS for entry in timeline.entries):
-            self._of_poses.append(SensesAsAsked(journal, prepared, timeline))
-        if verify_fog:
-            self._of_poses.append(FogIsTrue(prepared))
-        keyed = prepared.scenario.radio.key is not None
-        befalls_frames = any(entry.fault.kind not in PROCESS_KINDS for entry in timeline.entries)
-        if verify_fog and carried and (befalls_frames or keyed):
-            hearing = Hearing(journal, prepared, replay, processes=bool(exit_codes))
-            forged = ForgedAsConfigured(journal, prepared, timeline, hearing)
-            self._of_poses += [hearing, forged] if forged.called_for else [hearing]
-        if prepared.scenario.faults:
-            self._of_poses.append(Recovers(journal, prepared, baseline_s))
+        run = JudgedRun(journal, prepared, Timeline(prepared.scenario), exit_codes, verify_fog, baseline_s)
+        readings = Readings()
+        listed = [kind for kind in CHECKS if kind.applies(run)]
+        for kind in listed:
+            readings.add(kind, run)
+        self._checks = [readings[kind] for kind in listed]
+        self._readings = readings.in_order()
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        for tally in self._always:
-            tally.tick(record)
-        for tally in self._of_poses if self._there.ok else ():
-            tally.tick(record)
+        """Take in the next tick.
+
+        Args:
+            record: The tick's record.
+        """
+        for reading in self._readings:
+            if all(other.usable for other in reading.needed):
+                reading.tick(record)
 
     def verdict(self) -> Verdict:
         """The verdict, once all ticks are in and the journal has ended."""
-        checks = tuple(tally.check() for tally in (*self._always, *self._of_poses))
+        checks = tuple(check.result() for check in self._checks)
         return Verdict(_outcome(self._journal, checks), checks)
 
 
@@ -145,14 +156,20 @@ def judge(
 ) -> Verdict:
     """Judge a run.
 
-    journal: its records, or None when there is no journal. exit_codes: of the processes by name, robots by theirs;
-    None for one that was never seen to end; empty for a run in one process. prepared: the run's scenario, starts and
-    terrain, against which its poses and its fog are computed anew; what operators added, the journal tells.
-    baseline_s: mean MFoW (s) of the same scenario without its faults, for the check of recovery; None when nobody has
-    run that.
+    Args:
+        journal: Its records, or None when there is no journal.
+        exit_codes: Exit codes of the processes by name (`worldsim.lifecycle.process_name`); None for one that was never
+            seen to end; empty for a run in one process.
+        prepared: The run's scenario, starts and terrain, from which its poses and its fog are recomputed. What
+            operators added is read from the journal.
+        baseline_s: Mean MFoW (s) of the same scenario without its faults, for the check of recovery; None when nobody
+            has run that.
+
+    Returns:
+        The verdict.
     """
     if journal is None:
-        return Verdict("unknown", (Check("journal", False, "there is no journal"),))
+        return Verdict("unknown", (CheckResult("journal", False, "there is no journal"),))
     prepared = prepared_as_operated(prepared, journal.events)
     judging = Judge(journal, exit_codes, prepared, baseline_s=baseline_s)
     for record in journal.ticks:
@@ -160,28 +177,7 @@ def judge(
     return judging.verdict()
 
 
-def _radio_checks(journal: RunRecord, prepared: Prepared, timeline: Timeline) -> list[Tally]:
-    """The checks besides the replay that a radio, and a scenario's faults of it, call for."""
-    kinds = {entry.fault.kind for entry in timeline.entries}
-    checks: list[Tally] = [DropsExplained(journal, timeline)]
-    if "spoof" in kinds:
-        checks.append(SpoofsAsAsked(prepared, timeline))
-    if kinds & {"silence", "partition"}:
-        checks.append(NothingCrossed(journal, timeline))
-    if "range" in kinds:
-        checks.append(WithinReach(journal, prepared.terrain, timeline))
-    if "bandwidth" in kinds:
-        checks.append(WithinBandwidth(journal, timeline))
-    if "loss" in kinds:
-        checks.append(LossesAsAsked(timeline))
-    if kinds - {*PROCESS_KINDS, *SENSE_KINDS}:
-        checks.append(OnTime(journal, timeline))
-    if kinds & {"delay", "duplicate", "reorder"}:
-        checks.append(DelaysAsAsked(timeline, prepared.scenario.step))
-    return checks
-
-
-def _outcome(journal: RunRecord, checks: Iterable[Check]) -> Outcome:
+def _outcome(journal: RunRecord, checks: Iterable[CheckResult]) -> Outcome:
     if journal.end is None or journal.truncated:
         return "unknown"
     return "valid" if all(check.ok for check in checks) else "invalid"

@@ -151,8 +151,9 @@ def test_the_version_is_an_option_too(fogwatch: Callable[..., int], capsys: pyte
 def test_a_reader_that_leaves_changes_no_exit_code(quiet: list[str], ok: bool, tmp_path: Path) -> None:
     """A verdict is not made valid, nor invalid, by ``| head``."""
     program = (
-        "import sys, worldsim.verdict.checks as checks; from fogwatch.cli.app import main\n"
-        f"checks.NobodyLost.check = lambda self: checks.Check('nobody lost', {ok}, 'made up')\n"
+        "import sys; from worldsim.verdict.robots.status_checks import CheckResult, NobodyLost\n"
+        "from fogwatch.cli.app import main\n"
+        f"NobodyLost.result = lambda self: CheckResult('nobody lost', {ok}, 'made up')\n"
         f"sys.argv = ['fogwatch', 'run', 'open', '--in-process', *{[*COARSE, *quiet]!r}]\n"
         "sys.exit(main())"
     )

@@ -25,7 +25,7 @@ from patrol.journal.file import MAGIC
 from patrol.journal.records import Event, Status, TickRecord
 from patrol.net.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
 from patrol.scenario.controls import OPERATOR
-from worldsim.operator import Manner
+from worldsim.operator import RunState
 from worldsim.output.feed_publisher import Feed, ground_of
 from worldsim.output.record import header_of
 from worldsim.world import World
@@ -322,8 +322,8 @@ def test_a_world_tells_of_its_latest_events_by_number_and_of_all_that_was_asked_
     world, asking, posted = World(quiet.open().prepared), Asking(), list[bytes]()
     header = header_of(world, "2026-01-02T03:04:05+00:00")
     with JournalWriter(tmp_path / "journal", header) as journal:
-        manner = Manner(running=True, pace=None)
-        feed = Feed(world, journal, header, posted.append, asking, lambda do: do(), lambda: 100.0, lambda: manner)
+        state = RunState(running=True, pace=None)
+        feed = Feed(world, journal, header, posted.append, asking, lambda do: do(), lambda: 100.0, lambda: state)
         asked = Event(0, OPERATOR, None, '{"do":"pause"}')
         for record in (asked, *(Event(k, "fault", None, f"f{k}") for k in range(1, 6))):
             feed.write(record)

@@ -22,7 +22,7 @@ from patrol.net.phases import (
 )
 from patrol.pose import Pose, Velocity
 from worldsim.fleet.lockstep import LockstepFleet
-from worldsim.fleet.sessions import Seats, Wire
+from worldsim.fleet.sessions import FleetConnection, Sessions
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2", 3: "r3"}
@@ -42,7 +42,7 @@ class Net:
         self.mute: set[int] = set()
         self.connected = True
         self.ending = False
-        self.wire = Wire(
+        self.wire = FleetConnection(
             KEYS,
             NAMES,
             {number: self.post_of(number) for number in NAMES},
@@ -51,7 +51,7 @@ class Net:
             lambda: self.time,
             lambda: self.ending,
         )
-        self.seats = Seats(self.wire, RUN, HASH)
+        self.sessions = Sessions(self.wire, RUN, HASH)
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
         due = sorted(self.letters, key=lambda letter: letter[0])
@@ -92,7 +92,7 @@ class Net:
     def gather(self) -> None:
         for number in NAMES:
             self.presence(number, True)
-        self.seats.gather(10.0, lambda _names, _s: None)
+        self.sessions.gather(10.0, lambda _names, _s: None)
 
     def told(self, kind: type[ToRobot], number: int) -> list[ToRobot]:
         return [message for to, message in self.sent if to == number and isinstance(message, kind)]
@@ -100,7 +100,7 @@ class Net:
 
 def fleet_of(net: Net, deadline_s: float = 10.0) -> LockstepFleet:
     net.gather()
-    return LockstepFleet(net.seats, deadline_s)
+    return LockstepFleet(net.sessions, deadline_s)
 
 
 def sensed(k: int, numbers: Sequence[int] = (1, 2, 3)) -> dict[int, Sensed]:

@@ -11,7 +11,7 @@ from patrol.journal import Status, TickRecord
 from patrol.journal.records import Event
 from patrol.net.phases import FIRST_INCARNATION
 from worldsim.fleet.loop import run_ticks
-from worldsim.output.record import COMPLETED, DESERTED, MemoryJournal
+from worldsim.run_record import COMPLETED, DESERTED, MemoryJournal
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
@@ -186,7 +186,7 @@ def test_a_world_that_everybody_was_lost_from_waits_for_those_who_are_to_come(la
         fleet = lab.fleet(world, killed={2: (1, Status.LOST)})
         ticks: list[TickRecord] = []
         events: list[Event] = []
-        return run_ticks(world, fleet, ticks.append, events.append, hands=fleet), len(ticks)
+        return run_ticks(world, fleet, ticks.append, events.append, control=fleet), len(ticks)
 
     assert ended([fault("kill", "r2", 1)]) == (DESERTED, 3)
     assert ended([fault("kill", "r2", 1), fault("restart", "r2", 8)]) == (COMPLETED, 12)

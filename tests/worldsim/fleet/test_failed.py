@@ -45,14 +45,14 @@ def test_a_robot_that_has_failed_may_come_again_as_another_process() -> None:
     fleet = fleet_of(net)
     net.deliver(2, Failed(1, 72, 3, "no idea"))
     fleet.phase_a(3, sensed(3))
-    net.seats.vacate(2)
-    assert net.seats.failed(NAMES) == {}
+    net.sessions.end(2)
+    assert net.sessions.failed(NAMES) == {}
 
 
 def test_at_a_pace_too_who_cannot_go_on_is_lost_with_its_reason() -> None:
     net = Net()
     net.gather()
-    fleet = PacedFleet(net.seats, 0.5)
+    fleet = PacedFleet(net.sessions, 0.5)
     net.mute = {2}
     net.deliver(2, Failed(1, 72, 0, "its policy failed at tick 0: no idea"), 0.2)
     net.deliver(3, Failed(1, 99, 0, "another instance"), 0.2)

@@ -1,4 +1,4 @@
-"""Seats, lockstep and pace against scripted robots and a clock of the test's own."""
+"""Sessions, lockstep and pace against scripted robots and a clock of the test's own."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_robots_are_greeted_when_they_come() -> None:
     for number, after_s in ((3, 0.0), (1, 4.0), (2, 8.0)):
         net.presence(number, True, after_s)
     waited: list[list[str]] = []
-    net.seats.gather(60.0, lambda names, _s: waited.append(names))
+    net.sessions.gather(60.0, lambda names, _s: waited.append(names))
     assert waited == [["r2"]]
     assert [number for number, message in net.sent if isinstance(message, Hello)] == [3, 1, 2]
     assert all(message.instance == ANYONE for _, message in net.sent)
@@ -43,8 +43,8 @@ def test_robots_are_greeted_when_they_come() -> None:
 def test_who_does_not_come_is_named() -> None:
     net = Net()
     net.presence(1, True)
-    with pytest.raises(Missing, match="nobody came for r2, r3 within 10 s"):
-        net.seats.gather(10.0, lambda _names, _s: None)
+    with pytest.raises(Missing, match="no process came for r2, r3 within 10 s"):
+        net.sessions.gather(10.0, lambda _names, _s: None)
 
 
 def test_a_hello_is_repeated_to_those_who_are_there() -> None:
@@ -53,7 +53,7 @@ def test_a_hello_is_repeated_to_those_who_are_there() -> None:
     for number in NAMES:
         net.presence(number, True)
     with pytest.raises(Missing, match="r2"):
-        net.seats.gather(5.0, lambda _names, _s: None)
+        net.sessions.gather(5.0, lambda _names, _s: None)
     assert 4 <= len(net.told(Hello, 2)) <= 8
     assert len(net.told(Hello, 1)) == 1
 
@@ -69,25 +69,25 @@ def test_a_robot_that_means_something_else_is_bad_input(reply: HelloReply, probl
     net = Net()
     net.deliver(1, reply)
     with pytest.raises(BadInput, match=problem):
-        net.seats.gather(5.0, lambda _names, _s: None)
+        net.sessions.gather(5.0, lambda _names, _s: None)
 
 
 def test_an_answer_to_another_world_takes_no_seat() -> None:
     net = Net()
     net.deliver(1, HelloReply(1, 5, 0, RUN + 1, HASH))
     with pytest.raises(Missing):
-        net.seats.gather(1.0, lambda _names, _s: None)
+        net.sessions.gather(1.0, lambda _names, _s: None)
     assert net.refused["stranger"] == 1
 
 
 def test_who_asks_for_a_greeting_gets_one_or_is_turned_away() -> None:
     net = Net()
     net.deliver(1, HelloReply(1, 71, 0, NO_RUN, HASH))
-    net.seats.take(0.0)
+    net.sessions.take(0.0)
     assert len(net.told(Hello, 1)) == 1
     net.gather()
     net.deliver(1, HelloReply(1, 99, 0, NO_RUN, HASH))
-    net.seats.take(0.0)
+    net.sessions.take(0.0)
     (stop,) = net.told(Stop, 1)
     assert isinstance(stop, Stop)
     assert (stop.instance, stop.orderly) == (99, False)
@@ -211,8 +211,8 @@ def test_who_does_not_find_back_to_the_router_is_lost() -> None:
     net.mute = {2}
     net.connected = False
     net.presence(2, False)
-    net.seats.take(0.0)
-    assert net.seats.gone([1, 2]) == []
+    net.sessions.take(0.0)
+    assert net.sessions.gone([1, 2]) == []
     net.connected = True
     began = net.time
     assert list(fleet.phase_a(3, sensed(3))) == [1, 3]
@@ -252,7 +252,7 @@ def test_the_end_does_not_wait_for_ever() -> None:
 def test_the_world_keeps_to_the_clock() -> None:
     net = Net()
     net.gather()
-    fleet = PacedFleet(net.seats, 0.5)
+    fleet = PacedFleet(net.sessions, 0.5)
     began = net.time
     for k in range(4):
         assert fleet.phase_a(k, sensed(k)) == dict.fromkeys(NAMES, (b"frame",))
@@ -266,7 +266,7 @@ def test_the_world_keeps_to_the_clock() -> None:
 def test_late_frames_are_lost_and_late_commands_count_where_they_come() -> None:
     net = Net()
     net.gather()
-    fleet = PacedFleet(net.seats, 0.5)
+    fleet = PacedFleet(net.sessions, 0.5)
     net.delays = {(1, 0, "A"): 0.2, (2, 0, "B"): 0.6, (3, 0, "B"): 0.45, (3, 1, "B"): 0.1}
     assert fleet.phase_a(0, sensed(0)) == {1: (), 2: (b"frame",), 3: (b"frame",)}
     first = fleet.phase_b(0, heard())
@@ -289,7 +289,7 @@ def test_late_frames_are_lost_and_late_commands_count_where_they_come() -> None:
 def test_a_world_that_falls_behind_gives_up_on_catching_up() -> None:
     net = Net()
     net.gather()
-    fleet = PacedFleet(net.seats, 0.5)
+    fleet = PacedFleet(net.sessions, 0.5)
     fleet.phase_a(0, sensed(0))
     fleet.phase_b(0, heard())
     net.time += 5.0
@@ -303,7 +303,7 @@ def test_a_world_that_falls_behind_gives_up_on_catching_up() -> None:
 def test_at_a_pace_only_a_lost_token_loses_a_robot() -> None:
     net = Net()
     net.gather()
-    fleet = PacedFleet(net.seats, 0.5)
+    fleet = PacedFleet(net.sessions, 0.5)
     net.mute = {1, 2}
     net.presence(2, False)
     for k in range(30):

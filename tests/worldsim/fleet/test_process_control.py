@@ -23,18 +23,9 @@ from patrol.net.phases import (
     decode_to_robot,
 )
 from patrol.pose import Pose
-from worldsim.fleet.process_control import (
-    START_S,
-    STOPPED,
-    UNSEEN,
-    Handless,
-    NoShow,
-    Request,
-    SeatedHands,
-    answer_line,
-    process_name,
-)
-from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Seats, Wire
+from worldsim.fleet.process_control import START_S, ControlFailed, LauncherControl, NotStarted, Request, answer_line
+from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, FleetConnection, Interrupted, Sessions
+from worldsim.lifecycle import STOPPED, UNSEEN, process_name
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2"}
@@ -59,12 +50,12 @@ class Stage:
         self.state = ""
         self.ending = False
         posts = {number: self.post_of(number) for number in NAMES}
-        wire = Wire(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending)
-        self.seats = Seats(wire, RUN, HASH, absent)
-        self.hands = SeatedHands(self.ask, self.seats, waits=waits)
+        wire = FleetConnection(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending)
+        self.sessions = Sessions(wire, RUN, HASH, absent)
+        self.control = LauncherControl(self.ask, self.sessions, waits=waits)
         for number in self.incarnation:
             self.presence(number, True)
-        self.seats.gather(10.0, lambda _names, _s: None)
+        self.sessions.gather(10.0, lambda _names, _s: None)
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
         due = min(self.letters, key=lambda letter: letter[0], default=None)
@@ -106,7 +97,7 @@ class Stage:
 
     def reach(self, number: int) -> tuple[int, int]:
         """Incarnation and instance of the process that the world speaks to."""
-        self.seats.send(number, lambda inc, instance: PhaseA(inc, instance, 5, Sensed(5, Pose(0.0, 0.0, 0.0))))
+        self.sessions.send(number, lambda inc, instance: PhaseA(inc, instance, 5, Sensed(5, Pose(0.0, 0.0, 0.0))))
         message = self.sent[-1][1]
         return message.incarnation, message.instance
 
@@ -126,51 +117,51 @@ def test_a_robots_processes_have_names_that_no_robot_can_have() -> None:
 def test_a_restarted_robot_is_another_process() -> None:
     stage = Stage()
     assert stage.reach(2) == (1, 201)
-    stage.hands.kill(2)
-    assert not stage.seats.seated(2)
-    stage.hands.start(2, 2)
-    assert stage.hands.arrived(2)
+    stage.control.kill(2)
+    assert not stage.sessions.is_open(2)
+    stage.control.start(2, 2)
+    assert stage.control.arrived(2)
     assert stage.reach(2) == (2, 202)
     assert stage.asked == [("kill", 2, 0), ("start", 2, 2)]
-    assert stage.seats.gone([1, 2]) == []
+    assert stage.sessions.gone([1, 2]) == []
 
 
 def test_a_word_of_the_dead_takes_no_place() -> None:
     stage = Stage(waits=False)
-    stage.hands.kill(2)
+    stage.control.kill(2)
     last_words = HelloReply(1, 201, 0, RUN, HASH)
     stage.deliver(2, last_words)
     stage.deliver(2, ReplyA(1, 201, 5, (b"frame",)))
     for _ in range(3):
-        assert stage.seats.take(0.1) is None
-    stage.hands.start(2, 2)
+        assert stage.sessions.take(0.1) is None
+    stage.control.start(2, 2)
     stage.deliver(2, last_words)
-    stage.seats.take(0.1)
-    assert not stage.hands.arrived(2)
+    stage.sessions.take(0.1)
+    assert not stage.control.arrived(2)
     reasons = [message.reason for number, message in stage.sent if isinstance(message, Stop) and number == 2]
-    assert reasons == ["nobody is awaited for r2 now"] * 2
+    assert reasons == ["no process is expected for r2 now"] * 2
 
 
 def test_nobody_is_awaited_for_a_robot_that_is_absent() -> None:
     stage = Stage(absent=(2,))
-    assert [stage.seats.seated(number) for number in NAMES] == [True, False]
+    assert [stage.sessions.is_open(number) for number in NAMES] == [True, False]
     stage.incarnation[2] = 1
     stage.deliver(2, HelloReply(1, 201, 0, NO_RUN, HASH))
-    stage.seats.take(0.1)
+    stage.sessions.take(0.1)
     assert [number for number, message in stage.sent if isinstance(message, Hello)] == [1]
-    stage.hands.start(2, 1)
-    assert stage.hands.arrived(2)
+    stage.control.start(2, 1)
+    assert stage.control.arrived(2)
 
 
 def test_where_the_world_does_not_wait_a_robot_arrives_when_it_does() -> None:
     stage = Stage(waits=False)
-    stage.hands.kill(2)
+    stage.control.kill(2)
     began = stage.time
-    stage.hands.start(2, 2)
+    stage.control.start(2, 2)
     assert stage.time == began
-    assert not stage.hands.arrived(2)
-    while not stage.hands.arrived(2):
-        stage.seats.take(0.1)
+    assert not stage.control.arrived(2)
+    while not stage.control.arrived(2):
+        stage.sessions.take(0.1)
     assert stage.time - began == pytest.approx(1.0, abs=0.2)
 
 
@@ -178,36 +169,36 @@ def test_where_the_world_does_not_wait_a_robot_arrives_when_it_does() -> None:
 def test_a_process_that_never_comes_is_given_up(waits: bool) -> None:
     stage = Stage(waits=waits)
     stage.slow = None
-    stage.hands.kill(2)
+    stage.control.kill(2)
     began = stage.time
-    stage.hands.start(2, 2)
+    stage.control.start(2, 2)
     while stage.time < began + START_S:
-        assert not stage.hands.arrived(2)
-        stage.seats.take(1.0)
-    with pytest.raises(NoShow, match="did not come within 60 s"):
-        stage.hands.arrived(2)
+        assert not stage.control.arrived(2)
+        stage.sessions.take(1.0)
+    with pytest.raises(NotStarted, match="did not come within 60 s"):
+        stage.control.arrived(2)
 
 
 def test_who_leaves_is_let_go_told_and_waited_for() -> None:
     stage = Stage()
-    stage.hands.leave(2)
+    stage.control.leave(2)
     assert [do for do, _, _ in stage.asked] == ["resume", "leave"]
     (stop,) = [message for number, message in stage.sent if isinstance(message, Stop) and number == 2]
     assert stop.orderly
-    assert not stage.seats.seated(2)
+    assert not stage.sessions.is_open(2)
 
 
 def test_a_token_that_went_during_a_pause_has_time_to_come_back() -> None:
     stage = Stage()
-    stage.hands.pause(2)
+    stage.control.pause(2)
     stage.presence(2, False)
-    stage.seats.take(0.1)
+    stage.sessions.take(0.1)
     stage.time += 100.0
-    assert stage.seats.gone([2]) == [2]
-    stage.hands.resume(2)
-    assert stage.seats.gone([2]) == []
+    assert stage.sessions.gone([2]) == [2]
+    stage.control.resume(2)
+    assert stage.sessions.gone([2]) == []
     stage.time += RECOVERY_S + GRACE_S + 0.1
-    assert stage.seats.gone([2]) == [2]
+    assert stage.sessions.gone([2]) == [2]
 
 
 @pytest.mark.parametrize(
@@ -217,23 +208,23 @@ def test_a_token_that_went_during_a_pause_has_time_to_come_back() -> None:
 def test_what_was_seen_of_a_paused_process_is_told(state: str, says: str) -> None:
     stage = Stage()
     stage.state = state
-    assert stage.hands.pause(2) == says
-    assert stage.hands.resume(2) == says
+    assert stage.control.pause(2) == says
+    assert stage.control.resume(2) == says
 
 
 def test_what_the_launcher_cannot_do_is_told() -> None:
     stage = Stage()
     stage.problem = "KeyError: 2"
-    with pytest.raises(Handless, match="kill robot 2: KeyError: 2"):
-        stage.hands.kill(2)
-    stage.hands.release([1, 2])
+    with pytest.raises(ControlFailed, match="kill robot 2: KeyError: 2"):
+        stage.control.kill(2)
+    stage.control.release([1, 2])
     assert [do for do, _, _ in stage.asked] == ["kill", "resume"]
 
 
 def test_an_interrupted_world_waits_for_nobody() -> None:
     stage = Stage()
     stage.slow = None
-    stage.hands.kill(2)
+    stage.control.kill(2)
     stage.ending = True
     with pytest.raises(Interrupted):
-        stage.hands.start(2, 2)
+        stage.control.start(2, 2)

@@ -12,8 +12,9 @@ import pytest
 
 from patrol.journal import Status, trace_hash
 from patrol.scenario import load_scenario, scenario_hash
-from worldsim.output.record import MemoryJournal, lower_bound
+from worldsim.output.record import lower_bound
 from worldsim.output.summary import summarise
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:

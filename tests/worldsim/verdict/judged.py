@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from patrol.journal import trace_hash
+from worldsim.timeline import Timeline
+from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
+    from patrol.prepare import Prepared
     from tests.worldsim.conftest import Lab
-    from worldsim.output.record import MemoryJournal
+    from worldsim.run_record import MemoryJournal
     from worldsim.world import World
 
 Result = tuple["World", "MemoryJournal"]
+C = TypeVar("C", bound=Check)
 
 
 def runs(lab: Lab, ticks: int) -> Callable[..., Result]:
@@ -38,3 +42,19 @@ def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
     journal.records[k] = replace(journal.records[k], **fields)
     assert journal.end
     journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
+
+
+def check_of(kind: type[C], prepared: Prepared, journal: MemoryJournal, timeline: Timeline | None = None) -> C:
+    """A check of a run, before its first tick."""
+    run = JudgedRun(journal, prepared, timeline or Timeline(prepared.scenario), {})
+    readings = Readings()
+    readings.add(kind, run)
+    return readings[kind]
+
+
+def result_of(kind: type[C], prepared: Prepared, journal: MemoryJournal) -> CheckResult:
+    """The result of one check of a run."""
+    check = check_of(kind, prepared, journal)
+    for record in journal.ticks:
+        check.tick(record)
+    return check.result()

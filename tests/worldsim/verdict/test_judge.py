@@ -13,8 +13,10 @@ import pytest
 from patrol.journal import JournalWriter, RobotTick, TickRecord, read_journal, trace_hash
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
-from worldsim.output.record import INTERRUPTED, MemoryJournal
-from worldsim.verdict.judge import Judge, Verdict, judge
+from patrol.random import draw
+from worldsim.run_record import INTERRUPTED, MemoryJournal
+from worldsim.verdict.common.check import CheckResult
+from worldsim.verdict.judge import CHECKS, Judge, Verdict, judge
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
@@ -161,7 +163,7 @@ def test_another_trace_fails(journal: MemoryJournal, verdict: Callable[..., Verd
 def test_another_recorded_trace_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     assert journal.end
     journal.end = replace(journal.end, trace_hash="00" * 32)
-    assert only_failure(verdict(journal)).startswith("trace: the ticks hash to ")
+    assert only_failure(verdict(journal)).startswith("trace: the ticks' hash is ")
 
 
 def test_a_lost_robot_fails_and_is_named(lab: Lab, world: World, verdict: Callable[..., Verdict]) -> None:
@@ -219,7 +221,7 @@ def test_a_vanished_frame_fails(journal: MemoryJournal, verdict: Callable[..., V
     change(journal, 7, deliveries=journal.records[7].deliveries[1:])
     assert failures(verdict(journal)) == {
         "links add up": "frame 7 from r1 to r2 was neither delivered nor dropped (1 such frames)",
-        "radio": "tick 7: frame 7 from r1 to r2 should be delivered",
+        "radio": "tick 7: frame 7 from r1 to r2 should have been delivered",
     }
 
 
@@ -228,7 +230,7 @@ def test_a_doubled_or_invented_frame_fails(journal: MemoryJournal, verdict: Call
     change(journal, 7, dropped=dropped)
     found = failures(verdict(journal))
     assert "frame 7 from r3 to r4 was delivered or dropped but not sent" in found["links add up"]
-    assert found["radio"] == "tick 7: frame 7 from r3 to r4 was dropped (oversized) and should not be"
+    assert found["radio"] == "tick 7: frame 7 from r3 to r4 was dropped (oversized) and should not have been"
 
 
 def test_an_embellished_fog_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
@@ -321,7 +323,7 @@ def test_a_command_beyond_a_robots_limits_fails(
 
 def test_a_refused_command_that_drives_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     change(journal, TICKS - 1, robots=moved(journal.records[-1], 0, refused=True))
-    assert only_failure(verdict(journal)) == "moves: r1 drives though its command was refused at tick 11"
+    assert only_failure(verdict(journal)) == "moves: r1 drives although its command was refused at tick 11"
 
 
 def test_a_tick_without_one_of_the_robots_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
@@ -380,7 +382,7 @@ def test_a_frame_that_cannot_be_read_fails(
     record = journal.records[7]
     change(journal, 7, frames=((1, frame), *record.frames[1:]))
     found = failures(verdict(journal))
-    assert found["frames"].startswith("frame 7 of r1 cannot be read (malformed")
+    assert found["frames"].startswith("frame 7 of r1 cannot be decoded (malformed")
     assert set(found) == {"frames"} | ({"radio"} if len(frame) > 64 else set())
 
 
@@ -389,5 +391,45 @@ def test_a_frame_of_a_dead_robot_fails(lab: Lab) -> None:
     record = journal.records[7]
     change(journal, 7, frames=(*record.frames, (3, frame_of(record, 2))))
     found = failures(judge(journal, {}, world.prepared))
-    assert found["frames"] == "frame 7 of r3 has no living sender"
+    assert found["frames"] == "frame 7 of r3 has no sender that is alive"
     assert found["the down are silent"] == "r3 is dead at tick 7 and sends"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_order_in_which_checks_are_listed_does_not_matter(
+    lab: Lab, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A good run, one with a false frame and one with a robot off the terrain, under faults of many kinds."""
+    faults = [
+        {"kind": "loss", "rate": 0.2, "at": 1.0, "for": 4.0},
+        {"kind": "delay", "delay": {"uniform": [0.0, 1.5]}},
+        {"kind": "partition", "groups": "halves", "at": 3.0, "for": 3.0},
+        {"kind": "spoof", "as": "r2", "payload": "random"},
+        {"kind": "pause", "who": "r3", "at": 2.0, "for": 2.0},
+        {"kind": "drift", "who": "r1", "bias": [0.5, 0.0]},
+    ]
+    world = lab.patrol(ticks=20, faults=faults)
+    journal = lab.run(world)
+
+    def results() -> dict[str, CheckResult]:
+        return {check.name: check for check in judge(journal, {}, world.prepared).checks}
+
+    def shuffled() -> dict[str, CheckResult]:
+        order = sorted(CHECKS, key=lambda check: draw(seed, *check.__name__.encode()))
+        assert order != list(CHECKS)
+        with monkeypatch.context() as context:
+            context.setattr("worldsim.verdict.judge.CHECKS", tuple(order))
+            found = results()
+        assert list(found) != list(results())
+        return found
+
+    assert all(check.ok for check in results().values())
+    assert {"refused frames", "forged frames", "links add up", "senses"} <= set(results())
+    assert shuffled() == results()
+    source, frame = journal.records[6].frames[-1]
+    change(journal, 6, frames=(*journal.records[6].frames[:-1], (source, frame[:-1] + b"?")))
+    assert not all(check.ok for check in results().values())
+    assert shuffled() == results()
+    change(journal, 9, robots=moved(journal.records[9], 0, x=-100.0))
+    assert not results()["robots there"].ok
+    assert shuffled() == results()

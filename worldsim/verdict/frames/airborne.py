@@ -1,33 +1,47 @@
-"""What a journal tells of frames in the air, read without the code that carries them."""
+"""What a journal says of frames in the air, read without the code that carries them."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from patrol.journal.records import FORGED, frame_sequence
-from patrol.scenario.faults.kinds import Spoof
+from patrol.scenario.faults.kinds import Fault, Loss
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link, there
+from worldsim.radio.rules import DROPS
+from worldsim.verdict.common.faults import NO_ROBOT
 
 if TYPE_CHECKING:
     from patrol.journal.records import TickRecord
-    from worldsim.timeline import Entry, Timeline
 
-BEFORE_THE_AIR = ("silence", "partition", "range", "bandwidth", OVERSIZED, OWN)
+
+def causes_before(kind: type[Fault]) -> frozenset[str]:
+    """Why a frame may be dropped before a fault of some kind has its turn: causes, and kinds of faults."""
+    return frozenset({OVERSIZED, OWN, *(name_of(earlier) for earlier in DROPS[: DROPS.index(kind)])})
+
+
+def name_of(kind: type[Fault]) -> str:
+    """What scenarios and journals call a kind of fault."""
+    return str(get_args(kind.model_fields["kind"].annotation)[0])
+
+
+BEFORE_THE_AIR = causes_before(Loss)
 """Why a frame is dropped before it can be lost on its way."""
 
 ON_ARRIVAL = (RECEIVER_DEAD, RECEIVER_PAUSED, RECEIVER_ABSENT)
 """Why one is dropped that has got through; all other causes apply when it is sent."""
 
-NO_ROBOT = 0
-"""The origin of frames that come from no robot's radio."""
-
 
 def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int, int], int]:
-    """The robot from whose radio each frame of a tick comes, by (source, sequence), in the frames' order.
+    """From which robot's radio each frame of a tick comes.
 
-    forgers: as of `forgers_of`.
+    Args:
+        record: The tick's record.
+        forgers: As of `worldsim.verdict.common.faults.forgers_of`.
+
+    Returns:
+        The robots' numbers, `NO_ROBOT` for a stranger, by (source, sequence), in the frames' order.
     """
     origins: dict[tuple[int, int], int] = {}
     places: Counter[int] = Counter()
@@ -42,10 +56,15 @@ def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int
 
 
 def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link, str]]:
-    """Every frame of a tick on every link: whose radio it comes from, and what stopped it when it was sent.
+    """Every frame of a tick on every link.
 
-    That is empty where nothing did, so that the frame arrives, sooner or later.
-    forgers: as of `forgers_of`.
+    Args:
+        record: The tick's record.
+        forgers: As of `worldsim.verdict.common.faults.forgers_of`.
+
+    Yields:
+        The robot whose radio sent it, its link, and what stopped it when it was sent; empty where nothing did, so that
+        the frame arrives, sooner or later.
     """
     here = [row.number for row in record.robots if there(row.status)]
     stopped = {drop[:3]: drop[3] for drop in record.dropped if drop[3] not in ON_ARRIVAL}
@@ -57,32 +76,25 @@ def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int,
 
 
 def airborne(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link]]:
-    """Those of them that nothing stopped when they were sent, so that they arrive somewhere, sooner or later."""
+    """Those of the `fates` that nothing stopped when they were sent, so that they arrive, sooner or later.
+
+    Args:
+        record: The tick's record.
+        forgers: As of `worldsim.verdict.common.faults.forgers_of`.
+
+    Returns:
+        The robot whose radio sent each frame, and its link.
+    """
     return ((origin, link) for origin, link, why in fates(record, forgers) if not why)
 
 
 def arrived(record: TickRecord) -> list[Link]:
-    """What arrived in a tick, once for each copy, whether or not anybody was there to hear it."""
+    """The links of the frames that arrived in a tick, once for each copy, whether or not the receiver could hear."""
     return [*record.deliveries, *(drop[:3] for drop in record.dropped if drop[3] in ON_ARRIVAL)]
 
 
-def forgers_of(timeline: Timeline) -> dict[str, int]:
-    """By the ids of spoofs the robots that forge."""
-    return {entry.id: entry.sources[0] for entry in timeline.entries if isinstance(entry.fault, Spoof)}
-
-
-def active(entry: Entry, k: int) -> bool:
-    """Whether a lasting fault is active in tick k."""
-    return entry.begin <= k and (entry.end is None or k < entry.end)
-
-
-def on_link(entry: Entry, origin: int, to: int) -> bool:
-    """Whether a fault of links befalls what one robot's radio sends to another."""
-    return origin in entry.sources and to in entry.targets
-
-
 def kind_of(cause: str) -> str:
-    """The kind of what dropped a frame, from the journal's words."""
+    """The kind of what dropped a frame, from the cause that the journal names."""
     return cause.partition(":")[0]
 
 

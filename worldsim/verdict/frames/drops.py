@@ -1,4 +1,4 @@
-"""The verdict's checks of frames that were stopped: each for a cause that applies, and all that a cut is to stop.
+"""The verdict's checks of frames that were dropped: each for a cause that applies, and all that a cut should stop.
 
 A frame's fate on a link is fixed when it is sent, so each tick is judged by itself, whenever its frames arrive.
 """
@@ -12,41 +12,47 @@ from patrol.journal.records import FORGED, sent_at
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario.faults.kinds import Bandwidth, Loss, Partition, Range, Silence
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED
-from worldsim.verdict.checks import Check, names_of
-from worldsim.verdict.frames.airborne import NO_ROBOT, active, fates, fault_of, forgers_of, kind_of, on_link, origins_of
+from worldsim.verdict.common.check import Check
+from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck, active, forgers_of, on_link
+from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.frames.airborne import fates, fault_of, kind_of, name_of, origins_of
 
 if TYPE_CHECKING:
-    from worldsim.output.record import RunRecord
+    from collections.abc import Sequence
+
     from worldsim.radio.ether import Link
-    from worldsim.timeline import Entry, Timeline
+    from worldsim.timeline import Entry
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 _DEAF = {
     RECEIVER_DEAD: (Status.DEAD, Status.LOST),
     RECEIVER_PAUSED: (Status.PAUSED,),
     RECEIVER_ABSENT: (Status.ABSENT, Status.LEFT),
 }
-"""How a robot is that does not hear a frame when it arrives, by the cause that the journal names."""
+"""The statuses of robots that hear no arriving frame, by the cause that the journal names."""
 
 
-class DropsExplained:
-    """Every frame that was lost was lost for a cause that applies to it.
+class DropsExplained(Check):
+    """Every frame that was dropped was dropped for a cause that applies to it.
 
-    A fault that is active and that its sender, or its link, has; a receiver that cannot hear; more bytes than a frame
-    has; or being heard by who forged it. Whether a silence, a partition, a range or a bandwidth had reason to stop this
-    very frame, their own checks say.
+    That is a fault that is active and acts on its sender or its link; a receiver that cannot hear; a frame that is too
+    long; or a receiver that forged it. Whether a silence, a partition, a range or a bandwidth had reason to stop this
+    very frame is judged by their own checks.
     """
 
-    def __init__(self, journal: RunRecord, timeline: Timeline) -> None:
-        self._journal = journal
-        self._names = {**names_of(journal), FORGED: "a forger"}
-        self._entries = {entry.id: entry for entry in timeline.entries}
-        self._forgers = forgers_of(timeline)
-        self._problem = ""
+    name = "drops"
+    of_ether = True
+    needs = (RobotsThere,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._names = run.senders
+        self._entries = {entry.id: entry for entry in run.timeline.entries}
+        self._forgers = forgers_of(run.timeline)
         self._explained = 0
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        if self._problem or not record.dropped:
+    def _tick(self, record: TickRecord) -> None:
+        if not record.dropped:
             return
         origins = origins_of(record, self._forgers)
         lengths = {key: len(frame) for key, (_, frame) in zip(origins, record.frames, strict=True)}
@@ -62,16 +68,15 @@ class DropsExplained:
                 right = self._applies(why, source, origins.get((source, sequence), NO_ROBOT), to, record.k)
             if not right:
                 link = f"from {self._names.get(source, source)} to {self._names.get(to, to)}"
-                self._problem = f"a frame {link} was lost in tick {record.k} for no reason: {why}"
+                self._fail(f"a frame {link} was dropped in tick {record.k} for a cause that does not apply: {why}")
                 return
             self._explained += 1
 
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        return Check("drops", not self._problem, self._problem or f"{self._explained} frames lost, each for its cause")
+    def _good(self) -> str:
+        return f"{self._explained} frames dropped, each for a cause that applies"
 
     def _applies(self, why: str, source: int, origin: int, to: int, k: int) -> bool:
-        """Whether a cause that acts when a frame is sent can befall this one."""
+        """Whether a cause that acts when a frame is sent can act on this one."""
         if why == OWN:
             return source == FORGED and origin == to
         entry = self._entries.get(fault_of(why))
@@ -85,54 +90,48 @@ class DropsExplained:
         return isinstance(entry.fault, Silence | Partition)
 
     def _dies(self, number: int, k: int) -> bool:
-        """Whether a robot died unasked in a tick, before it could hear anything."""
+        """Whether a robot was lost in a tick, before it could hear anything."""
         lost = Status.LOST.name.lower()
-        return any(e.k == k + 1 and e.robot == number and e.kind == lost for e in self._journal.events)
+        return any(e.k == k + 1 and e.robot == number and e.kind == lost for e in self._run.journal.events)
 
 
-class NothingCrossed:
-    """Silences and partitions stop the frames that they are to stop, and no others.
+class NothingCrossed(FrameFaultCheck):
+    """Silences and partitions stop the frames that they should stop, and no others.
 
-    The faults' ticks and groups, held against what became of each frame when it was sent: the first silence that
-    applies is named, then the first partition. Of a frame that somebody forged it counts whose radio sent it.
+    The faults' ticks and groups are compared with what became of each frame when it was sent: the first silence that
+    applies is named, then the first partition. A forged frame counts as sent by the robot whose radio sent it.
     """
 
-    def __init__(self, journal: RunRecord, timeline: Timeline) -> None:
-        self._names = {**names_of(journal), FORGED: "a forger"}
-        self._cuts = [entry for entry in timeline.entries if isinstance(entry.fault, Silence)]
-        self._cuts += [entry for entry in timeline.entries if isinstance(entry.fault, Partition)]
-        self._forgers = forgers_of(timeline)
-        self._problem = ""
-        self._stopped = 0
+    name = "nothing crossed"
+    kinds = (Silence, Partition)
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        cuts = [entry for entry in self._cuts if active(entry, record.k)]
-        if not cuts or self._problem:
-            return
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._stopped = 0
+        self._cuts = frozenset(name_of(kind) for kind in self.kinds)
+
+    def _active_tick(self, record: TickRecord, entries: Sequence[Entry]) -> None:
+        cuts = sorted(entries, key=lambda entry: isinstance(entry.fault, Partition))
         for origin, link, why in fates(record, self._forgers):
             if why in (OVERSIZED, OWN):
                 continue
             due = next((entry for entry in cuts if _stops(entry, origin, link[1])), None)
-            cut = why if kind_of(why) in ("silence", "partition") else ""
+            cut = why if kind_of(why) in self._cuts else ""
             self._stopped += bool(cut)
             if cut != ("" if due is None else f"{due.fault.kind}:{due.id}"):
                 self._wrong(link, record.k, due, cut)
                 return
 
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        good = f"{self._stopped} frames were stopped, none came through"
-        return Check("nothing crossed", not self._problem, self._problem or good)
+    def _good(self) -> str:
+        return f"{self._stopped} frames were stopped, none got through"
 
     def _wrong(self, link: Link, k: int, due: Entry | None, cut: str) -> None:
-        source, to, _ = link
-        frame = f"a frame from {self._names.get(source, source)} to {self._names.get(to, to)} of tick {k}"
+        frame = self._frame(link, k)
         if due is None:
-            self._problem = f"{frame} was stopped by {cut.replace(':', ' ')}, which lets it through"
+            self._fail(f"{frame} was stopped by {cut.replace(':', ' ')}, which does not apply to it")
         else:
             instead = f" and was stopped by {cut.replace(':', ' ')}" if cut else ""
-            self._problem = f"{frame} came through {due.fault.kind} {due.id}{instead}"
+            self._fail(f"{frame} got through {due.fault.kind} {due.id}{instead}")
 
 
 def _stops(entry: Entry, origin: int, to: int) -> bool:

@@ -1,4 +1,4 @@
-"""The verdict's check of what is forged, by what docs/faults.md says of each payload, without the code that forges."""
+"""The verdict's check of forged frames, by what docs/faults.md says of each payload, without the code that forges."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from patrol.radio.message import MAX_ROBOT, Position, Rejected, decode
 from patrol.radio.units import m_to_cm, s_to_ms
 from patrol.scenario.faults.kinds import Drift, Forgery, Spoof
 from worldsim.radio.ether import there
-from worldsim.verdict.checks import Check
-from worldsim.verdict.frames.airborne import NO_ROBOT, active
+from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck, active
 
 if TYPE_CHECKING:
     from patrol.journal.records import RobotTick
-    from patrol.prepare import Prepared
-    from worldsim.timeline import Entry, Timeline
+    from worldsim.timeline import Entry
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 _HALF_CM = 0.5 + 1e-6
 """How far a coordinate on the wire may be from the one that was rounded, cm."""
@@ -31,10 +30,15 @@ Place = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class _Spoof:
-    """A spoof and what its frames are to say.
+    """A spoof and what its frames should say.
 
-    kind: freeze or random, else the payload's field. offset: m. ahead: ticks. invented: robots. age: ticks, of what a
-    replay repeats.
+    Attributes:
+        entry: The fault.
+        kind: "freeze" or "random", else the name of the payload's field.
+        offset: Along x and y, m.
+        ahead: By how many ticks sequences run ahead.
+        invented: Number of invented robots.
+        age: Age of the frames that a replay repeats, ticks.
     """
 
     entry: Entry
@@ -47,9 +51,12 @@ class _Spoof:
 
 @dataclass(frozen=True, slots=True)
 class _Victim:
-    """What is known of a robot in whose name somebody forges. said: its own frame of the tick, if it sent one.
+    """What is known of a robot in whose name frames are forged.
 
-    honest: nothing makes it say that it is elsewhere than it is.
+    Attributes:
+        row: Its part of the tick's record.
+        said: Its own position of the tick, if it sent one.
+        honest: Whether no drift makes it report a wrong place.
     """
 
     row: RobotTick
@@ -57,41 +64,37 @@ class _Victim:
     honest: bool
 
 
-class SpoofsAsAsked:
-    """Each active spoof sends one frame in each victim's name, or as many as it invents, and each says what it is to.
+class SpoofsAsAsked(FrameFaultCheck):
+    """Each active spoof sends one frame in each victim's name, or one for each robot it invents, saying what it should.
 
     Nothing else is forged: not before or after the fault, not by a robot that is not alive, not in the name of a robot
-    of which there is nothing to tell yet. A victim's own frame of the tick is what `offset`, `freeze` and `ahead` are
-    held against; where it sends none, its true place, unless it may be wrong about that.
+    of which nothing can be said yet. `offset`, `freeze` and `ahead` are compared with the victim's own frame of the
+    tick; where it sends none, with its true place, unless a drift makes it wrong about that.
     """
 
-    def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
-        scenario = prepared.scenario
+    name = "forgeries"
+    kinds = (Spoof,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        scenario = run.prepared.scenario
         self._step = scenario.step
         self._robots = len(scenario.roster)
         self._spares = scenario.spares
-        self._bounds = prepared.terrain.bounds
-        self._spoofs = {
-            entry.id: _spoof(entry, entry.fault, self._step)
-            for entry in timeline.entries
-            if isinstance(entry.fault, Spoof)
-        }
-        self._drifts = [entry for entry in timeline.entries if isinstance(entry.fault, Drift)]
+        self._bounds = run.prepared.terrain.bounds
+        self._spoofs = {e.id: _spoof(e, e.fault, self._step) for e in self._entries if isinstance(e.fault, Spoof)}
+        self._drifts = [entry for entry in run.timeline.entries if isinstance(entry.fault, Drift)]
         self._sent: deque[Mapping[int, bytes]] = deque(maxlen=1 + max(s.age for s in self._spoofs.values()))
         self._frozen: dict[tuple[str, int], Place] = {}
-        self._problem = ""
         self._forged = 0
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        if self._problem:
-            return
+    def _tick(self, record: TickRecord) -> None:
         frames = [frame for source, frame in record.frames if source == FORGED]
         forged: dict[str, list[bytes]] = defaultdict(list)
         for fault, frame in zip(record.forged, frames, strict=False):
             forged[fault].append(frame)
         if len(frames) != len(record.forged):
-            self._wrong(record.k, f"{len(frames)} frames are forged, by {len(record.forged)} faults")
+            self._wrong(record.k, f"{len(frames)} forged frames, but the record names faults for {len(record.forged)}")
         own: dict[int, bytes] = {}
         for source, frame in record.frames:
             own.setdefault(source, frame)
@@ -105,15 +108,14 @@ class SpoofsAsAsked:
             if on:
                 problem = self._problem_of(spoof, record.k, found, rows)
             else:
-                problem = "forges, and should not" if found else ""
+                problem = "sends forged frames and should not" if found else ""
             if problem:
                 self._wrong(record.k, f"{fault} {problem}")
         for fault in forged:
-            self._wrong(record.k, f"{fault} forges, and is no spoof")
+            self._wrong(record.k, f"{fault} sends forged frames and is not a spoof")
 
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        return Check("forgeries", not self._problem, self._problem or f"{self._forged} frames forged as asked")
+    def _good(self) -> str:
+        return f"{self._forged} frames forged as configured"
 
     def _problem_of(self, spoof: _Spoof, k: int, frames: list[bytes], rows: Mapping[int, RobotTick]) -> str:
         """What is wrong with the frames that an active spoof sends in a tick."""
@@ -123,17 +125,17 @@ class SpoofsAsAsked:
         try:
             said = sorted((decode(frame) for frame in frames), key=lambda position: position.robot)
         except Rejected as rejected:
-            return f"sends what cannot be read ({rejected})"
+            return f"sends a frame that cannot be decoded ({rejected})"
         if [position.robot for position in said] != due:
-            return f"forges as {[position.robot for position in said]}, and should as {due}"
+            return f"forges in the names of robots {[position.robot for position in said]} instead of {due}"
         for position in said:
             problem = self._problem_of_one(spoof, k, position, self._victim(rows, position.robot, k))
             if problem:
-                return f"says of robot {position.robot} {problem}"
+                return f"claims for robot {position.robot}: {problem}"
         return ""
 
     def _due(self, spoof: _Spoof, rows: Mapping[int, RobotTick]) -> Iterator[int]:
-        """In whose names, ascending: of victims of whom there is something to tell, or who do not exist."""
+        """In whose names a spoof should forge, ascending: victims whose place is known, or robots that do not exist."""
         if spoof.kind == "invented":
             yield from range(self._robots + 1, min(self._robots + spoof.invented, MAX_ROBOT) + 1)
             return
@@ -161,26 +163,26 @@ class SpoofsAsAsked:
     def _problem_of_one(self, spoof: _Spoof, k: int, position: Position, victim: _Victim | None) -> str:
         """What is wrong with a forged position that is no replay."""
         if position.sequence != k + spoof.ahead:
-            return f"sequence {position.sequence}"
+            return f"sequence {position.sequence} instead of {k + spoof.ahead}"
         stamp = position.time_ms
         if victim is None:
             stamp = round(s_to_ms(k * self._step))
         elif victim.said is not None:
             stamp = victim.said.time_ms
         if position.time_ms != stamp:
-            return f"{position.time_ms} ms, and not {stamp}"
+            return f"time {position.time_ms} ms instead of {stamp} ms"
         place = (position.x_cm, position.y_cm, position.heading_mrad)
         if victim is None or spoof.kind == "random":
-            return "" if self._on_terrain(position) else f"{place}, off the terrain"
+            return "" if self._on_terrain(position) else f"place {place}, which is off the terrain"
         if spoof.kind == "freeze":
             frozen = self._frozen.get((spoof.entry.id, position.robot))
             if frozen is not None:
-                return "" if place == frozen else f"{place}, and froze it at {frozen}"
+                return "" if place == frozen else f"place {place}, but it was frozen at {frozen}"
             self._frozen[spoof.entry.id, position.robot] = place
-        return "" if _shifted(place, victim, spoof.offset) else f"{place}, which is not what it says with that offset"
+        return "" if _shifted(place, victim, spoof.offset) else f"place {place}, not its own plus the offset"
 
     def _problem_of_repeats(self, spoof: _Spoof, frames: list[bytes], rows: Mapping[int, RobotTick]) -> str:
-        """Frames that are sent again are those of the time that is asked for, byte by byte."""
+        """What is wrong with repeated frames: they should be those of the configured time, byte by byte."""
         then = self._sent[spoof.age] if spoof.age < len(self._sent) else {}
         due = sorted(then[number] for number in self._known(spoof, rows) if number in then)
         return "" if sorted(frames) == due else f"does not repeat what its victims sent {spoof.age} ticks ago"
@@ -191,7 +193,7 @@ class SpoofsAsAsked:
         return across and y_min - _HALF_CM <= position.y_cm <= y_max + _HALF_CM
 
     def _wrong(self, k: int, what: str) -> None:
-        self._problem = self._problem or f"tick {k}: {what}"
+        self._fail(f"tick {k}: {what}")
 
 
 def _spoof(entry: Entry, fault: Spoof, step: float) -> _Spoof:
@@ -208,13 +210,13 @@ def _spoof(entry: Entry, fault: Spoof, step: float) -> _Spoof:
 
 
 def _ago(seconds: float, step: float) -> int:
-    """The least number of whole ticks, at least one, that is not less than so many seconds."""
+    """The least number of whole ticks, at least one, that is not less than a time in seconds."""
     near = max(round(seconds / step), 1)
     return near if near * step >= seconds - 1e-9 * step else near + 1
 
 
 def _shifted(place: Place, victim: _Victim, offset: tuple[float, float]) -> bool:
-    """Whether a place is the victim's, shifted by so many m, as far as the wire's rounding can tell."""
+    """Whether a place is the victim's, shifted by an offset (m), as far as the wire's rounding can tell."""
     x, y, heading = place
     if victim.said is not None:
         near, said = 2.0 * _HALF_CM if any(offset) else 0.0, victim.said

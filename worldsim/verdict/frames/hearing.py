@@ -1,4 +1,4 @@
-"""The verdict's checks of what robots made of what they heard: which frames they refused, and forged ones above all."""
+"""The verdict's checks of what robots made of what they heard: which frames they refused, forged ones above all."""
 
 from __future__ import annotations
 
@@ -12,22 +12,28 @@ from patrol.journal.records import FORGED, frame_sequence
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.inbox import Inbox, inbox_of
 from patrol.radio.message import CONTACT, Position
-from patrol.scenario.faults.kinds import Forgery, Spoof
+from patrol.scenario.faults.kinds import PROCESS_KINDS, Forgery, Spoof
 from worldsim.radio.rules import NOBODY
-from worldsim.verdict.checks import Check, names_of
+from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.frames.recomputed import Replay
 
 if TYPE_CHECKING:
-    from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
-    from worldsim.timeline import Timeline
-    from worldsim.verdict.frames.recomputed import Replay
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 _GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Status.LOST, Status.ABSENT))
 
 
 @dataclass(frozen=True, slots=True)
-class Belief:
-    """A forged frame that a robot believed. again: it had believed one of that robot's with that sequence before."""
+class AcceptedForgery:
+    """A forged frame that a robot accepted.
+
+    Attributes:
+        receiver: The robot's number.
+        sequence: The frame's sequence in the journal.
+        position: What the frame says.
+        again: Whether the robot had accepted this sequence of this sender before.
+    """
 
     receiver: int
     sequence: int
@@ -35,48 +41,59 @@ class Belief:
     again: bool
 
 
-class Hearing:
-    """What each robot's inbox makes of what the ether brings it, as the replay has it; one inbox for each process.
+class Hearing(Check):
+    """What each robot's inbox makes of the frames that the ether brings it in the replay; one inbox for each process.
 
-    Robots count what they refuse. In one process that is what fresh inboxes refuse. A robot that is a process also
-    counts messages that somebody else sent it over the network, so there it may be more. At the pace of a clock a robot
-    may miss a tick, and nobody knows when it heard what.
+    Robots count the frames that they refuse. In one process these are the frames that fresh inboxes refuse. A robot
+    that is a process also counts messages that somebody else sent it over the network, so its count may be higher. When
+    the run keeps to the clock, a robot may miss a tick, so nobody knows when it heard what.
 
-    No inbox may believe a sender's sequence twice, whoever sends it: that is counted here, and not by the inboxes.
+    No inbox may accept a sender's sequence twice, whoever sends it. That is counted here, not by the inboxes.
 
-    believed: the forged frames that were accepted in the last tick.
+    Attributes:
+        accepted: The forged frames that were accepted in the last tick.
     """
 
-    def __init__(self, journal: RunRecord, prepared: Prepared, replay: Replay, *, processes: bool) -> None:
-        self._journal = journal
-        self._prepared = prepared
-        self._replay = replay
-        self._names = names_of(journal)
-        self._processes = processes
+    name = "refused frames"
+    needs = (RobotsThere, Replay)
+    reads_on = True
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._prepared = run.prepared
+        self._replay = readings[Replay]
+        self._names = run.names
         self._key: bytes | None = None
-        self._unknown = "" if prepared.scenario.factor is None else "not judged at the pace of a clock"
-        self._problem = ""
+        self._unknown = ""
+        if run.prepared.scenario.factor is not None:
+            self._unknown = "not judged: the run kept to the clock, so nobody knows in which tick a frame was heard"
         self._events = 0
         self._inboxes: dict[int, Inbox] = {}
         self._refused: Counter[str] = Counter()
         self._used: dict[int, dict[int, bytearray]] = {}
-        self.believed: list[Belief] = []
+        self.accepted: list[AcceptedForgery] = []
         try:
-            self._key = fleet_key(prepared.scenario.radio.key)
+            self._key = fleet_key(run.prepared.scenario.radio.key)
         except BadInput as bad:
             self._unknown = f"not judged: {bad}"
 
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where the fog is to be verified, the world carried the frames, and a fault or a key makes robots refuse."""
+        on_frames = any(entry.fault.kind not in PROCESS_KINDS for entry in run.timeline.entries)
+        keyed = run.prepared.scenario.radio.key is not None
+        return run.verify_fog and run.by_ether and (on_frames or keyed)
+
     @property
     def unknown(self) -> str:
-        """Why nothing can be judged, if nothing can."""
+        """Why nothing can be judged, empty when it can."""
         return self._unknown
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick, the replay having done so."""
-        self.believed.clear()
+    def _tick(self, record: TickRecord) -> None:
+        self.accepted.clear()
         if self._unknown or self._replay.delivery is None:
             return
-        self._bury(record.k)
+        self._drop_inboxes(record.k)
         delivery = self._replay.delivery
         forged: dict[int, list[int]] = defaultdict(list)
         for source, to, sequence in delivery.arrived:
@@ -100,29 +117,31 @@ class Hearing:
                     continue
                 again = self._again(row.number, position)
                 if forgery is not None:
-                    self.believed.append(Belief(row.number, forgery, position, again))
+                    self.accepted.append(AcceptedForgery(row.number, forgery, position, again))
                 elif again and not self._problem:
                     what = f"frame {position.sequence} of {self._names.get(position.robot, position.robot)}"
-                    self._problem = f"{self._names[row.number]} believed {what} for the second time at tick {record.k}"
+                    self._fail(f"{self._names[row.number]} accepted {what} a second time at tick {record.k}")
             self._compare(row.number, row.rejected, inbox.rejected, record.k)
 
-    def check(self) -> Check:
+    def result(self) -> CheckResult:
         """The result, once all ticks are in."""
         if self._unknown:
-            return Check("refused frames", True, self._unknown, judged=False)
+            return self._not_judged(self._unknown)
         if not self._problem:
-            self._bury(None)
-        reasons = ", ".join(f"{count} {reason}" for reason, count in sorted(self._refused.items()))
-        return Check("refused frames", not self._problem, self._problem or (reasons or "none"))
+            self._drop_inboxes(None)
+        return super().result()
+
+    def _good(self) -> str:
+        return ", ".join(f"{count} {reason}" for reason, count in sorted(self._refused.items())) or "none"
 
     def _compare(self, number: int, said: int | None, found: int, k: int) -> None:
-        if said is None or self._problem or said == found or (self._processes and said > found):
+        if said is None or self._problem or said == found or (self._run.processes and said > found):
             return
         name = self._names[number]
-        self._problem = f"{name} says at tick {k} that it has refused {said} frames; by what it heard it is {found}"
+        self._fail(f"{name} reports at tick {k} that it refused {said} frames; from what it heard it should be {found}")
 
     def _again(self, receiver: int, position: Position) -> bool:
-        """Whether a receiver has believed this sender's sequence before; from now on it has. Contacts have none."""
+        """Whether a receiver has accepted this sender's sequence before; from now on it has. Contacts have none."""
         ticks = self._prepared.scenario.ticks
         if position.robot == CONTACT or position.sequence >= ticks:
             return False
@@ -130,10 +149,10 @@ class Hearing:
         before, used[position.sequence] = used[position.sequence], 1
         return bool(before)
 
-    def _bury(self, k: int | None) -> None:
-        """Let go of the inboxes of processes that were gone before tick k, or of all."""
+    def _drop_inboxes(self, k: int | None) -> None:
+        """Drop the inboxes of processes that were gone before tick k, or all of them, and keep their counts."""
         gone = [] if k is not None else list(self._inboxes)
-        events = self._journal.events
+        events = self._run.journal.events
         while k is not None and self._events < len(events) and events[self._events].k <= k:
             event = events[self._events]
             self._events += 1
@@ -146,65 +165,67 @@ class Hearing:
                 self._refused.update({reason.value: count for reason, count in inbox.counts.items() if count})
 
 
-class ForgedAsConfigured:
-    """Forged frames are refused where they can be told: without the key, of no robot, of no tick yet, a second time.
+class ForgedAsConfigured(Check):
+    """Forged frames are refused where they can be told: without the key, of no robot, of a future tick, a second time.
 
-    What somebody with the key says, or anybody in a fleet without one, can only be judged by whether it is plausible;
-    how much of it was believed is told and not judged. A genuine frame sent again is believed by those who had not
-    heard it, and tells them nothing false.
+    What somebody with the key says, or anybody in a fleet without one, can only be refused where it is implausible; how
+    much of it was accepted is reported, not judged. A genuine frame sent again is accepted by those who had not heard
+    it, and tells them nothing false.
     """
 
-    def __init__(self, journal: RunRecord, prepared: Prepared, timeline: Timeline, hearing: Hearing) -> None:
-        self._names = names_of(journal)
-        self._hearing = hearing
-        self._keyed = prepared.scenario.radio.key is not None
-        self._spoofs = {entry.id: entry for entry in timeline.entries if isinstance(entry.fault, Spoof)}
+    name = "forged frames"
+    needs = (RobotsThere, Hearing)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._names = run.names
+        self._hearing = readings[Hearing]
+        self._keyed = run.prepared.scenario.radio.key is not None
+        self._spoofs = {entry.id: entry for entry in run.timeline.entries if isinstance(entry.fault, Spoof)}
         self._fault_of: dict[int, str] = {}
         self._heard: Counter[str] = Counter()
-        self._believed: Counter[str] = Counter()
-        self._problem = ""
+        self._accepted: Counter[str] = Counter()
 
-    @property
-    def called_for(self) -> bool:
-        """Whether anything is forged at all."""
-        return bool(self._spoofs)
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where robots' hearing is checked and a fault forges frames."""
+        return Hearing.applies(run) and any(isinstance(entry.fault, Spoof) for entry in run.timeline.entries)
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick, after the hearing has."""
+    def _tick(self, record: TickRecord) -> None:
         for place, fault in enumerate(record.forged):
             self._fault_of[frame_sequence(record.k, place)] = fault
         for source, _, sequence in record.deliveries:
             if source != FORGED:
                 break
             self._heard[self._fault_of.get(sequence, "")] += 1
-        for belief in self._hearing.believed:
-            fault = self._fault_of.get(belief.sequence, "")
-            self._believed[fault] += 1
+        for accepted in self._hearing.accepted:
+            fault = self._fault_of.get(accepted.sequence, "")
+            self._accepted[fault] += 1
             if fault in self._spoofs:
-                self._judge(record.k, belief, fault)
+                self._judge(record.k, accepted, fault)
 
-    def check(self) -> Check:
+    def result(self) -> CheckResult:
         """The result, once all ticks are in."""
-        if self._hearing.unknown:
-            return Check("forged frames", True, self._hearing.unknown, judged=False)
-        told = [
-            f"{fault}: {self._believed[fault]} of {self._heard[fault]} heard were believed" for fault in self._spoofs
-        ]
-        return Check("forged frames", not self._problem, self._problem or "; ".join(told))
+        return self._not_judged(self._hearing.unknown) if self._hearing.unknown else super().result()
 
-    def _judge(self, k: int, belief: Belief, fault: str) -> None:
-        entry, position = self._spoofs[fault], belief.position
+    def _good(self) -> str:
+        return "; ".join(
+            f"{fault}: {self._accepted[fault]} of {self._heard[fault]} heard were accepted" for fault in self._spoofs
+        )
+
+    def _judge(self, k: int, accepted: AcceptedForgery, fault: str) -> None:
+        entry, position = self._spoofs[fault], accepted.position
         assert isinstance(entry.fault, Spoof)
         payload = entry.fault.payload
         repeated = isinstance(payload, Forgery) and payload.replay is not None
         why = ""
         if position.robot not in self._names and position.robot != CONTACT:
-            why = "of a robot that does not exist"
+            why = "in the name of a robot that does not exist"
         elif position.sequence > k:
             why = "of a tick that was still to come"
         elif self._keyed and entry.sources[0] == NOBODY and not repeated:
             why = "without the fleet's key"
-        elif belief.again:
-            why = "for the second time"
-        if why and not self._problem:
-            self._problem = f"{self._names[belief.receiver]} believed a forged frame of {fault} {why} at tick {k}"
+        elif accepted.again:
+            why = "a second time"
+        if why:
+            self._fail(f"{self._names[accepted.receiver]} accepted a forged frame of {fault} {why} at tick {k}")

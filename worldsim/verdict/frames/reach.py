@@ -1,4 +1,4 @@
-"""The verdict's check of radio range: true places and walls, looked at without the code that carries frames."""
+"""The verdict's check of radio range: true places and walls, without the code that carries frames."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.journal.records import FORGED
 from patrol.scenario.faults.kinds import Range
-from worldsim.radio.ether import OVERSIZED, OWN
-from worldsim.verdict.checks import Check, names_of
-from worldsim.verdict.frames.airborne import NO_ROBOT, active, fates, fault_of, forgers_of, kind_of
+from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck
+from worldsim.verdict.frames.airborne import causes_before, fates, fault_of, kind_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from patrol.ground.terrain import Terrain
     from patrol.journal.records import TickRecord
-    from worldsim.output.record import RunRecord
     from worldsim.radio.ether import Link
-    from worldsim.timeline import Entry, Timeline
+    from worldsim.timeline import Entry
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 ROUNDING_M = 1e-9
-"""Distances as near to the reach as that count as either, m."""
+"""Distances that are this near to the reach count as within and as beyond it, m."""
 
 GRAZING_M = 1e-5
-"""A line that passes a wall's corner as closely as that may count as a line of sight or not, m."""
+"""A line that passes a wall's corner this closely may or may not count as a line of sight, m."""
 
-_BEFORE_RANGE = (OVERSIZED, OWN, "silence", "partition")
-"""Why a frame is stopped before its reach counts."""
+_BEFORE_RANGE = causes_before(Range)
+"""Causes that stop a frame before its reach matters."""
 
 Place = tuple[float, float]
 
 
 class Sightlines:
-    """How many points of wall lie on a line, from running sums along each column and each row of the terrain."""
+    """Counts the points of wall on a line, from running sums along each column and each row of the terrain."""
 
     def __init__(self, terrain: Terrain) -> None:
         opaque = ~terrain.passable
@@ -43,7 +43,16 @@ class Sightlines:
         self._sums = tuple(_running(mask) for mask in (opaque, opaque.T))
 
     def walls(self, a: Place, b: Place, margin: float) -> int:
-        """Points of wall that the line from a to b touches, widened by `margin` m or, where negative, narrowed."""
+        """Count the points of wall that a line touches.
+
+        Args:
+            a: One end, m.
+            b: The other end, m.
+            margin: By how much the line is widened or, where negative, narrowed, m.
+
+        Returns:
+            The number of points.
+        """
         (x0, y0), (x1, y1) = (
             tuple((place[axis] - self._origin[axis]) / self._point for axis in (0, 1)) for place in (a, b)
         )
@@ -66,25 +75,21 @@ class Sightlines:
         return int(np.sum(sums[high, columns] - sums[low, columns]))
 
 
-class WithinReach:
-    """What came through a `range` was within reach and, where walls count, in sight when it was sent.
+class WithinReach(FrameFaultCheck):
+    """What got through a `range` was within reach and, where walls count, in sight when it was sent.
 
     What was stopped by one was not.
     """
 
-    def __init__(self, journal: RunRecord, terrain: Terrain, timeline: Timeline) -> None:
-        self._names = {**names_of(journal), FORGED: "a forger"}
-        self._ranges = [entry for entry in timeline.entries if isinstance(entry.fault, Range)]
-        self._forgers = forgers_of(timeline)
-        self._sightlines = Sightlines(terrain)
-        self._problem = ""
+    name = "reach"
+    kinds = (Range,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._sightlines = Sightlines(run.prepared.terrain)
         self._stopped = 0
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        ranges = [entry for entry in self._ranges if active(entry, record.k)]
-        if not ranges or self._problem:
-            return
+    def _active_tick(self, record: TickRecord, entries: Sequence[Entry]) -> None:
         places = {row.number: (row.x, row.y) for row in record.robots}
         for origin, link, why in fates(record, self._forgers):
             kind = kind_of(why)
@@ -93,17 +98,15 @@ class WithinReach:
             a, b = places[origin], places[link[1]]
             stopped = kind == "range"
             self._stopped += stopped
-            for entry in ranges:
+            for entry in entries:
                 if origin not in entry.who or (stopped and entry.id != fault_of(why)):
                     continue
                 if self._out_of_reach(entry, a, b, sure=not stopped) is not stopped:
                     self._wrong(link, record.k, entry, stopped=stopped)
                     return
 
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        good = f"{self._stopped} frames were out of reach, and no other was stopped"
-        return Check("reach", not self._problem, self._problem or good)
+    def _good(self) -> str:
+        return f"{self._stopped} frames were out of reach, and no other was stopped"
 
     def _out_of_reach(self, entry: Entry, a: Place, b: Place, *, sure: bool) -> bool:
         """Whether b is out of reach from a: for sure, or as far as rounding can tell."""
@@ -115,10 +118,8 @@ class WithinReach:
         return not fault.through_walls and self._sightlines.walls(a, b, margin) > 0
 
     def _wrong(self, link: Link, k: int, entry: Entry, *, stopped: bool) -> None:
-        source, to, _ = link
-        frame = f"a frame from {self._names.get(source, source)} to {self._names.get(to, to)} of tick {k}"
-        says = "was stopped by range {} and within reach" if stopped else "came through range {}"
-        self._problem = f"{frame} {says.format(entry.id)}"
+        says = "was stopped by range {} although it was within reach" if stopped else "got through range {}"
+        self._fail(f"{self._frame(link, k)} {says.format(entry.id)}")
 
 
 def _running(mask: NDArray[np.bool_]) -> NDArray[np.int64]:

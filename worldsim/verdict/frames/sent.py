@@ -1,4 +1,4 @@
-"""The verdict's checks of what was sent: that frames say what is true, and that every one of them is accounted for."""
+"""The verdict's checks of what was sent: that frames agree with the truth, and that each of them is accounted for."""
 
 from __future__ import annotations
 
@@ -17,46 +17,45 @@ from patrol.radio.message import MAX_TRAIL, Position, Rejected, decode
 from worldsim.intruders import Intruders
 from worldsim.radio.ether import there
 from worldsim.senses import Senses
-from worldsim.timeline import Timeline
-from worldsim.verdict.checks import Check, names_of
+from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.frames.recomputed import Replay
 
 if TYPE_CHECKING:
-    from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
-    from worldsim.verdict.frames.recomputed import Replay
-
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 _LOST = Status.LOST.name.lower()
 
 
-class FramesAreTrue:
-    """A sender's first frame says where it takes itself to be, as the wire has it, and its trail where it was before.
+class FramesAreTrue(Check):
+    """A sender's first frame gives the place that it takes itself to be at, as the wire has it, and its trail.
 
-    Each of the others reports an intruder that its footprint covers, and none twice. In lockstep, where the world waits
-    for all that a robot has to say, none of these may be missing but from a robot that is lost in that tick. Where the
-    fleet has a key and it can be read, each carries its tag. Forged frames are another check's business.
+    Each of its other frames reports an intruder that its footprint covers, and none twice. In lockstep, where the world
+    waits for all that a robot has to say, none of these may be missing but from a robot that is lost in that tick.
+    Where the fleet has a key and it can be read, each frame carries its tag. Forged frames have their own check.
     """
 
-    def __init__(self, journal: RunRecord, prepared: Prepared) -> None:
-        scenario = prepared.scenario
-        self._journal = journal
+    name = "frames"
+    needs = (RobotsThere,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        prepared, scenario = run.prepared, run.prepared.scenario
         self._waits = scenario.factor is None
-        self._names = names_of(journal)
+        self._names = run.names
         self._intruders = Intruders(scenario, sensor_footprint(scenario, prepared.terrain))
-        self._senses = Senses(scenario, Timeline(scenario), prepared.terrain)
+        self._senses = Senses(scenario, run.timeline, prepared.terrain)
         self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
         self._key: bytes | None = None
-        self._untold = ""
+        self._unknown_key = ""
         try:
             self._key = fleet_key(scenario.radio.key)
         except BadInput as bad:
-            self._untold = f"; tags not judged: {bad}"
+            self._unknown_key = f"; tags not judged: {bad}"
         self._missing: list[tuple[int, int, str]] = []
-        self._problem = ""
         self._looked = 0
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
+    def _tick(self, record: TickRecord) -> None:
         self._miss()
         if self._problem:
             return
@@ -80,54 +79,60 @@ class FramesAreTrue:
             else:
                 problem = _problem_of_contact(frame, self._key, contacts[source])
             if problem:
-                self._problem = f"frame {record.k} of {self._names.get(source, source)} {problem}"
+                self._fail(f"frame {record.k} of {self._names.get(source, source)} {problem}")
                 return
             self._looked += 1
         if self._waits:
             self._missing = [(record.k, number, "its position") for number in due]
             self._missing += [(record.k, number, "a contact") for number, left in contacts.items() if left]
 
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
+    def result(self) -> CheckResult:
+        """The result, once all ticks are in and the journal has ended."""
         self._miss()
-        good = f"{self._looked} frames say what is true{self._untold}"
-        return Check("frames", not self._problem, self._problem or good)
+        return super().result()
+
+    def _good(self) -> str:
+        return f"{self._looked} frames agree with the truth{self._unknown_key}"
 
     def _miss(self) -> None:
-        """Whether who kept silent in the tick before was lost in it, which is known only now."""
+        """Find frames that were missing in the last tick; whether their senders were lost in it is known only now."""
         for k, number, what in () if self._problem else self._missing:
-            if not any(e.k == k + 1 and e.robot == number and e.kind == _LOST for e in self._journal.events):
-                self._problem = f"{self._names[number]} did not send {what} in tick {k}"
+            if not any(e.k == k + 1 and e.robot == number and e.kind == _LOST for e in self._run.journal.events):
+                self._fail(f"{self._names[number]} did not send {what} in tick {k}")
                 return
 
     def _problem_of(self, source: int, frame: bytes, due: Position | None) -> str:
         if due is None:
-            return "has no living sender"
+            return "has no sender that is alive"
         try:
             said = decode(frame, self._key)
         except Rejected as rejected:
-            return f"cannot be read ({rejected})"
+            return f"cannot be decoded ({rejected})"
         track = list(self._tracks[source])
         trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in pairwise(track[: len(said.trail) + 1]))
         if said != replace(due, trail=trail):
-            return f"says {said}, the pose gives {replace(due, trail=trail)}"
+            return f"says {said}; the pose gives {replace(due, trail=trail)}"
         return ""
 
 
-class LinksAddUp:
+class LinksAddUp(Check):
     """On every directed link each frame sent, copies included, was delivered or dropped once, or is still in flight.
 
-    Nothing else was. replay: tells what is in flight at the end.
+    Nothing else was delivered or dropped. The replay says what is in flight at the end.
     """
 
-    def __init__(self, journal: RunRecord, replay: Replay) -> None:
-        self._names = {**names_of(journal), FORGED: "a forger"}
-        self._replay = replay
+    name = "links add up"
+    of_ether = True
+    needs = (Replay,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._names = run.senders
+        self._replay = readings[Replay]
         self._sent = self._settled = 0
         self._open: Counter[tuple[int, int, int]] = Counter()
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
+    def _tick(self, record: TickRecord) -> None:
         here = [robot.number for robot in record.robots if there(robot.status)]
         places: Counter[int] = Counter()
         for source, _ in record.frames:
@@ -146,28 +151,30 @@ class LinksAddUp:
             if self._open[link] == 0:
                 del self._open[link]
 
-    def check(self) -> Check:
+    def result(self) -> CheckResult:
         """The result, once all ticks are in."""
         wrong = Counter(self._open)
         wrong.subtract(self._replay.in_flight)
         wrong = Counter({link: left for link, left in wrong.items() if left})
-        if not wrong:
-            flying = f", {self._open.total()} in flight" if self._open else ""
-            return Check("links add up", True, f"{self._sent} frames sent over links, {self._settled} settled{flying}")
-        (source, destination, sequence), left = min(wrong.items())
-        link = f"{self._names.get(source, source)} to {self._names.get(destination, destination)}"
-        what = "neither delivered nor dropped" if left > 0 else "delivered or dropped but not sent"
-        detail = f"frame {sequence} from {link} was {what} ({len(wrong)} such frames)"
-        return Check("links add up", False, detail)
+        if wrong:
+            (source, destination, sequence), left = min(wrong.items())
+            link = f"{self._names.get(source, source)} to {self._names.get(destination, destination)}"
+            what = "neither delivered nor dropped" if left > 0 else "delivered or dropped but not sent"
+            self._fail(f"frame {sequence} from {link} was {what} ({len(wrong)} such frames)")
+        return super().result()
+
+    def _good(self) -> str:
+        flying = f", {self._open.total()} in flight" if self._open else ""
+        return f"{self._sent} frames sent over links, {self._settled} delivered or dropped{flying}"
 
 
 def _problem_of_contact(frame: bytes, key: bytes | None, due: list[Position]) -> str:
-    """What is wrong with a report; it is taken off those that are due."""
+    """What is wrong with the report of a contact; it is removed from those that are due."""
     try:
         said = decode(frame, key)
     except Rejected as rejected:
-        return f"cannot be read ({rejected})"
+        return f"cannot be decoded ({rejected})"
     if said not in due:
-        return f"says {said}, and its sender sees no such intruder"
+        return f"reports {said}, but its sender sees no such intruder"
     due.remove(said)
     return ""

@@ -1,4 +1,4 @@
-"""The verdict's statistical checks of the radio: whether chance explains how many frames fared in which way."""
+"""The verdict's statistical checks of the radio: whether chance explains the losses, copies and delays."""
 
 from __future__ import annotations
 
@@ -12,29 +12,22 @@ from patrol.journal.records import FORGED, frame_sequence
 from patrol.scenario.faults.kinds import Delay, Duplicate, Loss, Reorder, Wait
 from worldsim.radio.ether import there
 from worldsim.radio.rules import chain_of
-from worldsim.verdict.chance import FAMILY, enough, unexplained
-from worldsim.verdict.checks import Check
-from worldsim.verdict.frames.airborne import (
-    BEFORE_THE_AIR,
-    active,
-    airborne,
-    arrived,
-    fault_of,
-    forgers_of,
-    kind_of,
-    on_link,
-)
+from worldsim.verdict.common.chance import FAMILY, enough, unexplained
+from worldsim.verdict.common.check import CheckResult
+from worldsim.verdict.common.faults import FrameFaultCheck, active, on_link
+from worldsim.verdict.frames.airborne import BEFORE_THE_AIR, airborne, arrived, fault_of, kind_of
 from worldsim.verdict.frames.timing import SOON
 
 if TYPE_CHECKING:
     from patrol.journal.records import TickRecord
     from worldsim.radio.ether import Link
     from worldsim.timeline import Entry, Timeline
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 
 @dataclass(slots=True)
 class _Count:
-    """Draws of one probability. hits: how many came true."""
+    """Draws of one probability `p`, named `what`, and how many of them hit."""
 
     what: str
     p: float
@@ -44,7 +37,7 @@ class _Count:
 
 @dataclass(slots=True)
 class _Losses:
-    """What one loss fault did. bad: the last state of each link and its tick, for bursts."""
+    """What one loss fault did. bad: for bursts, the last tick and state of each link."""
 
     entry: Entry
     counts: list[_Count]
@@ -53,27 +46,28 @@ class _Losses:
     bad: dict[tuple[int, int], tuple[int, bool]] = field(default_factory=dict)
 
 
-class LossesAsAsked:
-    """Frames are lost as often as the faults say, and in bursts as long, as far as chance goes (`chance.py`).
+class LossesAsAsked(FrameFaultCheck):
+    """Frames are lost as often as the faults say, and in bursts as long, as far as chance allows (`chance.py`).
 
     A fault without bursts is one series of draws, one for each frame that got as far as it. A fault with bursts is
     three: which links are bad when it begins; and from one tick to the next on the same link, from good to bad, and
     from bad to good.
     """
 
-    def __init__(self, timeline: Timeline) -> None:
+    name = "losses"
+    kinds = (Loss,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
         self._faults: dict[int, _Losses] = {}
-        for entry in timeline.entries:
+        for entry in self._entries:
             if isinstance(entry.fault, Loss):
                 self._faults[entry.index] = _Losses(entry, _counts(entry.fault))
-        self._index = {entry.id: entry.index for entry in timeline.entries}
-        self._alarm = alarm_of(timeline)
+        self._index = {entry.id: entry.index for entry in run.timeline.entries}
+        self._alarm = alarm_of(run.timeline)
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        faults = [losses for losses in self._faults.values() if active(losses.entry, record.k)]
-        if not faults:
-            return
+    def _active_tick(self, record: TickRecord, entries: Sequence[Entry]) -> None:
+        faults = [self._faults[entry.index] for entry in entries]
         why = {(source, to, sequence): cause for source, to, sequence, cause in record.dropped}
         here = [row.number for row in record.robots if there(row.status)]
         places: Counter[int] = Counter()
@@ -85,9 +79,9 @@ class LossesAsAsked:
             for to in here:
                 if to != source:
                     cause = why.get((source, to, sequence), "")
-                    self._frame(faults, record.k, (source, to), cause, first=places[source] == 1)
+                    self._sort_out(faults, record.k, (source, to), cause, first=places[source] == 1)
 
-    def check(self) -> Check:
+    def result(self) -> CheckResult:
         """The result, once all ticks are in."""
         said = []
         for losses in self._faults.values():
@@ -96,10 +90,13 @@ class LossesAsAsked:
             )
             said.append(f"{losses.entry.id}: {share or 'no frames'}")
         counts = [(losses.entry.id, count) for losses in self._faults.values() for count in losses.counts]
-        return _judged("losses", said, counts, self._alarm)
+        return _judged(self.name, said, counts, self._alarm)
 
-    def _frame(self, faults: Sequence[_Losses], k: int, link: tuple[int, int], cause: str, *, first: bool) -> None:
-        """One frame on one link; the faults before the one that lost it let it through, those after never had it."""
+    def _good(self) -> str:
+        return ""
+
+    def _sort_out(self, faults: Sequence[_Losses], k: int, link: tuple[int, int], cause: str, *, first: bool) -> None:
+        """Count a frame on a link: faults before the one that lost it let it through, later ones never saw it."""
         kind = kind_of(cause)
         if kind in BEFORE_THE_AIR:
             return
@@ -129,20 +126,23 @@ class LossesAsAsked:
             count.hits += bad != before[1]
 
 
-class DelaysAsAsked:
-    """Frames are copied, held back and delayed as often as the faults say, as far as chance goes (`chance.py`).
+class DelaysAsAsked(FrameFaultCheck):
+    """Frames are copied, held back and delayed as often as the faults say, as far as chance allows (`chance.py`).
 
-    Only what can be told is counted: reorders whose `hold` alone makes a frame late; and of delays drawn at random, on
-    frames that nothing else holds up or copies, how many are still on their way after about the median. Such a frame
-    counts when that time is over, whether or not it came sooner: else the last ticks would add those that came early,
-    and not those that did not.
+    Only what can be told is counted: reorders whose `hold` alone makes a frame late; and for random delays, of frames
+    that nothing else delays or copies, how many are still in flight after about the median. Such a frame counts when
+    that time is over, whether or not it arrived sooner: else the last ticks would add those that arrived early, and not
+    those that did not.
     """
 
-    def __init__(self, timeline: Timeline, step: float) -> None:
-        """step: s."""
+    name = "delays and copies"
+    kinds = (Delay, Duplicate, Reorder)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        step = run.step
         self._counts: dict[int, _Count] = {}
         self._patience: dict[int, int] = {}
-        self._entries = [entry for entry in timeline.entries if isinstance(entry.fault, Delay | Duplicate | Reorder)]
         for entry in self._entries:
             fault = entry.fault
             if isinstance(fault, Duplicate):
@@ -154,13 +154,11 @@ class DelaysAsAsked:
                 chance = longer(fault.delay, (ticks + SOON) * step)
                 self._patience[entry.index] = ticks
                 self._counts[entry.index] = _Count(f"frames took longer than {ticks} ticks", chance)
-        self._forgers = forgers_of(timeline)
-        self._alarm = alarm_of(timeline)
+        self._alarm = alarm_of(run.timeline)
         self._awaited: set[Link] = set()
         self._until: dict[int, list[tuple[Link, _Count]]] = defaultdict(list)
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
+    def _tick(self, record: TickRecord) -> None:
         entries = [entry for entry in self._entries if active(entry, record.k) and entry.index in self._counts]
         if entries:
             holding = [entry for entry in self._entries if active(entry, record.k)]
@@ -176,21 +174,24 @@ class DelaysAsAsked:
             count.hits += link in self._awaited
             self._awaited.discard(link)
 
-    def check(self) -> Check:
+    def result(self) -> CheckResult:
         """The result, once all ticks are in."""
         counts = [(entry.id, self._counts[entry.index]) for entry in self._entries if entry.index in self._counts]
         said = [f"{fault}: {count.hits} of {count.draws} {count.what}" for fault, count in counts]
-        return _judged("delays and copies", said, counts, self._alarm)
+        return _judged(self.name, said, counts, self._alarm)
+
+    def _good(self) -> str:
+        return ""
 
     def _count(self, on: Iterable[Entry], link: Link, befell: set[tuple[int, int, int, str]]) -> None:
-        """A frame on its way, and the faults of its link: which of them hit it."""
+        """Count which faults of its link hit a frame."""
         for entry in on:
             if entry.index in self._counts and not isinstance(entry.fault, Delay):
                 self._counts[entry.index].draws += 1
                 self._counts[entry.index].hits += (*link, entry.id) in befell
 
     def _await(self, on: Iterable[Entry], link: Link, k: int, *, alone: bool) -> None:
-        """The same frame, if a random delay is all that befalls it: to be looked for when its median is over."""
+        """Look for a frame when the median delay is over, if a random delay is the only fault that acts on it."""
         holding = [entry for entry in on if not isinstance(entry.fault, Duplicate)]
         if alone and len(holding) == 1 and holding[0].index in self._patience:
             index = holding[0].index
@@ -199,7 +200,14 @@ class DelaysAsAsked:
 
 
 def alarm_of(timeline: Timeline) -> float:
-    """The probability of a false alarm that each series of draws may have, so that all together have `FAMILY`."""
+    """The probability of a false alarm that each series of draws may have, so that all together have `FAMILY`.
+
+    Args:
+        timeline: The run's faults.
+
+    Returns:
+        The probability.
+    """
     series = sum(
         3 if isinstance(entry.fault, Loss) and entry.fault.mean_burst is not None else 1
         for entry in timeline.entries
@@ -209,7 +217,15 @@ def alarm_of(timeline: Timeline) -> float:
 
 
 def longer(wait: Wait, seconds: float) -> float:
-    """The probability that a wait drawn at random is longer than so many seconds (0 or more)."""
+    """The probability that a random wait is longer than a given time.
+
+    Args:
+        wait: Its distribution, which is not constant.
+        seconds: The time, s, at least 0.
+
+    Returns:
+        The probability.
+    """
     first, *rest = wait.values
     match wait.shape:
         case "uniform":
@@ -242,19 +258,19 @@ def _median(wait: Wait) -> float:
     return first
 
 
-def _judged(name: str, said: Sequence[str], counts: Sequence[tuple[str, _Count]], alarm: float) -> Check:
-    """What all series of draws come to. said: what to say of them where chance explains them."""
+def _judged(name: str, said: Sequence[str], counts: Sequence[tuple[str, _Count]], alarm: float) -> CheckResult:
+    """The result of all series of draws; `said` is its detail where chance explains them."""
     tellable = [(fault, count) for fault, count in counts if enough(count.draws, count.p, alarm)]
     wrong = [
-        f"{fault}: {count.hits} of {count.draws} {count.what}, {100.0 * count.p:.4g} % asked for"
+        f"{fault}: {count.hits} of {count.draws} {count.what}, {100.0 * count.p:.4g} % configured"
         for fault, count in tellable
         if unexplained(count.hits, count.draws, count.p, alarm)
     ]
     if wrong:
-        return Check(name, False, "; ".join(wrong))
+        return CheckResult(name, False, "; ".join(wrong))
     if not said:
-        return Check(name, True, "nothing that chance has a part in", judged=False)
-    return Check(name, True, "; ".join(said) + ("" if tellable else "; too few to judge"), judged=bool(tellable))
+        return CheckResult(name, True, "none of these faults is random", judged=False)
+    return CheckResult(name, True, "; ".join(said) + ("" if tellable else "; too few to judge"), judged=bool(tellable))
 
 
 def _counts(fault: Loss) -> list[_Count]:

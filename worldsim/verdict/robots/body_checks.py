@@ -1,4 +1,4 @@
-"""The verdict's checks of bodies: where they are and how they came there."""
+"""The verdict's checks of bodies: where they are and how they got there."""
 
 from __future__ import annotations
 
@@ -12,36 +12,34 @@ from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Pose, command_of
 from worldsim.motion import length
-from worldsim.verdict.checks import Check, names_of
-from worldsim.verdict.robots.statuses import Roll
+from worldsim.verdict.common.check import Check
+from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
 
 if TYPE_CHECKING:
-    from patrol.prepare import Prepared
     from patrol.scenario import RobotSpec
-    from worldsim.output.record import RunRecord
-    from worldsim.timeline import Timeline
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 SLACK = 1e-6
 """How deep (m) a body may be in a wall or another body before a check calls it an overlap."""
 
 
-class BodiesApart:
+class BodiesApart(Check):
     """No body that is there is over a wall or overlaps another in any tick, recomputed from the poses."""
 
-    def __init__(self, journal: RunRecord, prepared: Prepared, timeline: Timeline) -> None:
-        self._names = names_of(journal)
-        self._terrain = prepared.terrain
-        self._roll = Roll(prepared, timeline)
-        self._radii = {robot.number: robot.radius for robot in journal.header.robots}
-        self._problem = ""
+    name = "bodies apart"
+    needs = (RobotsThere, ExpectedStatuses)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._expected = readings[ExpectedStatuses]
+        self._names = run.names
+        self._terrain = run.prepared.terrain
+        self._radii = {robot.number: robot.radius for robot in run.journal.header.robots}
         self._looked = 0
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        if self._problem:
-            return
-        self._roll.tick(record)
-        here = [robot for robot in record.robots if robot.number not in self._roll.away]
+    def _tick(self, record: TickRecord) -> None:
+        here = [robot for robot in record.robots if robot.number not in self._expected.away]
         self._looked += len(here)
         places = np.array([(robot.x, robot.y) for robot in here], dtype=np.float64).reshape(-1, 2)
         radii = np.array([self._radii[robot.number] for robot in here], dtype=np.float64)
@@ -56,37 +54,36 @@ class BodiesApart:
                 where = f"({robot.x:.3f}, {robot.y:.3f})"
                 self._problem = f"{self._names[robot.number]} is over a wall at tick {record.k}, at {where}"
 
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        good = f"{self._looked} poses clear of each other and of walls"
-        return Check("bodies apart", not self._problem, self._problem or good)
+    def _good(self) -> str:
+        return f"{self._looked} poses clear of each other and of walls"
 
 
-class MovesAreTrue:
+class MovesAreTrue(Check):
     """From its start on each body goes where its commands take it, to the bit, and they are within its limits.
 
     A body that nobody drives, or whose move was cancelled, stays exactly where it is; one that was away comes back at
-    its start. A move that was not cancelled touches no wall, and for one that was there is a wall in its way or another
-    body so near that the two could have met; whether they would have is not computed anew.
+    its start. A move that was not cancelled touches no wall. For one that was cancelled there is a wall in its way, or
+    another body so near that the two could have met; whether they would have met is not recomputed.
     """
 
-    def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
-        roster = prepared.scenario.roster
-        self._step = prepared.scenario.step
-        self._terrain = prepared.terrain
+    name = "moves"
+    needs = (RobotsThere, ExpectedStatuses)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        roster = run.prepared.scenario.roster
+        self._expected = readings[ExpectedStatuses]
+        self._step = run.step
+        self._terrain = run.prepared.terrain
         self._specs = {spec.number: spec for spec in roster}
-        self._starts = {spec.number: start for spec, start in zip(roster, prepared.starts, strict=True)}
+        self._starts = {spec.number: start for spec, start in zip(roster, run.prepared.starts, strict=True)}
         self._due = dict(self._starts)
-        self._roll = Roll(prepared, timeline)
-        self._problem = ""
         self._looked = 0
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
-        self._roll.tick(record)
-        for number in self._roll.appeared:
+    def _tick(self, record: TickRecord) -> None:
+        for number in self._expected.appeared:
             self._due[number] = self._starts[number]
-        for row in () if self._problem else record.robots:
+        for row in record.robots:
             spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
             command = self._command(row)
             problem = self._problem_of(row, spec, pose, command) or self._problem_of_cancelling(row, record.robots)
@@ -97,31 +94,30 @@ class MovesAreTrue:
             self._due[row.number] = advance(pose, command, self._step) if moves else pose
             self._looked += 1
 
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        return Check("moves", not self._problem, self._problem or f"{self._looked} poses are where commands lead")
+    def _good(self) -> str:
+        return f"{self._looked} poses follow from the commands"
 
     def _command(self, row: RobotTick) -> Command:
         return command_of(self._specs[row.number].model, row.c0, row.c1)
 
     def _problem_of_cancelling(self, row: RobotTick, rows: Sequence[RobotTick]) -> str:
-        """Whether a move was cancelled for nothing, or was not and should have been."""
+        """What is wrong with a move that was cancelled without reason, or was not and should have been."""
         command, radius = self._command(row), self._specs[row.number].radius
         pose, far = Pose(row.x, row.y, row.heading), length(command, self._step)
         if far <= 0.0:
-            return "has a move cancelled and does not drive" if row.bumped else ""
+            return "has a cancelled move although it does not drive" if row.bumped else ""
         free = path_is_free(self._terrain, pose, command, self._step, radius)
         if not row.bumped:
             return "" if free else "drives through a wall"
         if not free:
             return ""
         for other in rows:
-            if other.number == row.number or other.number in self._roll.away:
+            if other.number == row.number or other.number in self._expected.away:
                 continue
             reach = radius + self._specs[other.number].radius + far + length(self._command(other), self._step)
             if math.hypot(other.x - row.x, other.y - row.y) <= reach + SLACK:
                 return ""
-        return "has a move cancelled, and neither a wall nor another body was in its way,"
+        return "has a cancelled move although neither a wall nor another body was in its way,"
 
     def _problem_of(self, row: RobotTick, spec: RobotSpec, pose: Pose, command: Command) -> str:
         due = self._due[row.number]
@@ -130,7 +126,7 @@ class MovesAreTrue:
         if row.status is not Status.ALIVE and (length(command, self._step) > 0.0 or row.bumped):
             return f"is {row.status.name.lower()} and drives"
         if row.refused and (row.c0 != 0.0 or row.c1 != 0.0):
-            return "drives though its command was refused"
+            return "drives although its command was refused"
         within = command.is_within(spec.speed, spec.turning_radius)
         return "" if within else f"obeys {command}, which is beyond its limits,"
 

@@ -1,6 +1,6 @@
-"""The verdict's check of drifts and clocks: what robots say of place and time, held against the faults' own numbers.
+"""The verdict's check of drifts and clocks: what robots report of place and time, compared with the faults' numbers.
 
-It knows nothing of `worldsim.senses`, which told the robots, and reads no draw again: where noise or jumps are drawn it
+It does not use `worldsim.senses`, which makes these errors, and repeats no draw: where noise or jumps are drawn it
 judges how large they are, and whether chance explains the noise.
 """
 
@@ -17,14 +17,14 @@ from patrol.pose import TAU
 from patrol.radio.message import CONTACT, MAX_TIME_MS, Position, Rejected, decode
 from patrol.radio.units import cm_to_m, mrad_to_rad, ms_to_s
 from patrol.scenario.faults.kinds import Clock, Drift
-from worldsim.verdict.chance import FAMILY, enough, unexplained
-from worldsim.verdict.checks import Check, names_of
-from worldsim.verdict.frames.airborne import active
+from worldsim.verdict.common.chance import FAMILY, enough, unexplained
+from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.common.faults import active
+from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
-    from patrol.prepare import Prepared
-    from worldsim.output.record import RunRecord
-    from worldsim.timeline import Entry, Timeline
+    from worldsim.timeline import Entry
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 ROUNDED_M = 0.00501
 ROUNDED_S = 0.000501
@@ -38,7 +38,7 @@ COARSE_M = 0.05
 """Noise from which on rounding to centimetres does not change the shares of small and large draws that are counted."""
 
 MEDIAN = 0.6744897501960817
-"""Half of all normal draws are within so many standard deviations."""
+"""Half of all normal draws are within this many standard deviations."""
 
 ALARM = 1e-3 * FAMILY
 """For all counts of noise together: they add next to nothing to the false alarms of the others."""
@@ -51,7 +51,7 @@ _COUNTS = ("small along x", "small along y", "above zero along x", "above zero a
 
 @dataclass(slots=True)
 class _Segment:
-    """The mean error (m) that one robot was told between two jumps, besides bias and growth; count: of ticks."""
+    """The mean error (m) that one robot reported between two jumps, beyond bias and growth, over `count` ticks."""
 
     jumps: int
     count: float = 0
@@ -66,8 +66,8 @@ class _Segment:
 
 
 @dataclass(slots=True)
-class _Told:
-    """What one robot is told while the same drifts befall it; before: the segment that ended last, if one is known."""
+class _Reports:
+    """What one robot reported under the same drifts. before: the segment that ended last, if one is known."""
 
     drifts: tuple[Drift, ...]
     now: _Segment
@@ -84,35 +84,43 @@ class _Told:
         return max((drift.jump.size for drift in self.drifts if drift.jump is not None), default=0.0)
 
 
-class SensesAsAsked:
-    """Robots are told the places and the times that drifts and clocks ask for, and all others the true ones.
+class SensesAsAsked(Check):
+    """Robots report the places and the times that drifts and clocks ask for, and all others the true ones.
 
-    Off by bias and growth, to the rounding; with noise as large as asked for, and in no direction more than in another;
-    between jumps by the same, and from one jump to the next by its size. Where several drifts of a robot jump, only
-    that it lies on the terrain is judged; at the terrain's edge, to a point.
+    The error is bias and growth, to the rounding. With noise it is as large as configured, and in no direction more
+    than in another; it is the same between jumps, and differs by the jump's size from one jump to the next. Where
+    several drifts of a robot jump, only that it reports a place on the terrain is judged; at the terrain's edge, to a
+    point.
     """
 
-    def __init__(self, journal: RunRecord, prepared: Prepared, timeline: Timeline) -> None:
-        self._names = names_of(journal)
-        self._step = prepared.scenario.step
-        self._bounds = prepared.terrain.bounds
-        self._point = prepared.terrain.point
-        self._entries = [entry for entry in timeline.entries if isinstance(entry.fault, Drift | Clock)]
-        self._told: dict[int, tuple[tuple[Entry, ...], _Told]] = {}
+    name = "senses"
+    needs = (RobotsThere,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._names = run.names
+        self._step = run.step
+        self._bounds = run.prepared.terrain.bounds
+        self._point = run.prepared.terrain.point
+        self._entries = [entry for entry in run.timeline.entries if isinstance(entry.fault, Drift | Clock)]
+        self._reports: dict[int, tuple[tuple[Entry, ...], _Reports]] = {}
         self._hits = [0] * len(_COUNTS)
         self._draws = self._looked = 0
-        self._problem = ""
 
-    def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where a fault makes robots wrong about place or time."""
+        return any(isinstance(entry.fault, Drift | Clock) for entry in run.timeline.entries)
+
+    def _tick(self, record: TickRecord) -> None:
         now = [entry for entry in self._entries if active(entry, record.k)]
         rows = {row.number: row for row in record.robots}
-        for source, frame in () if self._problem else record.frames:
+        for source, frame in record.frames:
             if source == FORGED or source not in rows:
                 continue
             try:
                 said = decode(frame)
-            except Rejected:  # another check's business
+            except Rejected:  # the check of frames reports it
                 continue
             if said.robot != CONTACT:
                 mine = [entry for entry in now if source in entry.who]
@@ -120,12 +128,15 @@ class SensesAsAsked:
                 self._look_at_time(record.k, source, said, mine)
                 self._look_at_place(record.k, rows[source], said, mine)
 
-    def check(self) -> Check:
-        """The result, once all ticks are in."""
-        for number, (_, told) in self._told.items():
-            self._compare(number, told)
-        problem = self._problem or self._unlikely()
-        return Check("senses", not problem, problem or f"{self._looked} frames with senses as wrong as asked for")
+    def result(self) -> CheckResult:
+        """The result, once all ticks are in and the journal has ended."""
+        for number, (_, reports) in self._reports.items():
+            self._compare(number, reports)
+        self._fail(self._unlikely())
+        return super().result()
+
+    def _good(self) -> str:
+        return f"{self._looked} frames with the configured errors"
 
     def _look_at_time(self, k: int, number: int, said: Position, mine: Sequence[Entry]) -> None:
         due = k * self._step
@@ -134,15 +145,16 @@ class SensesAsAsked:
                 due += entry.fault.offset + entry.fault.rate * (k - entry.begin) * self._step
         due = min(max(due, 0.0), ms_to_s(MAX_TIME_MS))
         if abs(ms_to_s(said.time_ms) - due) > ROUNDED_S:
-            self._blame(number, f"says in tick {k} that it is {ms_to_s(said.time_ms):g} s, its clock shows {due:g} s")
+            reported_s = ms_to_s(said.time_ms)
+            self._blame(number, f"reports the time {reported_s:g} s in tick {k}, but its clock shows {due:g} s")
 
     def _look_at_place(self, k: int, row: RobotTick, said: Position, mine: Sequence[Entry]) -> None:
         x, y = cm_to_m(said.x_cm), cm_to_m(said.y_cm)
         x_min, y_min, x_max, y_max = self._bounds
         if not (x_min <= x <= x_max and y_min <= y <= y_max):
-            self._blame(row.number, f"is told in tick {k} that it is off the terrain, at ({x:.2f}, {y:.2f})")
+            self._blame(row.number, f"reports in tick {k} a place off the terrain: ({x:.2f}, {y:.2f})")
         if abs(math.remainder(mrad_to_rad(said.heading_mrad) - row.heading, TAU)) > ROUNDED_RAD:
-            self._blame(row.number, f"is told in tick {k} a heading of {said.heading_mrad} mrad, which is not its own")
+            self._blame(row.number, f"reports in tick {k} a heading of {said.heading_mrad} mrad, which is not its own")
         entries = tuple(entry for entry in mine if isinstance(entry.fault, Drift))
         due_x, due_y, jumps = row.x, row.y, []
         for entry in entries:
@@ -153,75 +165,74 @@ class SensesAsAsked:
             if entry.fault.jump is not None:
                 jumps.append(math.floor(elapsed / entry.fault.jump.every + 1e-9))
         if len(jumps) <= 1:
-            told = self._told_by(row.number, entries, sum(jumps))
-            self._hold(k, row.number, told, (x, y), (due_x, due_y))
+            reports = self._reports_of(row.number, entries, sum(jumps))
+            self._hold(k, row.number, reports, (x, y), (due_x, due_y))
 
-    def _told_by(self, number: int, entries: tuple[Entry, ...], jumps: int) -> _Told:
+    def _reports_of(self, number: int, entries: tuple[Entry, ...], jumps: int) -> _Reports:
         """What is known of a robot's error since its drifts began and since its last jump."""
-        drifts, told = self._told.get(number, ((), None))
-        if told is None or drifts != entries:
-            if told is not None:
-                self._compare(number, told)
+        drifts, reports = self._reports.get(number, ((), None))
+        if reports is None or drifts != entries:
+            if reports is not None:
+                self._compare(number, reports)
             before = None if jumps else _Segment(0, math.inf)
             faults = tuple(entry.fault for entry in entries if isinstance(entry.fault, Drift))
-            told = _Told(faults, _Segment(jumps), before)
-            self._told[number] = entries, told
-        elif jumps != told.now.jumps:
-            self._compare(number, told)
-            told.before, told.now = told.now if told.now.count else told.before, _Segment(jumps)
-        return told
+            reports = _Reports(faults, _Segment(jumps), before)
+            self._reports[number] = entries, reports
+        elif jumps != reports.now.jumps:
+            self._compare(number, reports)
+            reports.before, reports.now = reports.now if reports.now.count else reports.before, _Segment(jumps)
+        return reports
 
-    def _hold(self, k: int, number: int, told: _Told, said: Place, due: Place) -> None:
-        """Hold a place against what the same drifts have made of places since the last jump, and add it to that."""
-        known = told.now if told.now.jumps else _Segment(0, math.inf)
+    def _hold(self, k: int, number: int, reports: _Reports, said: Place, due: Place) -> None:
+        """Compare a place with those since the last jump under the same drifts, and add it to these."""
+        known = reports.now if reports.now.jumps else _Segment(0, math.inf)
         if not known.count:
             if all(self._inland(at, axis, 0.0) for axis, at in enumerate(said)):
-                told.now.add(said[0] - due[0], said[1] - due[1])
+                reports.now.add(said[0] - due[0], said[1] - due[1])
             return
         expected = due[0] + known.x, due[1] + known.y
-        spread = told.noise * math.sqrt(1.0 + 1.0 / known.count)
+        spread = reports.noise * math.sqrt(1.0 + 1.0 / known.count)
         margin = 2.0 * ROUNDED_M + SURE * spread
         inland = [self._inland(at, axis, margin) for axis, at in enumerate(expected)]
         for axis in (0, 1):
             at = min(max(expected[axis], self._bounds[axis]), self._bounds[axis + 2])
             if abs(said[axis] - at) > margin + (0.0 if inland[axis] else self._point):
-                asked = f"({expected[0]:.2f}, {expected[1]:.2f})"
-                self._blame(number, f"is told in tick {k} ({said[0]:.2f}, {said[1]:.2f}), its drift asks for {asked}")
+                place, asked = (f"({x:.2f}, {y:.2f})" for x, y in (said, expected))
+                self._blame(number, f"reports the place {place} in tick {k}, but its drift asks for {asked}")
         if all(inland):
-            told.now.add(said[0] - due[0], said[1] - due[1])
-            if told.noise >= COARSE_M:
+            reports.now.add(said[0] - due[0], said[1] - due[1])
+            if reports.noise >= COARSE_M:
                 off = [said[axis] - expected[axis] for axis in (0, 1)]
                 self._draws += 1
                 hits = [*(abs(error) < MEDIAN * spread for error in off), *(error > 0.0 for error in off)]
                 self._hits = [count + hit for count, hit in zip(self._hits, hits, strict=True)]
 
     def _inland(self, at: float, axis: int, margin: float) -> bool:
-        """Whether a place is so far from the terrain's edge that it is told as it is."""
+        """Whether a place is so far from the terrain's edge that the world does not move it inland."""
         away = self._point + margin
         return self._bounds[axis] + away <= at <= self._bounds[axis + 2] - away
 
-    def _compare(self, number: int, told: _Told) -> None:
-        """Hold the mean error of the segment that ends against that of the one before."""
-        now, before = told.now, told.before
+    def _compare(self, number: int, reports: _Reports) -> None:
+        """Compare the mean error of the segment that ends with that of the one before."""
+        now, before = reports.now, reports.before
         if before is None or not now.count:
             return
         apart = math.hypot(now.x - before.x, now.y - before.y)
-        noise = told.noise * math.sqrt(1.0 / now.count + 1.0 / before.count)
+        noise = reports.noise * math.sqrt(1.0 / now.count + 1.0 / before.count)
         slack = math.sqrt(2.0) * (2.0 * ROUNDED_M + SURE * noise)
         jumps = now.jumps - before.jumps
-        if apart > jumps * told.size + slack or (jumps == 1 and apart < told.size - slack):
-            words = f"is told places {apart:.2f} m apart by {jumps} jumps of {told.size:g} m"
-            self._blame(
-                number, words if jumps else f"is told places off by {apart:.2f} m on average, besides its drift"
-            )
+        if apart > jumps * reports.size + slack or (jumps == 1 and apart < reports.size - slack):
+            jumped = "1 jump" if jumps == 1 else f"{jumps} jumps"
+            words = f"reports places {apart:.2f} m apart after {jumped} of {reports.size:g} m"
+            self._blame(number, words if jumps else f"reports places off by {apart:.2f} m on average beyond its drift")
 
     def _unlikely(self) -> str:
         """What chance does not explain of the noise."""
         alarm = ALARM / len(_COUNTS)
         for name, hits in zip(_COUNTS, self._hits, strict=True):
             if enough(self._draws, 0.5, alarm) and unexplained(hits, self._draws, 0.5, alarm):
-                return f"of {self._draws} draws of noise {hits} were {name}, half of them should be"
+                return f"of {self._draws} draws of noise {hits} were {name}; half of them are expected"
         return ""
 
     def _blame(self, number: int, words: str) -> None:
-        self._problem = self._problem or f"{self._names[number]} {words}"
+        self._fail(f"{self._names[number]} {words}")

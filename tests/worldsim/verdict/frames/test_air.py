@@ -16,17 +16,18 @@ from shapely import LineString, box
 from patrol.ground.terrain import Terrain
 from patrol.journal import TickRecord
 from patrol.journal.records import sent_at
-from tests.worldsim.verdict.judged import Result, change, failures, runs
+from tests.worldsim.verdict.judged import Result, change, check_of, failures, result_of, runs
+from worldsim.output.record import header_of
 from worldsim.radio.rules import RadioRules, arrival
+from worldsim.run_record import MemoryJournal
 from worldsim.timeline import Timeline
 from worldsim.verdict.frames.reach import GRAZING_M, Sightlines
 from worldsim.verdict.frames.shares import DelaysAsAsked, alarm_of
-from worldsim.verdict.frames.timing import FaultsOnTime
 from worldsim.verdict.judge import judge
+from worldsim.verdict.run.fault_times import FaultsOnTime
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
-    from worldsim.output.record import MemoryJournal
     from worldsim.world import World
 
 NEAR = {"kind": "range", "reach": 8.0, "id": "near"}
@@ -50,8 +51,13 @@ def run(lab: Lab) -> Callable[..., Result]:
 def test_faults_happen_when_they_should(lab: Lab, at: float, lasts: float | None) -> None:
     times = {"at": at} if lasts is None else {"at": at, "for": lasts}
     faults = [{"kind": "silence", "who": "r1", **times}, {"kind": "kill", "who": "r2", "at": at}]
-    timeline = Timeline(lab.patrol(faults=faults, step=0.1).scenario)
-    assert FaultsOnTime(timeline, 0.1).check().ok
+    world = lab.patrol(faults=faults, step=0.1)
+    timeline = Timeline(world.scenario)
+
+    def ok() -> bool:
+        return check_of(FaultsOnTime, world.prepared, MemoryJournal(header_of(world)), timeline).result().ok
+
+    assert ok()
     silence, kill = timeline.entries
     wrong = [replace(entry, begin=entry.begin + shift) for entry in (silence, kill) for shift in (-1, 1)]
     wrong += [replace(kill, end=kill.begin + 1), replace(kill, end=None)]
@@ -62,21 +68,22 @@ def test_faults_happen_when_they_should(lab: Lab, at: float, lasts: float | None
         wrong += [replace(silence, begin=silence.begin + shift, end=silence.end + shift) for shift in (-1, 1)]
     for entry in wrong:
         timeline.entries = (entry,)
-        assert not FaultsOnTime(timeline, 0.1).check().ok
+        assert not ok()
 
 
 @pytest.mark.parametrize(
     ("name", "ticks", "says"),
     [
-        ("ticks_of", lambda *_: 1, "f1 is taken to go on from tick 4 to before tick 5"),
-        ("tick_of", lambda *_: 0, "f1 is taken to go on from tick 0 to before tick 10"),
+        ("ticks_of", lambda *_: 1, "from tick 4 to before tick 5"),
+        ("tick_of", lambda *_: 0, "from tick 0 to before tick 10"),
     ],
 )
 def test_a_timeline_with_other_times_fails(
     run: Callable[..., Result], name: str, ticks: Any, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(f"worldsim.timeline.{name}", ticks)
-    assert failures(run({"kind": "silence", "who": "r1", "at": 2.0, "for": 5.0})) == {"fault times": says}
+    detail = f"f1 is scheduled {says}, which is not what its `at` and `for` say"
+    assert failures(run({"kind": "silence", "who": "r1", "at": 2.0, "for": 5.0})) == {"fault times": detail}
 
 
 # --- reach -----------------------------------------------------------------------------------------------------------
@@ -101,7 +108,7 @@ def test_a_radio_that_reaches_farther_fails(
     monkeypatch.setattr(RadioRules, "_out_of_reach", lambda *_: False)
     found = failures(run(fault, LATE) if late else run(fault))
     assert list(found) == ["reach"]
-    assert f"came through range {fault['id']}" in found["reach"]
+    assert f"got through range {fault['id']}" in found["reach"]
 
 
 @pytest.mark.parametrize("fault", [NEAR, SEEN], ids=["distance", "walls"])
@@ -111,7 +118,7 @@ def test_a_radio_that_does_not_reach_so_far_fails(
     monkeypatch.setattr(RadioRules, "_out_of_reach", lambda *_: True)
     found = failures(run({**fault, "reach": 100.0}))
     assert list(found) == ["reach"]
-    assert f"was stopped by range {fault['id']} and within reach" in found["reach"]
+    assert f"was stopped by range {fault['id']} although it was within reach" in found["reach"]
 
 
 def test_a_frame_that_only_the_record_lets_through_fails(run: Callable[..., Result]) -> None:
@@ -127,7 +134,7 @@ def test_a_frame_that_only_the_record_lets_through_fails(run: Callable[..., Resu
     source, to, _ = drop[:3]
     found = failures((world, journal))
     assert set(found) == {"radio", "reach"}
-    assert found["reach"] == f"a frame from r{source} to r{to} of tick {k} came through range near"
+    assert found["reach"] == f"a frame from r{source} to r{to} of tick {k} got through range near"
 
 
 def test_walls_on_a_line_are_those_that_geometry_finds() -> None:
@@ -190,12 +197,12 @@ def test_frames_arrive_when_the_faults_let_them(run: Callable[..., Result], faul
         for record in result[1].ticks
     )
     details = {check.name: check.detail for check in judge(result[1], {}, result[0].prepared).checks}
-    assert details["on time"] == f"{arrived} frames arrived when they could"
+    assert details["on time"] == f"{arrived} frames arrived in time"
 
 
 @pytest.mark.parametrize(
     ("shift", "says"),
-    [(1, "should have arrived by tick 3"), (-1, "arrived in tick 2 and should not before tick 3")],
+    [(1, "should have arrived by tick 3"), (-1, "arrived in tick 2 and should not have before tick 3")],
 )
 def test_a_radio_that_is_late_or_early_fails(
     run: Callable[..., Result], shift: int, says: str, monkeypatch: pytest.MonkeyPatch
@@ -225,7 +232,7 @@ def test_frames_that_nothing_holds_up_arrive_at_once_and_once(run: Callable[...,
     change(journal, 4, deliveries=(link, *good[0].deliveries))
     assert failures((world, journal))["on time"] == "frame 4 from r1 to r2 arrived 2 times"
     change(journal, 4, deliveries=good[0].deliveries, delayed=((*link, "f1"),))
-    says = "frame 4 from r1 to r2 was copied or held up by f1, which is not active"
+    says = "frame 4 from r1 to r2 was copied or delayed by f1, which is not active"
     assert failures((world, journal))["on time"] == says
 
 
@@ -237,7 +244,7 @@ def first(journal: MemoryJournal, what: str) -> TickRecord:
     ("what", "says"),
     [
         ("copies", "once too often"),
-        ("delayed", "was not held up and should have been"),
+        ("delayed", "was not delayed and should have been"),
     ],
 )
 def test_a_copy_or_a_delay_that_is_not_told_of_fails(run: Callable[..., Result], what: str, says: str) -> None:
@@ -252,9 +259,9 @@ def test_a_fault_that_did_not_do_it_cannot_be_named(run: Callable[..., Result], 
     world, journal = run(LATE, TWICE)
     record = first(journal, what)
     (link, _), *rest = ((row[:3], row[3]) for row in getattr(record, what))
-    wrong = "late" if what == "copies" else "twice"
+    wrong, does = ("late", "copy") if what == "copies" else ("twice", "delay")
     change(journal, record.k, **{what: ((*link, wrong), *((*other, fault) for other, fault in rest))})
-    assert f"by {wrong}, which does not do that" in failures((world, journal))["on time"]
+    assert f"by {wrong}, which does not {does} it" in failures((world, journal))["on time"]
 
 
 def test_what_a_dead_receiver_does_not_hear_arrives_all_the_same(run: Callable[..., Result]) -> None:
@@ -263,17 +270,14 @@ def test_what_a_dead_receiver_does_not_hear_arrives_all_the_same(run: Callable[.
     assert {sent_at(sequence) for _, to, sequence, _ in record.dropped if to == 2} == {9}
     early = tuple(drop for drop in journal.records[13].dropped if drop[1] == 2)
     change(journal, 12, dropped=tuple(sorted((*record.dropped, *early))))
-    assert "arrived in tick 12 and should not before tick 13" in failures((world, journal))["on time"]
+    assert "arrived in tick 12 and should not have before tick 13" in failures((world, journal))["on time"]
 
 
 # --- how often -------------------------------------------------------------------------------------------------------
 
 
 def shares(world: World, journal: MemoryJournal) -> Any:
-    check = DelaysAsAsked(Timeline(world.scenario), world.step)
-    for record in journal.ticks:
-        check.tick(record)
-    return check.check()
+    return result_of(DelaysAsAsked, world.prepared, journal)
 
 
 SERIES = [
@@ -309,7 +313,7 @@ def test_another_share_than_asked_for_fails(
     check = shares(lab.patrol(ticks=200, faults=[{**fault, **asked}]), journal)
     assert not check.ok
     assert f"{fault['id']}: " in check.detail
-    assert "asked for" in check.detail
+    assert "configured" in check.detail
 
 
 def test_a_radio_with_loaded_dice_fails(run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -330,7 +334,7 @@ def test_too_few_frames_or_none_are_not_judged_and_say_so(run: Callable[..., Res
     assert (few.ok, few.judged) == (True, False)
     assert few.detail.endswith("too few to judge")
     unseen = shares(*run(LATE, {**MIXED, "hold": 0.05}))
-    assert (unseen.ok, unseen.judged, unseen.detail) == (True, False, "nothing that chance has a part in")
+    assert (unseen.ok, unseen.judged, unseen.detail) == (True, False, "none of these faults is random")
 
 
 def test_all_series_of_a_run_share_one_rate_of_false_alarms(lab: Lab) -> None:

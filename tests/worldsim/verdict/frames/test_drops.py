@@ -63,7 +63,7 @@ def test_a_cut_that_stops_everybody_fails(
     monkeypatch.setattr(RadioRules, "lost", lost(f"{fault['kind']}:{fault['id']}"))
     found = failures(run(fault))
     assert list(found) == ["nothing crossed"]
-    assert f"was stopped by {fault['kind']} {fault['id']}, which lets it through" in found["nothing crossed"]
+    assert f"was stopped by {fault['kind']} {fault['id']}, which does not apply to it" in found["nothing crossed"]
 
 
 @pytest.mark.parametrize("fault", [QUIET, SPLIT], ids=["silence", "partition"])
@@ -76,7 +76,7 @@ def test_an_insider_is_cut_off_like_any_robot(
     found = failures(run(fault, INSIDER, DELAY) if late else run(fault, INSIDER))
     assert "nothing crossed" in found
     assert found["nothing crossed"].startswith("a frame from a forger to r")
-    assert f"came through {fault['kind']} {fault['id']}" in found["nothing crossed"]
+    assert f"got through {fault['kind']} {fault['id']}" in found["nothing crossed"]
 
 
 def test_what_reaches_a_dead_receiver_through_a_cut_came_through(
@@ -86,7 +86,7 @@ def test_what_reaches_a_dead_receiver_through_a_cut_came_through(
     good = RadioRules.lost
     monkeypatch.setattr(RadioRules, "lost", lambda self, *of: None if of[2] == 2 else good(self, *of))
     found = failures(run({"kind": "kill", "who": "r2"}, QUIET))
-    assert found == {"nothing crossed": "a frame from r1 to r2 of tick 0 came through silence quiet"}
+    assert found == {"nothing crossed": "a frame from r1 to r2 of tick 0 got through silence quiet"}
 
 
 def test_a_cut_that_another_cause_takes_the_place_of_fails(
@@ -94,7 +94,7 @@ def test_a_cut_that_another_cause_takes_the_place_of_fails(
 ) -> None:
     monkeypatch.setattr(RadioRules, "lost", lost("loss:loss"))
     found = failures(run(LOSS, {**QUIET, "who": "r1"}))
-    assert found["nothing crossed"] == "a frame from r1 to r2 of tick 0 came through silence quiet"
+    assert found["nothing crossed"] == "a frame from r1 to r2 of tick 0 got through silence quiet"
 
 
 @pytest.mark.parametrize("bytes_per_s", [1e6, 20.0])
@@ -103,7 +103,7 @@ def test_a_bandwidth_that_stops_what_it_has_room_for_fails(
 ) -> None:
     monkeypatch.setattr(RadioRules, "jammed", lambda *_: "bandwidth:narrow")
     found = failures(run({**NARROW, "bytes_per_s": bytes_per_s}))
-    assert found == {"bandwidth": "r1 was stopped by bandwidth narrow in tick 0 and had room"}
+    assert found == {"bandwidth": "bandwidth narrow stopped r1 in tick 0 although it had bytes left"}
 
 
 def test_a_bandwidth_that_what_is_forged_does_not_use_up_fails(
@@ -120,7 +120,7 @@ def test_a_bandwidth_that_what_is_forged_does_not_use_up_fails(
     monkeypatch.setattr(RadioRules, "jammed", alternately)
     found = failures(run({**NARROW, "who": "r1"}, INSIDER))
     assert list(found) == ["bandwidth"]
-    assert found["bandwidth"].startswith("r1 sent more than 20 bytes/s allow in tick ")
+    assert found["bandwidth"].startswith("r1 exceeded 20 bytes/s in tick ")
 
 
 @pytest.mark.parametrize("faults", [[], [LOSS]], ids=["without faults", "with one"])
@@ -129,7 +129,7 @@ def test_a_frame_that_is_not_too_long_and_counts_as_that_fails(
 ) -> None:
     monkeypatch.setattr("worldsim.radio.ether.MAX_FRAME", 1)
     found = failures(run(*faults))
-    assert found == {"drops": "a frame from r1 to r2 was lost in tick 0 for no reason: oversized"}
+    assert found == {"drops": "a frame from r1 to r2 was dropped in tick 0 for a cause that does not apply: oversized"}
 
 
 def test_a_link_that_a_loss_is_not_about_and_that_loses_fails(
@@ -138,7 +138,7 @@ def test_a_link_that_a_loss_is_not_about_and_that_loses_fails(
     monkeypatch.setattr("worldsim.radio.rules._on_link", lambda *_: True)
     found = failures(run(LOSS))
     assert list(found) == ["drops"]
-    assert found["drops"].endswith("for no reason: loss:loss")
+    assert found["drops"].endswith("for a cause that does not apply: loss:loss")
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,8 @@ def test_a_cause_that_does_not_apply_fails(run: Callable[..., Result], why: str)
     world, journal = run({**LOSS, "rate": 0.0}, {**QUIET, "at": 9.0}, {**STRANGER, "at": 9.0})
     record = journal.records[4]
     change(journal, 4, deliveries=record.deliveries[1:], dropped=((*record.deliveries[0], why),))
-    assert failures((world, journal))["drops"] == f"a frame from r1 to r2 was lost in tick 4 for no reason: {why}"
+    says = f"a frame from r1 to r2 was dropped in tick 4 for a cause that does not apply: {why}"
+    assert failures((world, journal))["drops"] == says
 
 
 def test_a_fault_stops_nothing_of_another_tick_or_before_it_begins(run: Callable[..., Result]) -> None:
@@ -158,7 +159,8 @@ def test_a_fault_stops_nothing_of_another_tick_or_before_it_begins(run: Callable
     gone = record.deliveries[0]
     for row in [(*gone, "loss:loss"), (gone[0], gone[1], 2, "loss:none")]:
         change(journal, 3, deliveries=record.deliveries[1:], dropped=(row,))
-        assert failures((world, journal))["drops"].startswith("a frame from r1 to r2 was lost in tick 3 for no reason")
+        says = "a frame from r1 to r2 was dropped in tick 3 for a cause that does not apply"
+        assert failures((world, journal))["drops"].startswith(says)
 
 
 def test_only_the_forger_does_not_hear_what_it_forges(run: Callable[..., Result]) -> None:
@@ -167,4 +169,5 @@ def test_only_the_forger_does_not_hear_what_it_forges(run: Callable[..., Result]
     assert [row for row in record.dropped if row[3] == "own"] == [(FORGED, 1, 4, "own")]
     deliveries = tuple(link for link in record.deliveries if link != (FORGED, 2, 4))
     change(journal, 4, deliveries=deliveries, dropped=((FORGED, 1, 4, "own"), (FORGED, 2, 4, "own")))
-    assert failures((world, journal))["drops"] == "a frame from a forger to r2 was lost in tick 4 for no reason: own"
+    says = "a frame from a forger to r2 was dropped in tick 4 for a cause that does not apply: own"
+    assert failures((world, journal))["drops"] == says

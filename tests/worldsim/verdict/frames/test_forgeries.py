@@ -101,19 +101,39 @@ def edited(**values: Any) -> Callable[[Forger, int, list[Forged]], list[Forged]]
 @pytest.mark.parametrize(
     ("payload", "change", "says"),
     [
-        ({"ahead": 64}, edited(sequence=lambda _, k: k), "says of robot 2 sequence 4"),
-        ({"ahead": 64}, edited(x_cm=lambda said, _: said.x_cm + 1), "says of robot 2 ("),
-        ("freeze", edited(x_cm=lambda said, k: said.x_cm + (k > 4)), "and froze it at ("),
-        ({"offset": [1.0, 0.0]}, edited(y_cm=lambda said, _: said.y_cm + 3), "says of robot 2 ("),
-        ({"offset": [1.0, 0.0]}, edited(time_ms=lambda said, _: said.time_ms + 500), "2500 ms, and not 2000"),
+        ({"ahead": 64}, edited(sequence=lambda _, k: k), "claims for robot 2: sequence 4 instead of 68"),
+        ({"ahead": 64}, edited(x_cm=lambda said, _: said.x_cm + 1), "claims for robot 2: place ("),
+        ("freeze", edited(x_cm=lambda said, k: said.x_cm + (k > 4)), "but it was frozen at ("),
+        ({"offset": [1.0, 0.0]}, edited(y_cm=lambda said, _: said.y_cm + 3), "claims for robot 2: place ("),
+        ({"offset": [1.0, 0.0]}, edited(time_ms=lambda said, _: said.time_ms + 500), "time 2500 ms instead of 2000 ms"),
         ("random", edited(y_cm=lambda said, _: said.y_cm + 1600), "off the terrain"),
-        ({"invented": 3}, edited(robot=lambda said, _: said.robot - 3), "forges as [2, 3, 4], and should as [5, 6, 7]"),
-        ({"invented": 3}, lambda _f, _k, forged: forged[1:], "forges as [6, 7], and should as [5, 6, 7]"),
-        ("random", lambda _f, _k, forged: [*forged, *forged], "forges as [2, 2, 3, 3], and should as [2, 3]"),
+        (
+            {"invented": 3},
+            edited(robot=lambda said, _: said.robot - 3),
+            "forges in the names of robots [2, 3, 4] instead of [5, 6, 7]",
+        ),
+        (
+            {"invented": 3},
+            lambda _f, _k, forged: forged[1:],
+            "forges in the names of robots [6, 7] instead of [5, 6, 7]",
+        ),
+        (
+            "random",
+            lambda _f, _k, forged: [*forged, *forged],
+            "forges in the names of robots [2, 2, 3, 3] instead of [2, 3]",
+        ),
         ({"replay": 1.7}, lambda _f, _k, forged: forged[1:], "does not repeat what its victims sent 4 ticks ago"),
         ({"replay": 1.7}, edited(x_cm=lambda said, _: said.x_cm + 1), "does not repeat what its victims sent"),
-        ("random", lambda _f, _k, forged: [replace(f, frame=b"?") for f in forged], "sends what cannot be read"),
-        ("random", lambda _f, _k, forged: [replace(f, fault="f9") for f in forged], "lie forges as []"),
+        (
+            "random",
+            lambda _f, _k, forged: [replace(f, frame=b"?") for f in forged],
+            "sends a frame that cannot be decoded",
+        ),
+        (
+            "random",
+            lambda _f, _k, forged: [replace(f, fault="f9") for f in forged],
+            "lie forges in the names of robots []",
+        ),
     ],
 )
 def test_a_forger_that_says_something_else_fails(
@@ -144,14 +164,14 @@ def test_what_is_forged_by_the_dead_or_out_of_time_fails(run: Callable[..., Resu
     for other in (spoof(payload, by="r4", at=3.0), spoof(payload, by="r4", **{"for": 3.0})):
         late, _ = run(other)
         found = {check.name: check.detail for check in judge(journal, {}, late.prepared).failed}
-        assert found["forgeries"].endswith("lie forges, and should not")
+        assert found["forgeries"].endswith("lie sends forged frames and should not")
     record = journal.records[6]
     dead = tuple(replace(row, status=Status.DEAD) if row.number == 4 else row for row in record.robots)
     journal.records[6] = replace(record, robots=dead)
     assert journal.end
     journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
     found = {check.name: check.detail for check in judge(journal, {}, judged).failed}
-    assert found["forgeries"] == "tick 6: lie forges, and should not"
+    assert found["forgeries"] == "tick 6: lie sends forged frames and should not"
 
 
 def test_nobody_forges_in_the_name_of_a_spare_robot_that_has_not_come(lab: Lab) -> None:
@@ -165,4 +185,4 @@ def test_nobody_forges_in_the_name_of_a_spare_robot_that_has_not_come(lab: Lab) 
     early = encode(Position.of(2, 5, 2.5, Pose(1.0, 1.0, 0.0)))
     record = journal.records[5]
     journal.records[5] = replace(record, frames=((0, early), *record.frames), forged=("lie", *record.forged))
-    assert failures((world, journal))["forgeries"] == "tick 5: lie forges as [1, 2], and should as [1]"
+    assert failures((world, journal))["forgeries"] == "tick 5: lie forges in the names of robots [1, 2] instead of [1]"

@@ -14,9 +14,9 @@ from patrol.pose import Pose
 from patrol.radio.inbox import inbox_of
 from patrol.radio.message import Position, encode
 from patrol.random import draw
-from worldsim.output.record import MemoryJournal
+from tests.worldsim.verdict.judged import check_of, result_of
 from worldsim.radio.rules import Burst
-from worldsim.timeline import Timeline
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.frames.drops import NothingCrossed
 from worldsim.verdict.frames.recomputed import WithinBandwidth
 from worldsim.verdict.frames.shares import LossesAsAsked
@@ -107,7 +107,7 @@ def test_a_frame_that_only_the_record_loses_fails(run: Any) -> None:
     change(journal, last.k, deliveries=last.deliveries[1:], dropped=dropped)
     found = failures(judge(journal, {}, world.prepared))
     name = f"frame {sequence} from r{source} to r{to}"
-    assert found == {"radio": f"tick {last.k}: {name} should be delivered"}
+    assert found == {"radio": f"tick {last.k}: {name} should have been delivered"}
 
 
 def test_another_cause_another_copy_or_another_delay_fails(run: Any) -> None:
@@ -135,11 +135,11 @@ def test_another_draw_fails(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
-        ({"kind": "silence", "who": "r2", "direction": "in", "id": "s"}, "r1 to r2 of tick 3 came through silence s"),
-        ({"kind": "silence", "who": "r1", "direction": "out", "id": "s"}, "r1 to r2 of tick 3 came through silence s"),
+        ({"kind": "silence", "who": "r2", "direction": "in", "id": "s"}, "r1 to r2 of tick 3 got through silence s"),
+        ({"kind": "silence", "who": "r1", "direction": "out", "id": "s"}, "r1 to r2 of tick 3 got through silence s"),
         (
             {"kind": "partition", "groups": [["r1"], ["r2"]], "direction": "one-way", "id": "p"},
-            "r1 to r2 of tick 3 came through partition p",
+            "r1 to r2 of tick 3 got through partition p",
         ),
     ],
 )
@@ -164,7 +164,7 @@ def test_a_cut_holds_only_while_it_lasts_and_by_when_a_frame_was_sent(run: Any) 
 
 def test_more_bytes_than_the_bandwidth_fail(run: Any) -> None:
     world, journal = run({"kind": "bandwidth", "bytes_per_s": 10.0, "who": "r1", "id": "b"})
-    check = WithinBandwidth(journal, Timeline(world.scenario))
+    check = check_of(WithinBandwidth, world.prepared, journal)
     stopped = next(record for record in journal.ticks if record.dropped)
     assert {cause for *_, cause in stopped.dropped} == {"bandwidth:b"}
     change(
@@ -175,15 +175,12 @@ def test_more_bytes_than_the_bandwidth_fail(run: Any) -> None:
     )
     for record in journal.ticks:
         check.tick(record)
-    assert check.check().detail == f"r1 sent more than 10 bytes/s allow in tick {stopped.k}"
+    assert check.result().detail == f"r1 exceeded 10 bytes/s in tick {stopped.k}"
     assert set(failures(judge(journal, {}, world.prepared))) == {"bandwidth", "radio"}
 
 
 def losses(world: World, journal: MemoryJournal) -> Any:
-    check = LossesAsAsked(Timeline(world.scenario))
-    for record in journal.ticks:
-        check.tick(record)
-    return check.check()
+    return result_of(LossesAsAsked, world.prepared, journal)
 
 
 @pytest.mark.parametrize("fault", [LOSS, BURSTS], ids=["independent", "bursts"])
@@ -205,7 +202,7 @@ def test_another_rate_than_asked_for_fails(lab: Lab, run: Any, fault: dict[str, 
     asked = lab.patrol(ticks=400, faults=[fault])
     check = losses(asked, journal)
     assert not check.ok
-    assert "asked for" in check.detail
+    assert "configured" in check.detail
 
 
 def test_the_right_rate_without_the_bursts_fails(lab: Lab, run: Any) -> None:
@@ -229,7 +226,9 @@ def test_links_that_all_begin_alike_fail(run: Any, bad: bool, monkeypatch: pytes
 
     monkeypatch.setattr(Burst, "__init__", begin)
     check = losses(*run(bursts))
-    assert check.detail.startswith(f"bursts: {12 * bad} of 12 links were bad to begin with, {90 - 80 * bad} % asked")
+    assert check.detail.startswith(
+        f"bursts: {12 * bad} of 12 links were bad to begin with, {90 - 80 * bad} % configured"
+    )
 
 
 def test_too_few_frames_are_not_judged_and_say_so(run: Any) -> None:
@@ -247,7 +246,7 @@ def test_refusals_that_nobody_had_reason_for_fail(run: Any) -> None:
     found = failures(judge(journal, {}, world.prepared))
     assert list(found) == ["refused frames"]
     assert found["refused frames"].startswith(
-        "r1 says at tick 5 that it has refused 99 frames; by what it heard it is "
+        "r1 reports at tick 5 that it refused 99 frames; from what it heard it should be "
     )
     exits = {"world": 0} | {f"r{n}": 0 for n in (1, 2, 3, 4)}
     assert judge(journal, exits, world.prepared).valid
@@ -273,7 +272,7 @@ def test_a_fleet_that_signs_with_other_bytes_than_its_key_fails(lab: Lab, key: s
     for other in (b"another key of a fleet", None):
         world = lab.patrol(ticks=8, radio={"key": key})
         found = failures(judge(lab.run(world, lab.fleet(world, key=other)), {}, world.prepared))
-        assert found["frames"].startswith("frame 0 of r1 cannot be read (tag: ")
+        assert found["frames"].startswith("frame 0 of r1 cannot be decoded (tag: ")
 
 
 def test_without_the_key_file_tags_are_not_judged(run: Any, key: str, tmp_path: Path) -> None:
@@ -291,7 +290,7 @@ def test_a_judge_whose_inboxes_believe_strangers_finds_out(run: Any, key: str, m
     keyless: Any = lambda scenario, own, bounds, _key: inbox_of(scenario, own, bounds, None)  # noqa: E731
     monkeypatch.setattr("worldsim.verdict.frames.hearing.inbox_of", keyless)
     found = failures(judge(journal, {}, world.prepared))
-    assert found["forged frames"] == "r1 believed a forged frame of lie without the fleet's key at tick 0"
+    assert found["forged frames"] == "r1 accepted a forged frame of lie without the fleet's key at tick 0"
 
 
 @pytest.mark.parametrize("ahead", [1, 64, 10**6])
@@ -300,7 +299,7 @@ def test_frames_of_ticks_to_come_are_refused_and_nothing_else_is(run: Any, ahead
     verdict = judge(journal, {}, world.prepared)
     assert verdict.valid, verdict.failed
     details = {check.name: check.detail for check in verdict.checks}
-    assert details["forged frames"] == "ahead: 0 of 160 heard were believed"
+    assert details["forged frames"] == "ahead: 0 of 160 heard were accepted"
     assert details["refused frames"] == "120 ahead, 40 own"
 
 
@@ -309,7 +308,7 @@ def test_a_judge_whose_inboxes_believe_in_ticks_to_come_finds_out(run: Any, monk
     clockless: Any = lambda *given: inbox_of(*given, knows_ticks=False)  # noqa: E731
     monkeypatch.setattr("worldsim.verdict.frames.hearing.inbox_of", clockless)
     found = failures(judge(journal, {}, world.prepared))
-    assert found["forged frames"] == "r1 believed a forged frame of ahead of a tick that was still to come at tick 0"
+    assert found["forged frames"] == "r1 accepted a forged frame of ahead of a tick that was still to come at tick 0"
 
 
 @pytest.mark.parametrize("own", ["all", "one"])
@@ -322,14 +321,14 @@ def test_an_inbox_that_believes_what_it_heard_before_finds_out(
     world, journal = run(spoof, key=key)
     found = failures(judge(journal, {}, world.prepared))
     assert list(found) == ["forged frames"]
-    assert found["forged frames"].endswith(" believed a forged frame of echo for the second time at tick 10")
+    assert found["forged frames"].endswith(" accepted a forged frame of echo a second time at tick 10")
 
 
 def test_an_inbox_that_believes_copies_finds_out(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("patrol.radio.replay_window.ReplayWindow.fresh", lambda *_: True)
     world, journal = run({"kind": "duplicate", "rate": 1.0, "delay": {"constant": 0.0}})
     found = failures(judge(journal, {}, world.prepared))
-    assert found == {"refused frames": "r1 believed frame 0 of r2 for the second time at tick 0"}
+    assert found == {"refused frames": "r1 accepted frame 0 of r2 a second time at tick 0"}
 
 
 def test_without_the_key_file_what_needs_it_is_not_judged(run: Any, key: str, tmp_path: Path) -> None:
@@ -343,7 +342,7 @@ def test_without_the_key_file_what_needs_it_is_not_judged(run: Any, key: str, tm
 def test_what_is_in_flight_at_the_end_adds_up(run: Any) -> None:
     world, journal = run({"kind": "delay", "delay": {"constant": 3.0}})
     (check,) = [c for c in judge(journal, {}, world.prepared).checks if c.name == "links add up"]
-    assert (check.ok, check.detail) == (True, "480 frames sent over links, 408 settled, 72 in flight")
+    assert (check.ok, check.detail) == (True, "480 frames sent over links, 408 delivered or dropped, 72 in flight")
     *_, last = journal.ticks
     change(journal, last.k, deliveries=last.deliveries[1:])
     assert "neither delivered nor dropped" in failures(judge(journal, {}, world.prepared))["links add up"]
@@ -352,8 +351,8 @@ def test_what_is_in_flight_at_the_end_adds_up(run: Any) -> None:
 def test_crossing_is_told_from_the_records_alone(run: Any) -> None:
     """The check needs no ether: the faults' groups and what became of the frames are enough."""
     world, journal = run({"kind": "partition", "groups": "halves", "id": "p"})
-    check = NothingCrossed(journal, Timeline(world.scenario))
+    check = check_of(NothingCrossed, world.prepared, journal)
     record = journal.records[2]
     lost, *rest = record.dropped
     check.tick(replace(record, deliveries=tuple(sorted((*record.deliveries, lost[:3]))), dropped=tuple(rest)))
-    assert not check.check().ok
+    assert not check.result().ok

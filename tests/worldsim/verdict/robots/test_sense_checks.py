@@ -60,13 +60,13 @@ def test_a_drift_that_does_nothing_fails(judged: Any, monkeypatch: pytest.Monkey
 
 def test_a_clock_that_does_nothing_fails(judged: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Senses, "clock", lambda self, _number, k: k * self._step)
-    assert senses(judged(CLOCK)) == "r1 says in tick 6 that it is 3 s, its clock shows 7 s"
+    assert senses(judged(CLOCK)) == "r1 reports the time 3 s in tick 6, but its clock shows 7 s"
 
 
 def test_a_drift_of_somebody_else_fails(judged: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     told = Senses.pose
     monkeypatch.setattr(Senses, "pose", lambda self, number, k, true: told(self, number + 1, k, true))
-    assert senses(judged(BIAS)).startswith("r1 is told in tick 4 (")
+    assert senses(judged(BIAS)).startswith("r1 reports the place (")
 
 
 def bent(factor: float) -> Callable[..., tuple[float, float]]:
@@ -85,7 +85,7 @@ def test_jumps_of_another_size_fail(
     judged: Any, monkeypatch: pytest.MonkeyPatch, fault: dict[str, Any], factor: float
 ) -> None:
     monkeypatch.setattr(Senses, "_jumped", bent(factor))
-    assert "by 1 jumps of" in senses(judged(fault, ticks=120))
+    assert "after 1 jump of" in senses(judged(fault, ticks=120))
 
 
 @pytest.mark.parametrize(("factor", "shift"), [(0.5, 0.0), (2.0, 0.0), (1.0, 0.5), (0.0, 0.0)])

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import Event, RobotTick, Status
-from worldsim.fleet.acts import LOOKED_AT
-from worldsim.fleet.process_control import STOPPED, UNSEEN
-from worldsim.output.record import MemoryJournal
+from worldsim.lifecycle import LOOKED_AT, STOPPED, UNSEEN
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
@@ -64,19 +63,19 @@ def test_what_was_planned_is_valid(run: Run) -> None:
     details = {check.name: check.detail for check in verdict.checks}
     assert details["statuses"] == "6 changes as planned"
     assert details["exit codes"] == "4 processes ended with 0, 1 were killed as planned"
-    assert details["the down are silent"] == "over 15 ticks of robots"
-    assert details["the paused stand still"] == "2 times they were seen to"
+    assert details["the down are silent"] == "in 15 ticks of robots"
+    assert details["the paused stand still"] == "2 inspections found the process stopped"
 
 
 @pytest.mark.parametrize(
     ("k", "number", "status", "says"),
     [
-        (4, 2, Status.ALIVE, "r2 is alive at tick 4 and dead by the faults"),
-        (10, 2, Status.DEAD, "r2 is dead at tick 10 and alive by the faults"),
-        (3, 1, Status.DEAD, "r1 is dead at tick 3 and alive by the faults"),
-        (7, 1, Status.DEAD, "r1 is dead at tick 7 and paused by the faults"),
-        (1, 3, Status.ALIVE, "r3 is alive at tick 1 and absent by the faults"),
-        (12, 3, Status.ALIVE, "r3 is alive at tick 12 and left by the faults"),
+        (4, 2, Status.ALIVE, "r2 is alive at tick 4, but should be dead"),
+        (10, 2, Status.DEAD, "r2 is dead at tick 10, but should be alive"),
+        (3, 1, Status.DEAD, "r1 is dead at tick 3, but should be alive"),
+        (7, 1, Status.DEAD, "r1 is dead at tick 7, but should be paused"),
+        (1, 3, Status.ALIVE, "r3 is alive at tick 1, but should be absent"),
+        (12, 3, Status.ALIVE, "r3 is alive at tick 12, but should be left"),
     ],
 )
 def test_another_status_than_planned_fails(run: Run, k: int, number: int, status: Status, says: str) -> None:
@@ -91,7 +90,7 @@ def test_who_appears_where_another_stands_fails(lab: Lab) -> None:
     assert failures(run) == {}
     alter(run, 5, 2, status=Status.ALIVE)
     found = failures(run)
-    assert found["statuses"] == "r2 is alive at tick 5 and absent by the faults"
+    assert found["statuses"] == "r2 is alive at tick 5, but should be absent"
     assert found["bodies apart"].startswith("r1 and r2 overlap at tick 5")
 
 
@@ -101,7 +100,7 @@ def test_at_a_pace_a_robot_may_come_late_but_not_early(lab: Lab) -> None:
     run = lab.run(world, lab.fleet(world, late={3: 9})), world
     assert failures(run) == {}
     alter(run, 3, 3, status=Status.ALIVE)
-    assert failures(run)["statuses"] == "r3 is alive at tick 3 and absent by the faults"
+    assert failures(run)["statuses"] == "r3 is alive at tick 3, but should be absent"
 
 
 def test_a_removed_wreck_may_be_driven_over_and_one_that_stays_may_not(run: Run) -> None:
@@ -154,7 +153,7 @@ def test_a_process_that_ends_otherwise_than_planned_fails(run: Run, exits: dict[
 def test_a_process_of_which_nobody_knows_how_it_ended_fails(run: Run, name: str) -> None:
     """A launcher that forgets a process it killed, started again, or started at the beginning."""
     told = {other: code for other, code in EXITS.items() if other != name}
-    assert failures(run, told) == {"exit codes": f"nobody knows how {name} ended"}
+    assert failures(run, told) == {"exit codes": f"the exit code of {name} is unknown"}
 
 
 def test_how_a_lost_or_belated_process_ends_says_nothing(run: Run) -> None:
@@ -174,28 +173,32 @@ def seen(run: Run, *details: str, k: int = 6) -> None:
 
 def test_a_paused_process_that_somebody_lets_go_on_meanwhile_fails(run: Run) -> None:
     seen(run, "its process has the state S and does not stand still", k=9)
-    says = "r1 was paused until tick 9, and its process has the state S and does not stand still"
+    says = "r1 was paused until tick 9, but its process has the state S and does not stand still"
     assert failures(run, EXITS) == {"the paused stand still": says}
     seen(run, k=9)
-    says = "r1 was paused until tick 9, and nobody looked whether it was"
+    says = "r1 was paused until tick 9, but its process was not inspected"
     assert failures(run, EXITS) == {"the paused stand still": says}
 
 
 def test_a_paused_process_that_does_not_stand_still_fails(run: Run) -> None:
     seen(run, "its process has the state S and does not stand still")
-    says = "r1 was paused at tick 6, and its process has the state S and does not stand still"
+    says = "r1 was paused at tick 6, but its process has the state S and does not stand still"
     assert failures(run, EXITS) == {"the paused stand still": says}
 
 
 def test_a_pause_that_nobody_looked_at_fails_where_there_are_processes(run: Run) -> None:
     seen(run)
-    says = "r1 was paused at tick 6, and nobody looked whether it was"
+    says = "r1 was paused at tick 6, but its process was not inspected"
     assert failures(run, EXITS) == {"the paused stand still": says}
     (check,) = [c for c in judge(run[0], {}, run[1].prepared).checks if c.name == "the paused stand still"]
-    assert (check.ok, check.judged, check.detail) == (True, False, "there were no processes")
+    assert (check.ok, check.judged, check.detail) == (True, False, "the run had no processes")
 
 
 def test_where_nobody_can_look_it_is_not_judged(run: Run) -> None:
     seen(run, UNSEEN)
     (check,) = [c for c in judge(run[0], EXITS, run[1].prepared).checks if c.name == "the paused stand still"]
-    assert (check.ok, check.judged, check.detail) == (True, False, "1 of 2 times nobody could look")
+    assert (check.ok, check.judged, check.detail) == (
+        True,
+        False,
+        "in 1 of 2 inspections the state of the process was unknown",
+    )

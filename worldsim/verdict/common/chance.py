@@ -1,4 +1,4 @@
-"""Whether chance can explain what was counted, at a rate of false alarms that holds whenever one stops counting.
+"""Whether chance can explain what was counted, at a rate of false alarms that holds whenever counting stops.
 
 n draws that each hit with probability p, of which x hit, are compared with draws of an unknown probability q, weighed
 over all q by a Beta(1/2, 1/2) distribution:
@@ -21,7 +21,16 @@ FAMILY = 1e-9
 
 
 def evidence(hits: int, draws: int, p: float) -> float:
-    """The logarithm of E for so many hits in so many draws of probability p."""
+    """The logarithm of E.
+
+    Args:
+        hits: Draws that hit.
+        draws: All draws.
+        p: Their probability.
+
+    Returns:
+        ln E; infinite where p excludes the hits.
+    """
     if (p <= 0.0 and hits) or (p >= 1.0 and hits < draws):
         return math.inf
     under = 0.0
@@ -33,12 +42,25 @@ def evidence(hits: int, draws: int, p: float) -> float:
 
 
 def enough(draws: int, p: float, alarm: float) -> bool:
-    """Whether so many draws could come out in a way that probability p does not explain. alarm: as `unexplained`."""
+    """Whether there are enough draws that some number of hits would be unexplained.
+
+    Args:
+        draws: All draws.
+        p: Their probability.
+        alarm: As for `unexplained`.
+    """
     return max(evidence(0, draws, p), evidence(draws, draws, p)) >= -math.log(alarm)
 
 
 def unexplained(hits: int, draws: int, p: float, alarm: float) -> bool:
-    """Whether chance does not explain the hits; wrongly so with a probability of at most `alarm`."""
+    """Whether chance does not explain a number of hits.
+
+    Args:
+        hits: Draws that hit.
+        draws: All draws.
+        p: Their probability.
+        alarm: The probability of a false alarm, at most.
+    """
     return evidence(hits, draws, p) >= -math.log(alarm)
 
 

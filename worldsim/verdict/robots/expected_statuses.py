@@ -1,4 +1,4 @@
-"""The roll: who should be alive, paused, dead or away in each tick, by the scenario's faults and the records alone."""
+"""Who should be alive, paused, dead or away in each tick, by the scenario's faults and the records alone."""
 
 from __future__ import annotations
 
@@ -8,32 +8,39 @@ from typing import TYPE_CHECKING
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Pose
 from worldsim.bodies import overlap
-from worldsim.fleet.acts import APPLIES
+from worldsim.lifecycle import APPLIES
+from worldsim.verdict.common.check import Reading
+from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
-    from patrol.prepare import Prepared
-    from worldsim.timeline import Act, Timeline
+    from worldsim.timeline import Act
+    from worldsim.verdict.common.check import JudgedRun, Readings
 
 
-class Roll:
-    """Follows a run's statuses tick by tick.
+class ExpectedStatuses(Reading):
+    """The statuses that a run's robots should have, tick by tick.
 
-    away: numbers of the robots whose bodies are not there. appeared: those that came back at their starts for this
-    tick. problem: what is wrong with this tick's statuses, or nothing; from then on they are taken as they are.
+    In lockstep a robot that is started takes part at once, or as soon as its place is free. At any other pace the world
+    waits for no process, and it may do so later. Lost robots were not planned; another check reports them.
 
-    In lockstep a robot that is started takes part at once, or as soon as its place is free. At any other pace nobody
-    waits for its process, and it may do so later. Who is lost was not planned, and is another check's business.
+    Attributes:
+        away: Numbers of the robots whose bodies are not in the world.
+        appeared: Numbers of those that came back at their starts for this tick.
+        problem: What is wrong with this tick's statuses, or nothing; from then on they are taken as they are.
     """
 
-    def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
-        scenario = prepared.scenario
+    needs = (RobotsThere,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        scenario = run.prepared.scenario
         self.away: set[int] = set()
         self.appeared: set[int] = set()
         self.problem = ""
-        self._timeline = timeline
+        self._timeline = run.timeline
         self._waits = scenario.factor is None
         self._specs = {spec.number: spec for spec in scenario.roster}
-        self._starts = {spec.number: pose for spec, pose in zip(scenario.roster, prepared.starts, strict=True)}
+        self._starts = {spec.number: pose for spec, pose in zip(scenario.roster, run.prepared.starts, strict=True)}
         self._status = dict.fromkeys(self._specs, Status.ALIVE)
         self._coming: list[int] = []
         for number in self._timeline.starts_absent:
@@ -41,7 +48,11 @@ class Roll:
             self.away.add(number)
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
+        """Take in the next tick.
+
+        Args:
+            record: The tick's record.
+        """
         rows = {row.number: row for row in record.robots}
         self.appeared.clear()
         self.problem = ""
@@ -57,7 +68,7 @@ class Roll:
             if row.status is not due:
                 if not self.problem:
                     name, found = self._specs[number].name, row.status.name.lower()
-                    self.problem = f"{name} is {found} at tick {record.k} and {due.name.lower()} by the faults"
+                    self.problem = f"{name} is {found} at tick {record.k}, but should be {due.name.lower()}"
                 self._take_as_it_is(number, row.status)
 
     def _act(self, act: Act) -> None:

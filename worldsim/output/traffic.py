@@ -1,4 +1,4 @@
-"""What went over the links, for the summary: per directed link, and per fault of the radio."""
+"""The frames on the links, for the summary: per directed link, and per fault of the radio."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from patrol.journal.records import FORGED
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
-from patrol.scenario.faults.kinds import Bandwidth, OnLinks, Partition, Range, Silence, Spoof
+from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Spoof
 from worldsim.radio.ether import there
+from worldsim.radio.rules import receivers
 from worldsim.timeline import Entry, Timeline
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class _Fault:
 
     def facts(self) -> dict[str, Any]:
         facts = {"kind": self.entry.fault.kind}
-        if isinstance(self.entry.fault, OnLinks | Partition | Silence | Range | Bandwidth | Spoof):
+        if self.entry.fault.kind not in (*PROCESS_KINDS, *SENSE_KINDS):
             counts = ("frames", "dropped", "delayed", "duplicated")
             facts |= {name: getattr(self, name) for name in counts}
         return facts
@@ -59,10 +60,16 @@ class _Fault:
 class Traffic:
     """Counts a run's frames tick by tick; a frame counts once per receiver, and so does each copy.
 
-    frames, of a fault: those sent over its links while it was active; of a spoof, those that it forged.
+    The `frames` of a fault are those sent over its links while it was active; of a spoof, those that it forged.
     """
 
     def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
+        """Count from zero.
+
+        Args:
+            header: The run's first record.
+            events: Those of the whole run, among which operators may have added faults.
+        """
         self._names = {FORGED: FORGER, **{robot.number: robot.name for robot in header.robots}}
         self._links: dict[tuple[int, int], _Link] | None = None
         if len(header.robots) <= MOST_ROBOTS:
@@ -83,14 +90,14 @@ class Traffic:
             self._count_faults(self._timeline, record, here, sent)
 
     def links(self) -> dict[str, Any]:
-        """Per sender and receiver by name; nothing for a large fleet."""
+        """The counts by the names of sender and receiver; empty for a fleet above `MOST_ROBOTS`."""
         found: dict[str, dict[str, Any]] = {}
         for (source, to), link in sorted((self._links or {}).items()):
             found.setdefault(self._names[source], {})[self._names[to]] = link.facts()
         return found
 
     def faults(self) -> dict[str, Any]:
-        """Per fault by its id."""
+        """The counts by the ids of faults."""
         return {name: fault.facts() for name, fault in self._faults.items()}
 
     def _count_links(
@@ -116,7 +123,7 @@ class Traffic:
         for entry in timeline.at(record.k):
             if not isinstance(entry.fault, Spoof):
                 self._faults[entry.id].frames += sum(
-                    frames * len(_receivers(entry, origin, here) - {origin}) for origin, frames in senders.items()
+                    frames * len(receivers(entry, origin, here) - {origin}) for origin, frames in senders.items()
                 )
         for *_, cause in record.dropped:
             if (fault := cause.partition(":")[2]) in self._faults:
@@ -125,22 +132,3 @@ class Traffic:
             self._faults[fault].delayed += 1
         for *_, fault in record.copies:
             self._faults[fault].duplicated += 1
-
-
-def _receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]:
-    """Whom a robot's frames reach over links that a fault is about, or that a stranger's do (origin 0)."""
-    match entry.fault:
-        case OnLinks() if origin in entry.sources:
-            return here.intersection(entry.targets)
-        case Range() | Bandwidth() if origin in entry.who:
-            return here
-        case Silence(direction=direction):
-            if origin in entry.who and direction != "in":
-                return here
-            return here.intersection(entry.who) if direction != "out" else frozenset()
-        case Partition(direction=direction):
-            places = [place for place, group in enumerate(entry.groups) if origin in group]
-            groups = enumerate(entry.groups) if places else ()
-            other = [g for place, g in groups if place > places[0] or (place < places[0] and direction == "both")]
-            return here.intersection(number for group in other for number in group)
-    return frozenset()

@@ -16,8 +16,13 @@ from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
-from worldsim.output.record import COMPLETED, MemoryJournal, header_of
-from worldsim.radio.overheard import LAST_WORDS_S, DirectLinks, Ear, as_measured
+from tests.worldsim.verdict.judged import result_of
+from worldsim.output.direct_radio import as_measured
+from worldsim.output.record import header_of
+from worldsim.radio.listener import LAST_REPORTS_S, Listener
+from worldsim.run_record import COMPLETED, MemoryJournal
+from worldsim.verdict.common.check import CheckResult
+from worldsim.verdict.frames.direct_links import DirectLinks
 from worldsim.world import World
 
 KEYS = FleetKeys("f")
@@ -25,13 +30,13 @@ NUMBERS = {"r1": 1, "r2": 2}
 
 
 class Scene:
-    """An ear, what reaches it, and a clock that waiting moves on."""
+    """An listener, what reaches it, and a clock that waiting moves on."""
 
     def __init__(self) -> None:
         self.time = 0.0
         self.positions: Mailbox[bytes] = Mailbox([KEYS.position(name) for name in NUMBERS], bytes, 64)
         self.telemetry = Waiting(self)
-        self.ear = Ear(KEYS, NUMBERS, self.positions, self.telemetry, lambda: self.time)
+        self.listener = Listener(KEYS, NUMBERS, self.positions, self.telemetry, lambda: self.time)
 
     def send(self, robot: str, *frames: bytes) -> None:
         for frame in frames:
@@ -66,27 +71,27 @@ def test_the_world_overhears_the_frames_of_its_tick() -> None:
     scene = Scene()
     scene.send("r1", position(1, 7), contact(7))
     scene.send("r2", position(2, 6))
-    assert scene.ear.overhear(7) == {1: [position(1, 7), contact(7)]}
-    assert scene.ear.overhear(8) == {}
-    assert scene.ear.missed == {2: 1}
+    assert scene.listener.frames(7) == {1: [position(1, 7), contact(7)]}
+    assert scene.listener.frames(8) == {}
+    assert scene.listener.missed == {2: 1}
 
 
 def test_a_robots_position_is_the_first_and_only_one_of_its_frames() -> None:
     scene = Scene()
     scene.send("r1", contact(7), position(1, 7), position(1, 7), b"junk")
-    assert scene.ear.overhear(7) == {1: [position(1, 7)]}
-    assert scene.ear.missed == {1: 3}
+    assert scene.listener.frames(7) == {1: [position(1, 7)]}
+    assert scene.listener.missed == {1: 3}
 
 
 def test_what_robots_say_of_their_radio_adds_up_over_their_processes() -> None:
     scene = Scene()
     scene.say("r1", sent=10, r2=3)
-    scene.ear.overhear(0)
+    scene.listener.frames(0)
     scene.say("r1", incarnation=2, sent=5, r2=1, stranger=99)
-    scene.ear.overhear(1)
+    scene.listener.frames(1)
     scene.say("r1", sent=1000, r2=1000)  # the process that is no more
     scene.say("r2", sent=20, r1=8)
-    said = scene.ear.notes()["direct"]["said"]
+    said = scene.listener.notes()["direct"]["said"]
     assert said["r1"] == {"sent": 15, "heard": {"r2": 4}, "refused": 2, "final": True}
     assert said["r2"] == {"sent": 20, "heard": {"r1": 8}, "refused": 1, "final": True}
     assert scene.time == 0.0
@@ -95,10 +100,10 @@ def test_what_robots_say_of_their_radio_adds_up_over_their_processes() -> None:
 def test_the_world_waits_a_moment_for_last_words() -> None:
     scene = Scene()
     scene.say("r1", final=False)
-    notes = scene.ear.notes()["direct"]
+    notes = scene.listener.notes()["direct"]
     assert list(notes["said"]) == ["r1"]
     assert not notes["said"]["r1"]["final"]
-    assert scene.time == pytest.approx(LAST_WORDS_S)
+    assert scene.time == pytest.approx(LAST_REPORTS_S)
 
 
 def direct(**more: object) -> Mapping[str, Any]:
@@ -126,9 +131,13 @@ def says(sent: int, *, final: bool = True, **heard: int) -> dict[str, Any]:
     return {"sent": sent, "heard": heard, "refused": 0, "final": final}
 
 
+def links_of(journal: MemoryJournal) -> CheckResult:
+    return result_of(DirectLinks, prepare(load_scenario(direct())), journal)
+
+
 def test_links_are_measured_and_not_judged(ended: Callable[..., MemoryJournal]) -> None:
     journal = ended({"r1": says(10, r2=15), "r2": says(20, r1=8)})
-    check = DirectLinks(journal).check()
+    check = links_of(journal)
     assert check.ok
     assert "not judged" in check.detail
     assert "23 of 30" in check.detail
@@ -147,7 +156,7 @@ def test_links_are_measured_and_not_judged(ended: Callable[..., MemoryJournal]) 
 
 def test_a_robot_that_has_said_nothing_is_named(ended: Callable[..., MemoryJournal]) -> None:
     journal = ended({"r1": says(10, r2=15)})
-    assert DirectLinks(journal).check().ok
+    assert links_of(journal).ok
     summary = as_measured({"messages": {}, "robots": {}}, journal)["direct"]
     assert summary["links"] == {}
     assert summary["heard_share"] is None
@@ -155,11 +164,13 @@ def test_a_robot_that_has_said_nothing_is_named(ended: Callable[..., MemoryJourn
 
 
 def test_nobody_can_have_heard_more_than_was_sent(ended: Callable[..., MemoryJournal]) -> None:
-    check = DirectLinks(ended({"r1": says(10, r2=21), "r2": says(20, r1=8)})).check()
+    check = result_of(
+        DirectLinks, prepare(load_scenario(direct())), ended({"r1": says(10, r2=21), "r2": says(20, r1=8)})
+    )
     assert not check.ok
     assert check.detail == "r1 heard 21 frames of r2, which sent 20"
     killed = ended({"r1": says(10, r2=21), "r2": says(20, final=False, r1=8)})
-    assert DirectLinks(killed).check().ok, "what a killed robot sent last it could not say"
+    assert links_of(killed).ok, "what a killed robot sent last it could not say"
 
 
 def test_the_world_carries_nothing() -> None:

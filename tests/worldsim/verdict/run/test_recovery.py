@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import Event, Status
-from worldsim.output.record import MemoryJournal
-from worldsim.verdict.checks import Check
+from worldsim.run_record import MemoryJournal
+from worldsim.verdict.common.check import CheckResult
 from worldsim.verdict.judge import Judge, judge
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def world(lab: Lab, *faults: dict[str, Any], ticks: int = 40, sensor: dict[str, 
     return lab.patrol(ticks=ticks, sensor=sensor, faults=list(faults))
 
 
-def recovery(world: World, journal: MemoryJournal, baseline_s: float | None) -> Check:
+def recovery(world: World, journal: MemoryJournal, baseline_s: float | None) -> CheckResult:
     judging = Judge(journal, {}, world.prepared, baseline_s=baseline_s)
     for record in journal.ticks:
         judging.tick(record)
@@ -33,14 +33,14 @@ def recovery(world: World, journal: MemoryJournal, baseline_s: float | None) -> 
 def test_who_sees_everything_at_once_recovers(lab: Lab) -> None:
     found = world(lab, SILENCE)
     check = recovery(found, lab.run(found), 2.0)
-    assert check == Check("recovery", True, "every point was seen again in 0 s; 10 s are allowed")
+    assert check == CheckResult("recovery", True, "every point was seen again in 0 s; at most 10 s are allowed")
 
 
 def test_a_point_that_is_not_seen_again_in_time_fails(lab: Lab) -> None:
     found = world(lab, SILENCE, sensor={"range": 2.0})
     journal = lab.run(found)
     check = recovery(found, journal, 2.9)
-    assert check == Check("recovery", False, "not every point was seen again; 14.5 s are allowed")
+    assert check == CheckResult("recovery", False, "not every point was seen again; at most 14.5 s are allowed")
     verdict = judge(journal, {}, found.prepared, baseline_s=2.9)
     assert verdict.outcome == "invalid"
     assert [failed.name for failed in verdict.failed] == ["recovery"]
@@ -56,7 +56,7 @@ def test_to_recover_too_late_fails(lab: Lab) -> None:
         robots = zip(journal.records[k].robots, places, strict=True)
         journal.records[k] = replace(journal.records[k], robots=tuple(replace(row, x=x, y=y) for row, (x, y) in robots))
     late = recovery(found, journal, 2.0)
-    assert late == Check("recovery", False, "every point was seen again in 10.5 s; 10 s are allowed")
+    assert late == CheckResult("recovery", False, "every point was seen again in 10.5 s; at most 10 s are allowed")
     assert recovery(found, journal, 2.1).ok
 
 
@@ -72,13 +72,13 @@ def test_what_cannot_be_judged_is_ok_and_says_so(
 ) -> None:
     found = world(lab, fault)
     check = recovery(found, lab.run(found), baseline_s)
-    assert check == Check("recovery", True, f"not judged: {why}", judged=False)
+    assert check == CheckResult("recovery", True, f"not judged: {why}", judged=False)
 
 
 def test_a_quiet_window_that_is_too_short_is_not_judged(lab: Lab) -> None:
     found = world(lab, SILENCE, sensor={"range": 2.0})
     check = recovery(found, lab.run(found), 3.1)
-    assert check.detail == "not judged: the quiet window is shorter than 15.5 s, 5 x the fault-free MFoW"
+    assert check.detail == "not judged: the run goes on for less than 15.5 s after the faults, 5 x the fault-free MFoW"
     assert not check.judged
     assert check.ok
 
@@ -88,21 +88,21 @@ def test_a_fleet_that_is_not_whole_again_is_not_judged(lab: Lab) -> None:
     journal = lab.run(found)
     robots = journal.records[10].robots
     journal.records[10] = replace(journal.records[10], robots=(*robots[:3], replace(robots[3], status=Status.LEFT)))
-    assert recovery(found, journal, 2.0).detail == "not judged: r4 is left when everything has healed"
+    assert recovery(found, journal, 2.0).detail == "not judged: r4 is left when all faults are over"
 
 
 def test_a_run_that_ends_before_the_healing_is_not_judged(lab: Lab) -> None:
     found = world(lab, SILENCE)
     journal = lab.run(found)
     del journal.records[8:]
-    assert recovery(found, journal, 2.0).detail == "not judged: the run ended before everything had healed"
+    assert recovery(found, journal, 2.0).detail == "not judged: the run ended before all faults were over"
 
 
 def test_a_later_fault_that_somebody_asked_for_is_not_judged(lab: Lab) -> None:
     found = world(lab, SILENCE)
     journal = lab.run(found)
     journal.write(Event(20, "fault", None, "f2 silence begins: r2"))
-    assert recovery(found, journal, 2.0).detail == "not judged: a fault was asked for at tick 20"
+    assert recovery(found, journal, 2.0).detail == "not judged: a fault was added at tick 20"
 
 
 def test_a_run_without_faults_has_no_such_check(lab: Lab) -> None:

@@ -1,0 +1,122 @@
+"""A mind at work in a robot of its own: tick after tick, until it is time to leave or its policy fails."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+
+import numpy as np
+import pytest
+
+from agent.build import build_mind
+from agent.mind import Mind
+from agent.mind_loop import run_mind
+from agent.ports import Decision, Intent, Steer
+from agent.robots.fake import FakeRobot
+from agent.view import View
+from patrol.exchange import Sensed
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose, Velocity
+from patrol.radio.message import decode
+from patrol.scenario import load_scenario
+from tests.agent.minds import STEP, prepared_on
+
+START = Pose(6.0, 6.0, 0.0)
+
+
+class Ticks:
+    """Ticks 0 and up to a last one."""
+
+    def __init__(self, last: int) -> None:
+        self._ticks: deque[int | None] = deque([*range(last + 1), None])
+
+    def tick(self) -> int | None:
+        return self._ticks.popleft()
+
+    def decide(self) -> bool:
+        return True
+
+
+class Ears:
+    """A radio that keeps what is sent, and hears nothing, or is too late in some ticks."""
+
+    def __init__(self, late: tuple[int, ...] = ()) -> None:
+        self.sent: list[tuple[bytes, ...]] = []
+        self._late = late
+
+    def send(self, frames: tuple[bytes, ...]) -> None:
+        self.sent.append(frames)
+
+    def hear(self) -> list[bytes] | None:
+        return None if len(self.sent) - 1 in self._late else []
+
+
+class Eyes:
+    """Who looks on."""
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[int, Decision, float]] = []
+
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        self.seen.append((sensed.k, decision, decision_ms))
+
+
+class Ahead:
+    """A policy that drives ahead, until it raises or falls asleep."""
+
+    def __init__(self, raises: int = 99, sleeps: int = 99) -> None:
+        self._raises, self._sleeps = raises, sleeps
+
+    def decide(self, view: View) -> Intent:
+        if view.tick == self._raises:
+            raise RuntimeError("no idea")
+        if view.tick == self._sleeps:
+            time.sleep(60.0)
+        return Steer(Velocity(1.0, 0.0), state="ahead")
+
+
+def made(policy: Ahead, last: int = 5) -> tuple[Mind, FakeRobot]:
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"model": "holonomic"}})
+    prepared = prepared_on(scenario, Terrain("room", np.ones((40, 60), dtype=np.bool_), 0.5), [START])
+    mind = build_mind(prepared, 1)
+    mind.policy = policy
+    return mind, FakeRobot(Ticks(last), scenario.roster[0], prepared.terrain, START, STEP)
+
+
+def test_it_senses_sends_hears_decides_and_acts_until_it_is_time_to_leave() -> None:
+    mind, robot = made(Ahead())
+    ears, eyes = Ears(), Eyes()
+    assert run_mind(mind, robot, ears, eyes) is None
+    assert [decode(frames[0]).sequence for frames in ears.sent] == [0, 1, 2, 3, 4, 5]
+    assert [decode(frames[0]).x_cm for frames in ears.sent] == [600, 650, 700, 750, 800, 850]
+    assert [k for k, _, _ in eyes.seen] == [0, 1, 2, 3, 4, 5]
+    assert {decision.state for _, decision, _ in eyes.seen} == {"ahead"}
+    assert all(spent_ms > 0.0 for _, _, spent_ms in eyes.seen)
+    assert robot.stopped == ""
+
+
+def test_a_tick_that_is_too_late_to_decide_on_is_left_out() -> None:
+    mind, robot = made(Ahead())
+    ears, eyes = Ears(late=(2, 3)), Eyes()
+    assert run_mind(mind, robot, ears, eyes) is None
+    assert [k for k, _, _ in eyes.seen] == [0, 1, 4, 5]
+    assert [decode(frames[0]).x_cm for frames in ears.sent] == [600, 650, 700, 700, 700, 750]
+
+
+def test_a_policy_that_fails_stops_its_robot(capsys: pytest.CaptureFixture[str]) -> None:
+    mind, robot = made(Ahead(raises=3))
+    eyes = Eyes()
+    says = "its policy failed at tick 3: raised RuntimeError: no idea"
+    assert run_mind(mind, robot, Ears(), eyes) == says
+    assert robot.stopped == says
+    assert [k for k, _, _ in eyes.seen] == [0, 1, 2]
+    assert 'raise RuntimeError("no idea")' in capsys.readouterr().err, "where it was raised is for its author to see"
+
+
+def test_a_policy_that_hangs_stops_its_robot() -> None:
+    mind, robot = made(Ahead(sleeps=2))
+    begun = time.monotonic()
+    says = "its policy failed at tick 2: took longer than 0.3 s to decide"
+    assert run_mind(mind, robot, Ears(), Eyes(), limit_s=0.3) == says
+    assert time.monotonic() - begun < 30.0
+    assert robot.stopped == says

@@ -1,0 +1,72 @@
+"""The life of a robot's process: what faults do to it between ticks, and what a journal says of that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from patrol.journal import Status
+
+if TYPE_CHECKING:
+    from worldsim.timeline import Timeline
+
+SKIPPED = "skipped"
+WAITING = "waiting"
+LOOKED_AT = "looked at"
+"""Kinds of events that change no status; the last reports what was seen of a process when its pause began or ended."""
+
+APPLIES: Mapping[str, frozenset[Status]] = {
+    "kill": frozenset({Status.ALIVE, Status.PAUSED}),
+    "restart": frozenset({Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST}),
+    "pause": frozenset({Status.ALIVE}),
+    "resume": frozenset({Status.PAUSED}),
+    "join": frozenset({Status.ABSENT, Status.LEFT}),
+    "leave": frozenset({Status.ALIVE, Status.PAUSED}),
+}
+"""The statuses of the robots that each kind of act makes sense for; it makes none for one that is being started."""
+
+BECOMES: Mapping[str, Status] = {
+    "kill": Status.DEAD,
+    "restart": Status.ALIVE,
+    "pause": Status.PAUSED,
+    "resume": Status.ALIVE,
+    "join": Status.ALIVE,
+    "leave": Status.LEFT,
+}
+"""The status that each kind of act gives a robot, once it is done."""
+
+STOPPED = "its process stands still"
+UNSEEN = "its process cannot be looked at here"
+"""What was seen of a process that should be stopped, as journals have it; anything else is wrong."""
+
+
+def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) -> dict[int, Status]:
+    """The robots' statuses after a number of ticks, if their processes do only what faults make them do.
+
+    Args:
+        timeline: The faults.
+        numbers: The robots' numbers.
+        ticks: The number of ticks.
+
+    Returns:
+        The statuses by robot number.
+    """
+    standing = {number: Status.ABSENT if number in timeline.starts_absent else Status.ALIVE for number in numbers}
+    for k in range(ticks):
+        for act in timeline.acts(k):
+            if standing[act.number] in APPLIES[act.kind]:
+                standing[act.number] = BECOMES[act.kind]
+    return standing
+
+
+def process_name(robot: str, incarnation: int) -> str:
+    """Name a robot's process, for lists of exit codes.
+
+    Args:
+        robot: The robot's name.
+        incarnation: Of the process, from 1.
+
+    Returns:
+        The robot's name for the first process, "r1 (2)" for the second.
+    """
+    return robot if incarnation <= 1 else f"{robot} ({incarnation})"

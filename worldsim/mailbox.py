@@ -1,0 +1,22 @@
+"""What the world needs of a mailbox, so that its parts can be tested without a network."""
+
+from __future__ import annotations
+
+from typing import Protocol, TypeVar
+
+T_co = TypeVar("T_co", covariant=True)
+
+
+class Mailbox(Protocol[T_co]):
+    """The reading side of a mailbox of `patrol.net`."""
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, T_co] | None:
+        """Take out the next message.
+
+        Args:
+            timeout_s: How long to wait for one, s.
+
+        Returns:
+            The message's key and the message, or None when none came in time.
+        """
+        ...

@@ -1,0 +1,146 @@
+"""The world as a listener to a fleet whose robots hear each other directly.
+
+The world carries no frame of such a fleet. It hears those that reach it too, and each robot reports how many it has
+sent and heard. So a frame's fate on a link is unknown, but how many of a link's frames were heard is measured, by those
+who should have heard them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from patrol.net.keys import FleetKeys, robot_of
+from patrol.net.telemetry import Traffic
+from patrol.radio.message import CONTACT, Rejected, decode
+
+if TYPE_CHECKING:
+    from worldsim.mailbox import Mailbox
+
+ROOM = 64
+"""Frames of one robot that can wait for the world to read them."""
+
+MAX_TRAFFIC = 1024
+"""Length of the longest telemetry, bytes for each robot of the fleet."""
+
+LAST_REPORTS_S = 2.0
+"""How long the world waits for the last telemetry of robots that are leaving, s."""
+
+
+@dataclass(slots=True)
+class _Counts:
+    """The counts that the processes of one robot have reported: `last` of the newest, the sums of those before it."""
+
+    senders: frozenset[str]
+    last: Traffic | None = None
+    sent: int = 0
+    refused: int = 0
+    heard: Counter[str] = field(default_factory=Counter)
+
+    def take(self, traffic: Traffic) -> None:
+        """Take the next report; one of an older process comes too late."""
+        if self.last is not None and traffic.incarnation < self.last.incarnation:
+            return
+        if self.last is not None and traffic.incarnation > self.last.incarnation:
+            self.sent += self.last.sent
+            self.refused += self.last.refused
+            self.heard.update(self.last.heard)
+        heard = {sender: count for sender, count in traffic.heard.items() if sender in self.senders}
+        self.last = replace(traffic, heard=heard)
+
+    @property
+    def has_left(self) -> bool:
+        """Whether no more reports will come."""
+        return self.last is not None and self.last.final
+
+    def total(self) -> dict[str, Any]:
+        """The sums, for the journal; where they are not final they may lack the last frames."""
+        last = self.last
+        assert last is not None
+        heard = {sender: self.heard[sender] + count for sender, count in sorted(last.heard.items())}
+        refused = self.refused + last.refused
+        return {"sent": self.sent + last.sent, "heard": heard, "refused": refused, "final": last.final}
+
+
+class Listener:
+    """What the world hears of a direct radio, and what robots report of it.
+
+    Attributes:
+        missed: Frames by robot number that reached the world too late, or out of order.
+    """
+
+    def __init__(
+        self,
+        keys: FleetKeys,
+        numbers: Mapping[str, int],
+        positions: Mailbox[bytes],
+        telemetry: Mailbox[Traffic],
+        now: Callable[[], float],
+    ) -> None:
+        """Listen to a fleet.
+
+        Args:
+            keys: The fleet's keys.
+            numbers: The robots' numbers by name.
+            positions: The frames, by their senders' keys.
+            telemetry: What the robots report, by their keys.
+            now: Wall clock, s.
+        """
+        self.missed: Counter[int] = Counter()
+        self._numbers = {keys.position(name): number for name, number in numbers.items()}
+        self._positions = positions
+        self._telemetry = telemetry
+        self._now = now
+        self._counts = {name: _Counts(frozenset(numbers) - {name}) for name in numbers}
+
+    def frames(self, k: int) -> dict[int, list[bytes]]:
+        """Take the frames of a tick that have reached the world by now.
+
+        Frames of another tick have come too late, or are false; they are counted as missed, and so are contacts without
+        a position.
+
+        Args:
+            k: The tick.
+
+        Returns:
+            The frames by robot number, of each robot its position first.
+        """
+        frames: dict[int, list[bytes]] = {}
+        while (arrived := self._positions.get()) is not None:
+            number = self._numbers[arrived[0]]
+            place = _place(arrived[1], k)
+            if place is None or (place == CONTACT) is (number not in frames):
+                self.missed[number] += 1
+            else:
+                frames.setdefault(number, []).append(arrived[1])
+        self._listen()
+        return frames
+
+    def notes(self) -> dict[str, Any]:
+        """Notes for the journal's end: what each robot reported last, and what the world itself has missed.
+
+        Waits up to `LAST_REPORTS_S` for robots that are leaving now.
+        """
+        until = self._now() + LAST_REPORTS_S
+        self._listen()
+        while not all(counts.has_left for counts in self._counts.values()) and (left := until - self._now()) > 0.0:
+            self._listen(left)
+        said = {name: counts.total() for name, counts in self._counts.items() if counts.last is not None}
+        missed = {robot_of(key): self.missed[number] for key, number in self._numbers.items()}
+        return {"direct": {"said": said, "missed": missed}}
+
+    def _listen(self, wait_s: float = 0.0) -> None:
+        while (arrived := self._telemetry.get(wait_s)) is not None:
+            self._counts[robot_of(arrived[0])].take(arrived[1])
+            wait_s = 0.0
+
+
+def _place(frame: bytes, k: int) -> int | None:
+    """The robot number in a frame of tick k; None for any other frame."""
+    try:
+        position = decode(frame)
+    except Rejected:
+        return None
+    return position.robot if position.sequence == k else None

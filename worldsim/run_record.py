@@ -1,0 +1,94 @@
+"""A run's records: why a run ends, where records are written to, and what reads them back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+from patrol.journal import End, Event, Header, Record, TickRecord
+
+COMPLETED = "completed"
+INTERRUPTED = "interrupted"
+DESERTED = "nobody is living any more"
+"""Why a run ended, as journals have it: all ticks are done, it was asked to stop, or no robot is left."""
+
+
+class Writer(Protocol):
+    """Where records go: `patrol.journal.file.JournalWriter`, or a list in memory."""
+
+    def write(self, record: Record) -> None:
+        """Take the next record."""
+        ...
+
+
+class RunRecord(Protocol):
+    """A run's records, read back: `patrol.journal.file.Journal`, or a list in memory."""
+
+    @property
+    def header(self) -> Header:
+        """The first record."""
+        ...
+
+    @property
+    def ticks(self) -> Iterator[TickRecord]:
+        """The ticks in order; a new iterator on each access."""
+        ...
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """The events in order."""
+        ...
+
+    @property
+    def end(self) -> End | None:
+        """The last record, or None for a run that was cut off."""
+        ...
+
+    @property
+    def truncated(self) -> bool:
+        """Whether something damaged follows the last whole record."""
+        ...
+
+
+class MemoryJournal:
+    """A run's records in memory: written like a journal, read like one.
+
+    Attributes:
+        header: The first record.
+        records: The ticks.
+        events: The events.
+        end: The last record, or None before it is written.
+    """
+
+    truncated = False
+
+    def __init__(self, header: Header, keep: bool = True) -> None:
+        """Begin a run's records.
+
+        Args:
+            header: The first record.
+            keep: Whether to keep the ticks.
+        """
+        self.header = header
+        self._keep = keep
+        self.records: list[TickRecord] = []
+        self.events: tuple[Event, ...] = ()
+        self.end: End | None = None
+
+    @property
+    def ticks(self) -> Iterator[TickRecord]:
+        """The ticks in order; a new iterator on each access."""
+        return iter(self.records)
+
+    def write(self, record: Record) -> None:
+        """Append one record."""
+        match record:
+            case TickRecord():
+                if self._keep:
+                    self.records.append(record)
+            case Event():
+                self.events += (record,)
+            case End():
+                self.end = record
+            case Header():
+                self.header = record

@@ -1,0 +1,1 @@
+"""What all checks of the verdict share."""

@@ -1,0 +1,202 @@
+"""The base of the verdict's checks: each goes through a journal's ticks once and gives a result at the end."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, TypeVar
+
+from patrol.journal.records import FORGED
+
+if TYPE_CHECKING:
+    from patrol.journal import TickRecord
+    from patrol.prepare import Prepared
+    from worldsim.run_record import RunRecord
+    from worldsim.timeline import Timeline
+
+
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """The result of one check.
+
+    Attributes:
+        name: The check's name, as in `summary.json`.
+        ok: Whether the run passed.
+        detail: What was found; where the run failed, the first problem.
+        judged: False where there was nothing to judge by, or too little. Then `ok` is True and the detail says why.
+    """
+
+    name: str
+    ok: bool
+    detail: str
+    judged: bool = True
+
+
+@dataclass(frozen=True)
+class JudgedRun:
+    """A run as its verdict knows it.
+
+    Attributes:
+        journal: Its records. It may still be being written: events and end are read when they are needed.
+        prepared: Its scenario with all faults, its starts and its terrain.
+        timeline: The scenario's faults in ticks and robot numbers.
+        exit_codes: Exit codes of its processes by name, None for one that was never seen to end; empty for a run in one
+            process.
+        verify_fog: Whether to recompute the fog and what robots made of what they heard.
+        baseline_s: Mean MFoW (s) of the same scenario without its faults, or None where nobody has run that.
+    """
+
+    journal: RunRecord
+    prepared: Prepared
+    timeline: Timeline
+    exit_codes: Mapping[str, int | None]
+    verify_fog: bool = True
+    baseline_s: float | None = None
+
+    @property
+    def processes(self) -> bool:
+        """Whether the robots were processes."""
+        return bool(self.exit_codes)
+
+    @property
+    def by_ether(self) -> bool:
+        """Whether the world carried the frames, so that their fates are known."""
+        return self.prepared.scenario.radio.via == "ether"
+
+    @property
+    def step(self) -> float:
+        """The length of a tick, s."""
+        return self.prepared.scenario.step
+
+    @cached_property
+    def names(self) -> dict[int, str]:
+        """The robots' names by number."""
+        return {robot.number: robot.name for robot in self.journal.header.robots}
+
+    @cached_property
+    def senders(self) -> dict[int, str]:
+        """The robots' names by number, and what to call the sender of forged frames."""
+        return {**self.names, FORGED: "a forger"}
+
+
+class Reading(ABC):
+    """What goes through the ticks of a journal, in order, and can be asked about them.
+
+    Attributes:
+        needs: The classes of the readings that this one asks. They take in each tick before it does, and once one of
+            them is not `usable` any more, this one gets no further ticks.
+        needed: These readings.
+    """
+
+    needs: ClassVar[tuple[type[Reading], ...]] = ()
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        """Prepare to read a run.
+
+        Args:
+            run: The run.
+            readings: The readings that this one `needs`, at least.
+        """
+        self._run = run
+        self.needed = tuple(readings[kind] for kind in self.needs)
+
+    @property
+    def usable(self) -> bool:
+        """Whether readings that need this one can go on."""
+        return True
+
+    @abstractmethod
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick.
+
+        Args:
+            record: The tick's record.
+        """
+
+
+R = TypeVar("R", bound=Reading)
+
+
+class Readings:
+    """The readings of one run, by their classes."""
+
+    def __init__(self) -> None:
+        self._made: dict[type[Reading], Reading] = {}
+
+    def __getitem__(self, kind: type[R]) -> R:
+        """The reading of that class."""
+        found = self._made[kind]
+        assert isinstance(found, kind)
+        return found
+
+    def add(self, kind: type[Reading], run: JudgedRun) -> None:
+        """Make a reading, and before it those that it needs; none twice.
+
+        Args:
+            kind: Its class.
+            run: The run to read.
+        """
+        if kind not in self._made:
+            for needed in kind.needs:
+                self.add(needed, run)
+            self._made[kind] = kind(run, self)
+
+    def in_order(self) -> list[Reading]:
+        """All readings, each after those that it needs."""
+        return list(self._made.values())
+
+
+class Check(Reading):
+    """A check of the verdict. A subclass implements `_tick` and `_good`, and reports problems by `_fail`.
+
+    Attributes:
+        name: The check's name.
+        of_ether: Whether it is about frames that the world carried, so that it makes no sense with direct radio.
+        reads_on: Whether it takes in ticks after its first problem, because others need what it reads.
+    """
+
+    name: ClassVar[str]
+    of_ether: ClassVar[bool] = False
+    reads_on: ClassVar[bool] = False
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._problem = ""
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Whether a run calls for this check.
+
+        Args:
+            run: The run.
+        """
+        return run.by_ether or not cls.of_ether
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick; nothing after the first problem, unless the check `reads_on`.
+
+        Args:
+            record: The tick's record.
+        """
+        if self.reads_on or not self._problem:
+            self._tick(record)
+
+    def result(self) -> CheckResult:
+        """The result, once all ticks are in and the journal has ended."""
+        return CheckResult(self.name, not self._problem, self._problem or self._good())
+
+    def _tick(self, record: TickRecord) -> None:
+        """Look at a tick; nothing for a check that looks at the run's end only."""
+
+    @abstractmethod
+    def _good(self) -> str:
+        """The detail of a result without a problem."""
+
+    def _fail(self, problem: str) -> None:
+        """Note a problem; the first is kept."""
+        self._problem = self._problem or problem
+
+    def _not_judged(self, why: str) -> CheckResult:
+        return CheckResult(self.name, True, why, judged=False)

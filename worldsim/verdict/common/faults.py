@@ -1,0 +1,77 @@
+"""What a fault's entry says, read without the code that carries faults out; and the base of checks of such faults."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from patrol.scenario.faults.kinds import Fault, Spoof
+from worldsim.verdict.common.check import Check
+from worldsim.verdict.common.robots_there import RobotsThere
+
+if TYPE_CHECKING:
+    from patrol.journal import TickRecord
+    from worldsim.timeline import Entry, Timeline
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+NO_ROBOT = 0
+"""The origin of frames that come from no robot's radio."""
+
+
+def active(entry: Entry, k: int) -> bool:
+    """Whether a lasting fault is active in tick k."""
+    return entry.begin <= k and (entry.end is None or k < entry.end)
+
+
+def on_link(entry: Entry, origin: int, to: int) -> bool:
+    """Whether a fault of links acts on what one robot's radio sends to another.
+
+    Args:
+        entry: The fault.
+        origin: Number of the robot whose radio sends.
+        to: Number of the receiver.
+    """
+    return origin in entry.sources and to in entry.targets
+
+
+def forgers_of(timeline: Timeline) -> dict[str, int]:
+    """The numbers of the robots that forge (`NO_ROBOT` for a stranger) by the ids of the spoofs."""
+    return {entry.id: entry.sources[0] for entry in timeline.entries if isinstance(entry.fault, Spoof)}
+
+
+class FrameFaultCheck(Check):
+    """A check of what faults of some kinds do to frames that the world carries.
+
+    A subclass implements `_active_tick`, or `_tick` if it also looks at ticks in which none of its faults is active.
+
+    Attributes:
+        kinds: Classes of the faults that call for the check; they are also those that it looks at.
+    """
+
+    needs = (RobotsThere,)
+    of_ether = True
+    kinds: ClassVar[tuple[type[Fault], ...]]
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._names = run.senders
+        self._entries = [entry for entry in run.timeline.entries if isinstance(entry.fault, self.kinds)]
+        self._forgers = forgers_of(run.timeline)
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where the world carried frames and a fault of these kinds acts on them."""
+        return super().applies(run) and any(isinstance(entry.fault, cls.kinds) for entry in run.timeline.entries)
+
+    def _tick(self, record: TickRecord) -> None:
+        entries = [entry for entry in self._entries if active(entry, record.k)]
+        if entries:
+            self._active_tick(record, entries)
+
+    def _active_tick(self, record: TickRecord, entries: Sequence[Entry]) -> None:
+        """Look at a tick in which some of the faults are active."""
+
+    def _frame(self, link: tuple[int, int, int], k: int) -> str:
+        """What to call a frame of tick k on a link."""
+        source, to, _ = link
+        return f"a frame from {self._names.get(source, source)} to {self._names.get(to, to)} of tick {k}"

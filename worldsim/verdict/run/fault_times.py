@@ -1,0 +1,60 @@
+"""The verdict's check of the ticks in which faults begin and end, by what docs/faults.md says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from patrol.scenario.faults.kinds import Lasting
+from worldsim.verdict.common.check import Check
+
+if TYPE_CHECKING:
+    from worldsim.timeline import Entry
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+_ROUNDING = 1e-9
+"""Times that are this near to a tick, or to half of one, count as it, in ticks."""
+
+
+class FaultsOnTime(Check):
+    """The ticks in which each fault begins and ends are those of its `at` and `for`.
+
+    World and verdict take these ticks from the same timeline, so nothing that happens in a run could reveal an error.
+    """
+
+    name = "fault times"
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        wrong = [e for e in run.timeline.entries if not (_begins(e, run.step) and _ends(e, run.step))]
+        self._problem = "; ".join(
+            f"{entry.id} is scheduled from tick {entry.begin} "
+            + ("to the end of the run" if entry.end is None else f"to before tick {entry.end}")
+            + ", which is not what its `at` and `for` say"
+            for entry in wrong
+        )
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where the scenario has faults."""
+        return bool(run.timeline.entries)
+
+    def _good(self) -> str:
+        return f"{len(self._run.timeline.entries)} faults scheduled by their `at` and `for`"
+
+
+def _begins(entry: Entry, step: float) -> bool:
+    """Whether a fault begins in the first tick that is not before its `at`."""
+    at = entry.fault.at / step - _ROUNDING
+    return entry.begin >= at and (entry.begin == 0 or entry.begin - 1 < at)
+
+
+def _ends(entry: Entry, step: float) -> bool:
+    """Whether a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick."""
+    fault = entry.fault
+    if not isinstance(fault, Lasting):
+        return entry.end == entry.begin
+    if entry.end is None or fault.lasts is None:
+        return entry.end is None and fault.lasts is None
+    ticks = entry.end - entry.begin
+    more = fault.lasts / step + _ROUNDING - ticks
+    return more < 0.5 and (ticks == 1 or (ticks > 1 and more >= -0.5))

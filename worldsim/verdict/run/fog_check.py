@@ -1,0 +1,48 @@
+"""The verdict's check of the fog."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from patrol.ground.footprint import sensor_footprint
+from patrol.journal import Status
+from patrol.pose import Pose
+from worldsim.truth import Truth
+from worldsim.verdict.common.check import Check
+from worldsim.verdict.common.robots_there import RobotsThere
+
+if TYPE_CHECKING:
+    from patrol.journal import TickRecord
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+
+class FogIsTrue(Check):
+    """MFoW, mean fog and points seen are what the poses give, recomputed from the beginning."""
+
+    name = "fog"
+    needs = (RobotsThere,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
+        self._truth = Truth(footprint, run.prepared.patrolled)
+        self._ticks = 0
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where the fog is to be verified."""
+        return run.verify_fog
+
+    def _tick(self, record: TickRecord) -> None:
+        poses = [(r.number, Pose(r.x, r.y, r.heading)) for r in record.robots if r.status is Status.ALIVE]
+        self._truth.observe(record.k, poses)
+        self._ticks += 1
+        fog, step = self._truth.fog, self._run.step
+        found = (fog.mfow(record.k), fog.mean(record.k), fog.seen)
+        recorded = (record.mfow, record.fog_mean, record.seen)
+        if found != recorded:
+            shown = [f"MFoW {m * step:g} s, mean {a * step:g} s, {n} seen" for m, a, n in (found, recorded)]
+            self._fail(f"tick {record.k}: the poses give {shown[0]}; recorded is {shown[1]}")
+
+    def _good(self) -> str:
+        return f"recomputed over {self._ticks} ticks"

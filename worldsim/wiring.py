@@ -1,0 +1,220 @@
+"""Connects the parts of a world to the fleet's network, its files and its launcher."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+from patrol.journal import Event, Header, JournalWriter, TickRecord
+from patrol.net.feed import FOG, TICKS
+from patrol.net.keys import WORLD, FleetKeys
+from patrol.net.link import Link
+from patrol.net.mailbox import Air, Mailbox, Presence, Question
+from patrol.net.phases import MAX_REPLY, ToWorld, decode_to_world
+from patrol.net.telemetry import EVENTS, METRICS, Watcher, pack_view, read_traffic
+from patrol.radio.message import MAX_FRAME
+from patrol.scenario import Scenario, scenario_hash
+from patrol.scenario.controls import ASK, MAX_CONTROL
+from worldsim.fleet.lockstep import LockstepFleet
+from worldsim.fleet.paced import PacedFleet
+from worldsim.fleet.process_control import ControlFailed, LauncherControl
+from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
+from worldsim.operator import Operator, RunState
+from worldsim.output.feed_publisher import Feed
+from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
+from worldsim.requests import ControlMailbox, keep_timeline
+from worldsim.timeline import Timeline
+
+if TYPE_CHECKING:
+    from patrol.process.lifeline import Ending
+    from worldsim.options import WorldOptions
+    from worldsim.output.record import Recorder
+    from worldsim.output.ticks_table import TicksTable
+    from worldsim.world import World
+
+LAUNCHER_GONE_S = 2.0
+"""How long after the launcher has stopped answering its request to end may take to come, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """What a world's process is connected to.
+
+    Attributes:
+        options: Its command line.
+        scenario: The scenario.
+        keys: The fleet's keys.
+        link: The link to the fleet's router.
+        air: What carries frames where robots hear each other directly.
+        ending: Whether the process should end.
+        say: Reports a line to people.
+    """
+
+    options: WorldOptions
+    scenario: Scenario
+    keys: FleetKeys
+    link: Link
+    air: Air
+    ending: Ending
+    say: Callable[[str], None]
+
+    def gather(self) -> Sessions:
+        """Announce the world and wait until each robot's process has come.
+
+        Returns:
+            Their sessions.
+
+        Raises:
+            BadInput: A world of this fleet runs already, or a robot has another scenario or protocol.
+            Missing: Robots have not come in time.
+            Interrupted: The process should end.
+        """
+        keys, link, options = self.keys, self.link, self.options
+        names = {spec.number: spec.name for spec in self.scenario.roster}
+        robots = [make(name) for name in names.values() for make in (keys.reply, keys.alive)]
+        mailbox: Mailbox[ToWorld | Presence] = Mailbox([keys.alive(WORLD), *robots], decode_to_world, MAX_REPLY)
+        if link.sees(keys.alive(WORLD)):
+            raise BadInput(
+                f"--fleet {keys.fleet}: a world of this fleet is running already; choose another name, or end that one"
+            )
+        lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
+        posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
+        connection = FleetConnection(
+            keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(self.ending)
+        )
+        run = int.from_bytes(os.urandom(8), "big") >> 1 | 1
+        absent = Timeline(self.scenario).starts_absent
+        sessions = Sessions(connection, run, scenario_hash(self.scenario), absent)
+        link.subscribe(keys.reply("*"), mailbox)
+        link.watch(keys.alive("*"), mailbox)
+        link.live(keys.alive(WORLD))
+        sessions.gather(options.wait, lambda missing, s: self.say(f"waiting for {', '.join(missing[:8])} ({s:.0f} s)"))
+        return sessions
+
+    def listener(self) -> Listener | None:
+        """What hears a direct radio; None where the world carries the frames."""
+        if self.scenario.radio.via != "direct":
+            return None
+        keys = self.keys
+        numbers = {spec.name: spec.number for spec in self.scenario.roster}
+        positions = Mailbox([keys.position(name) for name in numbers], bytes, MAX_FRAME, ROOM)
+        longest = MAX_TRAFFIC * len(numbers)
+        telemetry = Mailbox([keys.telemetry(name) for name in numbers], read_traffic, longest, room=1)
+        self.air.subscribe(keys.position("*"), positions)
+        self.link.subscribe(keys.telemetry("*"), telemetry)
+        return Listener(keys, numbers, positions, telemetry, time.monotonic)
+
+    def fleet(self, sessions: Sessions, listener: Listener | None) -> LockstepFleet | PacedFleet:
+        """The robots, in lockstep or at the pace of the clock."""
+        if self.scenario.factor is None:
+            return LockstepFleet(sessions, self.options.deadline)
+        return PacedFleet(sessions, self.scenario.step / self.scenario.factor, listener)
+
+    def process_control(self, sessions: Sessions) -> LauncherControl | None:
+        """What kills, pauses and starts robots' processes; None without a launcher."""
+        if self.options.process_control is None:
+            return None
+        ask = _asking(self.options.process_control, self.ending)
+        return LauncherControl(ask, sessions, waits=self.scenario.factor is None)
+
+    def operator(self, world: World, fleet: LockstepFleet | PacedFleet, token: str | None) -> Operator | None:
+        """What does what operators ask for, and keeps the scenario as they change it; None without a token."""
+        if token is None:
+            return None
+        key = self.keys.control(ASK)
+        mailbox: Mailbox[Question] = Mailbox([key], _unread, MAX_CONTROL)
+        operator = Operator(
+            world,
+            fleet,
+            ControlMailbox(mailbox, token),
+            time.monotonic,
+            controls_processes=self.options.process_control is not None,
+            amended=lambda scenario: keep_timeline(self.options.out, scenario),
+        )
+        self.link.attend(key, MAX_CONTROL, mailbox)
+        return operator
+
+    def feed(self, world: World, journal: JournalWriter, header: Header, operator: Operator | None) -> Feed:
+        """What writes the journal and shows it to those who watch the run, also to those who come late."""
+        key = self.keys.truth(FOG)
+        questions: Mailbox[Question] = Mailbox([key], _unread, 0)
+
+        def submit(work: Callable[[], None]) -> None:
+            threading.Thread(target=work, name="fog", daemon=True).start()
+
+        def state() -> RunState:
+            return RunState(True, self.scenario.factor) if operator is None else operator.state
+
+        post = self.link.publisher(self.keys.truth(TICKS))
+        feed = Feed(world, journal, header, post, questions, submit, time.monotonic, state)
+        self.link.attend(key, 0, questions)
+        if operator is not None:
+            operator.rest = feed.rest
+        return feed
+
+    def sinks(
+        self, world: World, recorder: Recorder, table: TicksTable, between: Callable[[], None]
+    ) -> tuple[Callable[[TickRecord], None], Callable[[Event], None]]:
+        """Where a run's ticks and events go: into the files, to those who watch, and to the terminal.
+
+        Args:
+            world: The world.
+            recorder: Writes the journal.
+            table: Writes ticks.csv.
+            between: Called after each tick.
+
+        Returns:
+            What takes the ticks, and what takes the events.
+        """
+        names = {spec.number: spec.name for spec in self.scenario.roster}
+        watcher = Watcher(names, world.truth.fog.points, self.scenario.step, self.scenario.ticks, time.monotonic)
+        to_metrics, to_events = (self.link.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
+
+        def on_tick(record: TickRecord) -> None:
+            recorder.tick(record)
+            table.tick(record)
+            metrics = watcher.take(record)
+            if metrics is not None:
+                to_metrics(pack_view(metrics))
+            between()
+
+        def on_event(event: Event) -> None:
+            recorder.event(event)
+            notice = watcher.notice(event)
+            to_events(pack_view(notice))
+            self.say(
+                " ".join(part for part in (f"tick {event.k}:", notice.robot, f"{event.kind}:", event.detail) if part)
+            )
+
+        return on_tick, on_event
+
+
+def _unread(_payload: bytes) -> Question:
+    """Questions are put into their mailbox as they are."""
+    raise ValueError("no question")
+
+
+def _asking(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
+    """Asks the launcher, one line for each request and answer, over the socket that this process inherited."""
+    end = socket.socket(fileno=descriptor)
+    lines = end.makefile("rb")
+
+    def ask(line: bytes) -> bytes:
+        answer = b""
+        with suppress(OSError):
+            end.sendall(line)
+            answer = lines.readline()
+        if not answer.endswith(b"\n"):
+            if ending.wait(LAUNCHER_GONE_S):  # the launcher is leaving, or has died
+                raise Interrupted
+            raise ControlFailed("the launcher does not answer")
+        return answer
+
+    return ask
