@@ -194,7 +194,10 @@ def run_in_process(
         threads = 1  # so that one which hangs can be stopped
     shared = shared_by(prepared, footprint, together=threads == 1)
     make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared)
-    minds = {number: make(number, FIRST_INCARNATION) for number in world.living}
+    try:
+        minds = {number: make(number, FIRST_INCARNATION) for number in world.living}
+    except PolicyFailed as failed:
+        raise BadInput(str(failed)) from failed
     fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S)
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]

@@ -162,7 +162,10 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         fogwatch.launch.launcher.Failed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick.
     """
+    from agent.policies.found import policy_of
+
     warm((*PACKAGES, "monitor") if options.recording or options.report else PACKAGES, options.display.say)
+    policy_of(scenario)
     folder = create(scenario, options.out, datetime.now().astimezone())
     try:
         resolved = folder.load()

@@ -68,7 +68,7 @@ def parse_options(arguments: Sequence[str] | None) -> WorldOptions:
     add("--deadline", type=float, default=10.0, metavar="S", help="lockstep: wall time for an answer (%(default)g s)")
     add("--control", type=Path, metavar="FILE", help="obey operators who have the token in this file (default: nobody)")
     add(
-        *("--process-control", "--hands"),
+        "--process-control",
         type=int,
         metavar="FD",
         help="socket on which to ask for kills, pauses and starts (set by the launcher)",

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 class Posts:
     """The patrolled points on which no body fits, each with its post: the nearest reachable point that sees it.
 
-    rows: int32 (n, 4), row and column of each point and of its post, sorted by post, row by row. gap: int, the most
-    rows between a point and its post.
+    rows: int32 (n, 4), read-only, row and column of each point and of its post, sorted by post, row by row. gap: int,
+    the most rows between a point and its post.
     """
 
     def __init__(self, proxy: NDArray[np.int32]) -> None:
@@ -20,11 +20,14 @@ class Posts:
         posts = proxy.reshape(-1)[points]
         order = np.argsort(posts, kind="stable")
         columns = (*np.divmod(points[order], width), *np.divmod(posts[order], width))
-        self.rows: NDArray[np.int32] = np.ascontiguousarray(np.stack(columns, axis=1).astype(np.int32))
+        self._rows: NDArray[np.int32] = np.ascontiguousarray(np.stack(columns, axis=1).astype(np.int32))
+        # Kernels index grids by them, without asking whether they lie within.
+        self.rows = self._rows.view()
+        self.rows.flags.writeable = False
         self.gap = int(np.abs(self.rows[:, 0] - self.rows[:, 2]).max(initial=0))
         self._post_row = np.ascontiguousarray(self.rows[:, 2])
 
     def between(self, first: int, last: int) -> NDArray[np.int32]:
         """The entries whose post lies in rows ``first`` to ``last``, inclusive."""
         low, high = np.searchsorted(self._post_row, [first, last + 1])
-        return self.rows[low:high]
+        return self._rows[low:high]

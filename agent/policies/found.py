@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import BaseModel, ValidationError
 
-from agent.policies.potential_field.policy import PotentialField
 from agent.ports import Policy, PolicySetup
 from patrol.errors import BadInput, did_you_mean
 from patrol.scenario.policy_file import PAPER, policy_digest, policy_file
@@ -56,11 +55,17 @@ def policy_of(scenario: Scenario) -> PolicyKind:
             not take the options.
     """
     patrol = scenario.patrol
-    found: Any = PotentialField if patrol.policy == PAPER else _load(patrol)
+    found = _paper() if patrol.policy == PAPER else _load(patrol)
     if not inspect.isclass(found) or not callable(getattr(found, "decide", None)):
         raise BadInput(f"patrol.policy = {patrol.policy}: is no class with a method decide(view); name one that has it")
     make = cast(Callable[[PolicySetup], Policy], found)
     return PolicyKind(patrol.policy, make, _options(patrol, found), patrol.policy == PAPER)
+
+
+def _paper() -> Any:
+    from agent.policies.potential_field.policy import PotentialField  # here: its kernels take time to load
+
+    return PotentialField
 
 
 def _load(patrol: PatrolSpec) -> Any:

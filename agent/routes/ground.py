@@ -70,9 +70,11 @@ class Ground:
 
     @property
     def open_now(self) -> NDArray[np.bool_]:
-        """bool (h, w): the terrain's points on which the robot's centre may be now."""
+        """bool (h, w), read-only: the terrain's points on which the robot's centre may be now."""
         self._apply()
-        return self._is_open[1:-1, 1:-1]
+        is_open = self._is_open[1:-1, 1:-1]
+        is_open.flags.writeable = False
+        return is_open
 
     @property
     def static(self) -> Ground:
@@ -88,7 +90,14 @@ class Ground:
         self._wanted = tuple(discs), ()
 
     def close(self, discs: Sequence[Disc] = (), areas: Sequence[Area] = ()) -> None:
-        """Close more for this tick: the points whose centres lie within these discs, and whole areas."""
+        """Close more for this tick: the points whose centres lie within these discs, and whole areas.
+
+        Raises:
+            ValueError: A number of a disc is not finite.
+        """
+        for disc in discs:
+            if not all(map(math.isfinite, disc)):
+                raise ValueError(f"the disc {disc} to be closed has a number that is not finite")
         self._wanted = (*self._wanted[0], *discs), (*self._wanted[1], *areas)
 
     def _apply(self) -> None:

@@ -13,6 +13,7 @@ from fogwatch.cli.command_help import command
 from patrol.errors import BadInput
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
+from patrol.scenario.policy_file import PAPER
 
 if TYPE_CHECKING:
     from worldsim.timeline import Timeline
@@ -40,7 +41,8 @@ def print_scenario(what: What, settings: Settings = None) -> None:
 def check(what: What, settings: Settings = None) -> None:
     """Check whether a scenario can run, and list its faults.
 
-    Checked are the values, the terrain, the fleet's key, and whether all robots find room at the start.
+    Checked are the values, the terrain, the fleet's key, the policy and its options, and whether all robots find room
+    at the start.
     """
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
@@ -48,6 +50,10 @@ def check(what: What, settings: Settings = None) -> None:
     from patrol.prepare import prepare  # here: needs libraries that `fogwatch scenario show` does without
 
     prepared = prepare(scenario)
+    if scenario.patrol.policy != PAPER:
+        from agent.policies.found import policy_of
+
+        policy_of(scenario)
     area = float(prepared.patrolled.sum()) * scenario.point**2
     given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(f"{what}: can run")

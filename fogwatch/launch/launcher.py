@@ -103,7 +103,7 @@ class Launch:
         ours, theirs = socket.socketpair()
         with theirs:
             own = ["--out", str(self.folder.path), "--control", str(self.folder.access)]
-            control = ["--hands", str(theirs.fileno())]
+            control = ["--process-control", str(theirs.fileno())]
             arguments = [*self._common_arguments(), *own, *control]
             self.children.spawn(WORLD, "worldsim", arguments, self._log(WORLD), inherit=[theirs.fileno()])
         self._control = ProcessControlServer(ours, self)

@@ -70,6 +70,15 @@ def test_grids_of_the_fog_are_read_only(name: str, quality: float) -> None:
         np.add(grid, 1, out=grid, casting="unsafe")
 
 
+def test_posts_are_read_only_too() -> None:
+    rows = looked().fog.posts.rows
+    assert len(rows), "beside the walls no body fits"
+    with pytest.raises(ValueError, match="read-only"):
+        rows.sort()
+    with pytest.raises(ValueError, match="read-only"):
+        rows[0, 0] = 10**6
+
+
 @pytest.mark.parametrize("name", GRIDS)
 def test_grids_are_the_beliefs_own_and_go_with_it(name: str) -> None:
     mind, policy = watched()

@@ -230,6 +230,14 @@ def test_a_policy_that_fails_loses_its_robot_and_the_others_go_on(
     assert outcome.summary["robots"]["r2"]["decisions"] == 4
 
 
+def test_a_policy_that_cannot_be_made_is_bad_input(tmp_path: Path) -> None:
+    path = tmp_path / "failing.py"
+    path.write_text(FAILING.replace("self.how = ", 'self.how = {}["two\\nlines"] or '), encoding="utf-8")
+    made = scenario(robots=DISCS, patrol={"policy": f"{path}:Failing"})
+    with pytest.raises(BadInput, match=r"failing\.py:Failing: cannot be made: KeyError: 'two"):
+        run_in_process(made)
+
+
 def test_a_failure_repeats_whatever_the_threads(tmp_path: Path) -> None:
     ends = [run_in_process(failing(tmp_path), threads=threads).journal.end for threads in (1, 3)]
     assert ends[0] == ends[1]

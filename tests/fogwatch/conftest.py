@@ -14,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from fogwatch.cli.app import main
+
 PATIENCE_S = 300.0
 """How long anything may take, on a machine with much else to do."""
 
@@ -94,3 +96,19 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
         for pid in [*run.children().values(), *([run.process.pid] if run.process.poll() is None else [])]:
             os.kill(pid, signal.SIGKILL)
         run.process.communicate(timeout=PATIENCE_S)
+
+
+@pytest.fixture
+def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., int]]:
+    """The command, in a folder of its own; its signal handlers are taken away again."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in numbers}
+    monkeypatch.chdir(tmp_path)
+
+    def command(*arguments: str) -> int:
+        monkeypatch.setattr(sys, "argv", ["fogwatch", *arguments])
+        return main()
+
+    yield command
+    for number, handler in before.items():
+        signal.signal(number, handler)

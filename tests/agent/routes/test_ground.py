@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -84,6 +87,24 @@ def test_what_a_policy_closes_is_closed_besides_and_for_its_tick_only(
     ground.begin([])
     assert np.array_equal(ground.state, fresh(is_open, []))
     assert ground.static is ground
+
+
+def test_what_is_open_now_is_read_only() -> None:
+    is_open = np.ones((20, 24), dtype=np.bool_)
+    ground = Ground(Terrain("t", is_open, 0.5), is_open)
+    with pytest.raises(ValueError, match="read-only"):
+        ground.open_now[0, 0] = False
+    ground.begin([(3.0, 3.0, 1.0)])
+    assert np.array_equal(ground.state, fresh(is_open, [(3.0, 3.0, 1.0)]))
+
+
+@pytest.mark.parametrize("disc", [(math.nan, 1.0, 1.0), (1.0, math.inf, 1.0), (1.0, 1.0, -math.inf)])
+def test_a_disc_that_is_nowhere_is_refused_at_once_and_closes_nothing(disc: Disc) -> None:
+    is_open = np.ones((20, 24), dtype=np.bool_)
+    ground = Ground(Terrain("t", is_open, 0.5), is_open)
+    with pytest.raises(ValueError, match="not finite"):
+        ground.close([(3.0, 3.0, 1.0), disc])
+    assert np.array_equal(ground.state, fresh(is_open, []))
 
 
 @settings(max_examples=40)

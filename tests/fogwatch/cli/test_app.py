@@ -14,28 +14,12 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from fogwatch.cli.app import app, main
+from fogwatch.cli.app import app
 from fogwatch.cli.command_help import ORDER
 
 SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
 PATIENCE_S = 300.0
 COARSE = [*SHORT, "--no-recording", "--no-report"]
-
-
-@pytest.fixture
-def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., int]]:
-    """The command, in a folder of its own; its signal handlers are taken away again."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.getsignal(number) for number in numbers}
-    monkeypatch.chdir(tmp_path)
-
-    def command(*arguments: str) -> int:
-        monkeypatch.setattr(sys, "argv", ["fogwatch", *arguments])
-        return main()
-
-    yield command
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 def test_a_run_in_one_process_from_a_built_in_terrain(

@@ -1,0 +1,122 @@
+"""Policies of one's own in fleets of processes: the same trace as in one process, and failures of one robot alone."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import fogwatch
+from patrol.journal import Status, read_journal
+
+HERE = Path(__file__).parent
+EXAMPLE = HERE.parents[1] / "examples" / "my_policy.py"
+FAILS_AT = 20
+WORDS = {
+    "Raising": "raised ZeroDivisionError: no idea",
+    "Leaving": "raised SystemExit: 3",
+    "Nonsense": "returned Bearing with bearings = nan",
+    "Sleeping": "took longer than 8 s to decide",
+}
+
+
+def scenario(policy: str, **patrol: Any) -> dict[str, Any]:
+    return {
+        "terrain": {"builtin": "open"},
+        "point": 1.0,
+        "duration": 40,
+        "robots": {"count": 3, "model": "holonomic"},
+        "patrol": {"policy": policy, "dilatation": 0, **patrol},
+    }
+
+
+@pytest.mark.processes
+def test_a_policy_of_ones_own_gives_the_same_trace_in_one_process_and_in_many(tmp_path: Path) -> None:
+    mapping = scenario(f"{EXAMPLE}:StalestNear", options={"reach": 30})
+    one = fogwatch.run(mapping, out=tmp_path / "one")
+    many = fogwatch.run(mapping, out=tmp_path / "many", in_process=False)
+    assert one.verdict.valid
+    assert many.verdict.valid
+    assert one.trace_hash == many.trace_hash
+    kept = tmp_path / "many" / "policy" / EXAMPLE.name
+    assert kept.read_bytes() == EXAMPLE.read_bytes()
+    again = fogwatch.run(tmp_path / "many" / "scenario.yaml", out=tmp_path / "again")
+    assert again.trace_hash == many.trace_hash
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("name", ["Raising", "Nonsense", "Leaving", "Sleeping"])
+def test_a_policy_that_fails_stops_its_robot_alone(
+    name: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(json.dumps(scenario(f"{HERE / 'policies_that_fail.py'}:{name}")), encoding="utf-8")
+    traces = []
+    for way in ("--in-process", "--no-page"):
+        out = tmp_path / way.strip("-")
+        code = fogwatch("run", str(path), way, "--no-report", "--no-recording", "--out", str(out))
+        shown = capsys.readouterr()
+        assert code == 1, shown.err
+        ticks = list(read_journal(out / "journal").ticks)
+        assert len(ticks) == 80
+        assert [robot.status for robot in ticks[FAILS_AT].robots] == [Status.ALIVE] * 3
+        assert [robot.status for robot in ticks[-1].robots] == [Status.ALIVE, Status.LOST, Status.ALIVE]
+        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+        assert not summary["verdict"]["valid"]
+        failed = [check["detail"] for check in summary["verdict"]["checks"] if not check["ok"]]
+        assert any(f"its policy failed at tick {FAILS_AT}: {WORDS[name]}" in detail for detail in failed), failed
+        assert any("r2" in detail for detail in failed)
+        traces.append(summary["trace_hash"])
+    assert traces[0] == traces[1]
+
+
+@pytest.mark.parametrize(
+    ("policy", "says"),
+    [
+        ("./nowhere.py:Policy", "cannot be read"),
+        (f"{EXAMPLE}:Missing", "has no Missing"),
+        ("no-such-policy", "no such policy"),
+        ("no_such_package.module:Policy", "No module named"),
+    ],
+)
+def test_a_policy_that_cannot_be_had_is_one_line_and_no_run(
+    policy: str, says: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = fogwatch("run", "open", "--set", f"patrol.policy={policy}", "--out", str(tmp_path / "out"))
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert code == 2
+    assert len(lines) == 1
+    assert "patrol.policy" in lines[0]
+    assert says in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_options_are_checked_before_anything_runs(
+    fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chosen = ("--set", f"patrol.policy={EXAMPLE}:StalestNear", "--set", "patrol.options.reach=-3")
+    assert fogwatch("run", "open", *chosen, "--out", str(tmp_path / "out")) == 2
+    assert "patrol.options.reach = -3" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_whoever_looks_at_a_run_never_imports_its_policy(
+    fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "mine.py"
+    source.write_bytes(EXAMPLE.read_bytes())
+    out = tmp_path / "run"
+    chosen = ("--set", f"patrol.policy={source}:StalestNear", "--set", "point=1", "--set", "duration=20")
+    assert fogwatch("run", "open", *chosen, "--in-process", "--no-report", "--no-recording", "--out", str(out)) == 0
+    (out / "policy" / "mine.py").write_text("raise RuntimeError('imported')", encoding="utf-8")
+    source.unlink()
+    other = tmp_path / "other"
+    shutil.copytree(out, other)
+    for command in (["report", str(out)], ["record", str(out)], ["compare", str(out), str(other)]):
+        assert fogwatch(*command) == 0, capsys.readouterr().err
+    assert fogwatch("run", str(out / "scenario.yaml"), "--in-process", "--out", str(tmp_path / "again")) == 2
+    assert "is not the file that this scenario was resolved with" in capsys.readouterr().err
