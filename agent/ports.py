@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+
 from patrol.exchange import Sensed
 from patrol.pose import Command
 
@@ -205,7 +207,11 @@ def checked(intent: object) -> Intent:
     if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
         raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
     for name, value in _numbers(intent):
-        if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float | np.number)
+            or not -LARGEST <= value <= LARGEST
+        ):
             raise PolicyFailed(
                 f"returned {type(intent).__name__} with {name} = {value!r}, which is no int or float from -1e9 to 1e9"
             )

@@ -54,8 +54,16 @@ def main() -> int:
     parser.add_argument("--fleet", required=True, metavar="NAME")
     parser.add_argument("--robot", default="guest", metavar="NAME", help="name in the scenario (default: %(default)s)")
     parser.add_argument("--scenario", default=str(Path(__file__).with_name("own-robot.yaml")), metavar="FILE")
+    parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="for router and others, s (%(default)g)")
     options = parser.parse_args()
-    return drive(MyRobot, scenario=options.scenario, robot=options.robot, router=options.router, fleet=options.fleet)
+    return drive(
+        MyRobot,
+        scenario=options.scenario,
+        robot=options.robot,
+        router=options.router,
+        fleet=options.fleet,
+        wait_s=options.wait,
+    )
 
 
 if __name__ == "__main__":
