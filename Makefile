@@ -43,7 +43,8 @@ pictures: install ## make the README's pictures of the page again (needs Chromiu
 test: install $(if $(CI),browser) ## check style, types and layers, and run every quick test
 	$(BIN)/python -m pytest
 
-# Tests of code that runs kernels, and those that call the kernels themselves: a minute or two with compiling.
+# Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
+# take about a minute, compiling included.
 KERNEL_TESTS := tests/patrol/ground tests/patrol/regions tests/agent tests/worldsim tests/monitor tests/experiments
 QUICK_KERNEL_TESTS := $(addprefix tests/patrol/ground/test_,footprint.py fog.py fields.py swept_path.py swept_path_kernels.py) \
 	tests/patrol/regions tests/agent/belief tests/agent/routes tests/agent/bodies/test_goal.py \
@@ -56,7 +57,8 @@ test-bounds: install ## the tests of kernels, with every index checked
 	$(BOUNDS) $(BIN)/python -m pytest -m "not processes and not browser" $(KERNEL_TESTS)
 
 test-bounds-quick: install
-	$(BOUNDS) $(BIN)/python -m pytest -m "not processes and not browser" $(QUICK_KERNEL_TESTS)
+	$(BOUNDS) $(BIN)/python -m pytest -m "not processes and not browser" $(QUICK_KERNEL_TESTS) \
+		-k "not patrols_on_regions and not patrolled_much and not builtin_terrains"
 
 .PHONY: test-network
 test-network: install ## run a fleet in network namespaces (Linux, root; otherwise it is skipped, with the reason)
