@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,7 +106,7 @@ def build_mind(
     shared = shared or shared_by(prepared)
     scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields[number]
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
-    radii = {one.number: one.radius for one in scenario.roster}
+    radii = MappingProxyType({one.number: one.radius for one in scenario.roster})
     scratch = {} if shared.scratch is None else shared.scratch
 
     def chance(tick: int, index: int, purpose: Purpose) -> float:
@@ -136,7 +137,7 @@ def build_mind(
     )
     try:
         policy = Surround(setup, kind.make(setup))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if kind.ours:
             raise
         raise PolicyFailed(f"policy {kind.name}: cannot be made: {type(error).__name__}: {error}") from error

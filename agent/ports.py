@@ -18,8 +18,6 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
 from patrol.exchange import Sensed
 from patrol.pose import Command
 
@@ -110,7 +108,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """Stand still."""
+    """Stand still; a car that is getting out of a dead end finishes that first."""
 
     state: str = State.HOLDING
     figures: Figures = field(default_factory=dict)
@@ -206,12 +204,10 @@ def checked(intent: object) -> Intent:
         raise PolicyFailed(f"returned {type(intent).__name__} and not Bearing, Place, Stay or Steer")
     if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
         raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
+    if not isinstance(intent.figures, Mapping) or not all(isinstance(name, str) for name in intent.figures):
+        raise PolicyFailed("returned figures that are no mapping from names to numbers")
     for name, value in _numbers(intent):
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float | np.number)
-            or not -LARGEST <= value <= LARGEST
-        ):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
             raise PolicyFailed(
                 f"returned {type(intent).__name__} with {name} = {value!r}, which is no int or float from -1e9 to 1e9"
             )

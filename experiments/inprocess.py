@@ -23,6 +23,7 @@ from patrol.prepare import Prepared, prepare
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
 from patrol.radio.fleet_key import fleet_key
 from worldsim.fleet.loop import run_ticks
+from worldsim.fleet.process_control import NotStarted
 from worldsim.output.record import Recorder, header_of
 from worldsim.output.summary import Totals, summarise
 from worldsim.run_record import COMPLETED, INTERRUPTED, MemoryJournal, RunRecord, Writer
@@ -70,6 +71,7 @@ class InProcessFleet:
         self._minds = dict(minds)
         self._limit_s = limit_s if threads == 1 else None
         self._failed: dict[int, str] = {}
+        self._unmade: dict[int, str] = {}
         self._make = make
         self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
         self._sensed: Mapping[int, Sensed] = {}
@@ -124,10 +126,15 @@ class InProcessFleet:
         """Make a new mind."""
         if self._make is None:
             raise ValueError("this fleet cannot make minds")
-        self._minds[number] = self._make(number, incarnation)
+        try:
+            self._minds[number] = self._make(number, incarnation)
+        except PolicyFailed as failed:
+            self._unmade[number] = str(failed)
 
     def arrived(self, number: int) -> bool:
-        """At once."""
+        """At once; a mind whose policy cannot be made raises NotStarted."""
+        if (reason := self._unmade.pop(number, None)) is not None:
+            raise NotStarted(reason)
         return number in self._minds
 
     def release(self, paused: Iterable[int]) -> None:

@@ -103,6 +103,7 @@ def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
         "deadline.py",
         "mind_loop.py",
         "own_robot.py",
+        "wiring.py",
     }
     impure = {
         f"{path.relative_to(ROOT)}: {name}"

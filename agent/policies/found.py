@@ -82,7 +82,7 @@ def _load(patrol: PatrolSpec) -> Any:
         raise BadInput(
             f"patrol.policy = {patrol.policy}: {error}; install it, or give ./file.py:Class beside the scenario"
         ) from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise BadInput(
             f"patrol.policy = {patrol.policy}: raises {type(error).__name__}: {error}; correct it"
         ) from error
@@ -99,7 +99,7 @@ def _entry_point(name: str) -> Any:
         raise BadInput(f"patrol.policy = {name}: no such policy; {_offer(name, [PAPER, *sorted(offered)])}, {remedy}")
     try:
         return offered[name].load()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise BadInput(
             f"patrol.policy = {name} ({offered[name].value}): raises {type(error).__name__}: {error}; correct it"
         ) from error
@@ -136,12 +136,15 @@ def _options(patrol: PatrolSpec, found: Any) -> Any:
         if given:
             raise BadInput(f"patrol.options = {given}: {patrol.policy} takes no options; leave them out")
         return {}
+    known = ", ".join(model.model_fields) or "none"
+    for name, value in given.items():
+        if name not in model.model_fields and model.model_config.get("extra") != "allow":
+            raise BadInput(f"patrol.options.{name} = {value!r}: unknown key; {patrol.policy} has the options {known}")
     try:
         return model.model_validate(given)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in ("patrol", "options", *first["loc"]))
-        known = ", ".join(model.model_fields) or "none"
         value = first["input"]
         raise BadInput(f"{where} = {value!r}: {first['msg']}; {patrol.policy} has the options {known}") from None
 

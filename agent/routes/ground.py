@@ -53,6 +53,8 @@ class Ground:
         self._is_open: NDArray[np.bool_] = self._reach.copy()
         height, width = terrain.shape
         self._state: NDArray[np.uint8] = np.zeros((height + 2, width + 2), dtype=np.uint8)
+        self._shown = self._state.view()
+        self._shown.flags.writeable = False  # kernels trust its frame, and policies can reach it
         self._encode((0, height + 2, 0, width + 2))
         self._closed: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
         self._static: Ground | None = None
@@ -66,7 +68,7 @@ class Ground:
             are OPEN or BLOCKED; HEMMED is set beside a blocked point.
         """
         self._apply()
-        return self._state
+        return self._shown
 
     @property
     def open_now(self) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ import yaml
 from patrol.errors import BadInput
 from patrol.ground.maps import read_map_file
 from patrol.scenario import Scenario, dump_scenario
-from patrol.scenario.policy_file import policy_file
+from patrol.scenario.policy_file import policy_digest, policy_file
 
 FILE = "scenario.yaml"
 MAP = "map"
@@ -45,11 +45,11 @@ def _with_own_policy(scenario: Scenario, folder: Path) -> Scenario:
     source = policy_file(scenario.patrol.policy)
     if source is None:
         return scenario
+    digest = policy_digest(source)
+    if scenario.patrol.policy_sha256 not in (None, digest):
+        raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
     folder.mkdir()
-    try:
-        shutil.copyfile(source, folder / source.name)
-    except OSError as error:
-        raise BadInput(f"patrol.policy = {source}: cannot be read ({error.strerror}); correct it") from None
+    shutil.copyfile(source, folder / source.name)
     name = scenario.patrol.policy.rpartition(":")[2]
     patrol = scenario.patrol.model_copy(update={"policy": f"./{folder.name}/{source.name}:{name}"})
     return scenario.model_copy(update={"patrol": patrol})

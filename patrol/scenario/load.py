@@ -331,7 +331,7 @@ def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:
     digest = patrol.pop("policy_sha256")
     if digest is not None:
         patrol["policy"] = [digest, patrol["policy"].rpartition(":")[2]]
-    if patrol["options"] is None:
+    if not patrol["options"]:
         del patrol["options"]
     if patrol["random_move_for"] == "holonomic":
         del patrol["random_move_for"]

@@ -199,6 +199,12 @@ class PatrolSpec(Section):
         return tuple(name for name in chosen if name != "none")
 
     @model_validator(mode="after")
+    def _a_file_has_a_hash(self) -> Self:
+        if self.policy_sha256 is not None and policy_file(self.policy) is None:
+            raise wrong("policy_sha256", "only a policy that is a file has a hash; drop it")
+        return self
+
+    @model_validator(mode="after")
     def _fuzzy_weakens_sectors(self) -> Self:
         if self.avoidance == "fuzzy" and self.direction != "mode":
             raise wrong("avoidance", "fuzzy weakens sectors, and patrol.direction is vector; set it to mode")

@@ -26,4 +26,4 @@ def policy_digest(path: Path) -> str:
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
-        raise BadInput(f"{path}: the policy's file cannot be read ({error.strerror}); correct patrol.policy") from None
+        raise BadInput(f"patrol.policy = {path}: cannot be read ({error.strerror}); correct it") from None
