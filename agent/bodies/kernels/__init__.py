@@ -1,4 +1,4 @@
-"""Compiled kernels of `patrol`.
+"""Compiled kernels of `agent.bodies`.
 
 Every module here imports only numpy and numba. A kernel takes arrays and scalars, has one explicit
 signature, and calls no kernel of another file.

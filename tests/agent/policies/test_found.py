@@ -213,7 +213,7 @@ def test_a_file_that_is_not_there_is_named(write: Write) -> None:
     path = write("./missing.py:Still")
     said = refused(load_scenario(path))
     assert said.startswith(
-        f"{path.parent / 'missing.py'}: the policy's file cannot be read (No such file or directory)"
+        f"patrol.policy = {path.parent / 'missing.py'}: cannot be read (No such file or directory); correct it"
     )
 
 
