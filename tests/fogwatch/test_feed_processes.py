@@ -100,15 +100,18 @@ def until_gone(source: Source) -> bool:
 @pytest.mark.processes
 def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Path) -> None:
     """A viewer's process is stopped; far more than its buffers hold goes by, and the run ends as ever."""
-    scenario = {**COARSE, "duration": 400, "robots": 4 * [{}]}
+    scenario = {**COARSE, "duration": 800, "robots": 4 * [{}]}
     run = start(scenario, "--no-recording", "--no-report")
-    run.until((run.folder / "control.json").exists)
+    operator = attached(run)
+    assert operator.control({"do": "pause"}).done  # until the viewer is there, however long that takes
     ready = tmp_path / "ready"
     viewer = _viewer(run.folder, ready)
     try:
         run.until(ready.exists)
         viewer.send_signal(signal.SIGSTOP)
         before = run.ticks()
+        assert operator.control({"do": "go"}).done
+        operator.close()
         run.until(lambda: run.ticks() > before + 300 or run.process.poll() is not None)
         assert run.end() == 0, run.errors
         assert run.summary()["verdict"]["valid"]
