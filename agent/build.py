@@ -26,8 +26,8 @@ from agent.ports import PolicyFailed, PolicySetup
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.view import FogView
-from patrol.ground.footprint import Footprint, sensor_footprint
-from patrol.radio.inbox import inbox_of
+from patrol.ground.footprint import Footprint
+from patrol.prepare import inbox_of, sensor_footprint
 from patrol.random import Purpose, draw
 
 if TYPE_CHECKING:

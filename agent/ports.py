@@ -23,7 +23,7 @@ from patrol.pose import Command
 
 if TYPE_CHECKING:
     from agent.belief.posts import Posts
-    from agent.routes.ground import Disc
+    from agent.routes.ground import Disc, Spot
     from agent.routes.path_window import PathWindow
     from agent.view import View
     from patrol.ground.fields import StaticFields
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from patrol.radio.peers import Peer
     from patrol.regions.split import RegionSplit
     from patrol.scenario import PatrolSpec, RobotSpec, SensorSpec
-
-Spot = tuple[float, float]
-"""x and y in m."""
 
 Figures = Mapping[str, float]
 """Numbers that a policy wants to have shown, by name."""

@@ -114,7 +114,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
     warm(("patrol", "agent"), lambda line: print(f"{spec.name}: {line}", file=sys.stderr, flush=True))
     from agent.build import Shared, build_mind, load_psi, shared_by
     from agent.ports import PolicyFailed
-    from patrol.ground.footprint import sensor_footprint
+    from patrol.prepare import sensor_footprint
     from patrol.radio.fleet_key import fleet_key
 
     prepared = prepared_as_told(scenario, options, ending)

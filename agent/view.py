@@ -17,8 +17,7 @@ from patrol.random import Purpose
 if TYPE_CHECKING:
     from agent.belief.believed import Belief
     from agent.belief.posts import Posts
-    from agent.ports import Spot
-    from agent.routes.ground import Ground
+    from agent.routes.ground import Ground, Spot
     from agent.routes.routes import Routes
     from patrol.pose import Pose
     from patrol.radio.peers import Peer

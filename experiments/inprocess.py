@@ -16,10 +16,9 @@ from agent.policies.found import policy_of
 from agent.ports import PolicyFailed, policy_failure
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
 from patrol.net.phases import FIRST_INCARNATION
-from patrol.prepare import Prepared, prepare
+from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
 from patrol.radio.fleet_key import fleet_key
 from worldsim.fleet.loop import run_ticks

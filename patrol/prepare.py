@@ -16,15 +16,20 @@ import numpy as np
 
 from patrol.errors import BadInput
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
+from patrol.ground.footprint import Footprint
 from patrol.ground.maps import load_terrain
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.pose import Pose
+from patrol.radio.inbox import Inbox
 from patrol.starts import place_starts
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
     from patrol.scenario import Scenario
+
+TICKS_APART = 4
+"""By how many ticks the robots of a fleet may be apart where the world waits for none of them."""
 
 FACTS = "prepared.json"
 REGIONS = "regions"
@@ -146,6 +151,40 @@ def prepare(scenario: Scenario) -> Prepared:
         splits = _split(scenario, terrain, by_radius)
         regions = {spec.number: splits[spec.radius] for spec in scenario.roster}
     return Prepared(scenario, terrain, starts, fields, regions)
+
+
+def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
+    """The footprint of a scenario's sensor.
+
+    Args:
+        scenario: its `sensor` section is used.
+        terrain: the ground.
+    """
+    sensor = scenario.sensor
+    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
+
+
+def inbox_of(
+    scenario: Scenario,
+    own: int,
+    bounds: tuple[float, float, float, float],
+    key: bytes | None,
+    *,
+    knows_ticks: bool = True,
+) -> Inbox:
+    """The inbox of one of a scenario's robots.
+
+    Args:
+        scenario: the fleet's.
+        own: the robot's number.
+        bounds: the terrain's (x_min, y_min, x_max, y_max), m.
+        key: of the tags, or None when the fleet uses none.
+        knows_ticks: whether the robot's clock shows the time since the fleet's first tick.
+    """
+    fastest = max(spec.speed for spec in scenario.roster)
+    numbers = [spec.number for spec in scenario.roster]
+    ahead = (0 if scenario.factor is None else TICKS_APART) if knows_ticks else None
+    return Inbox(own, numbers, bounds, fastest, key, scenario.step, ahead)
 
 
 def _check_intruders(scenario: Scenario, terrain: Terrain) -> None:

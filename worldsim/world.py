@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.pose import Pose
+from patrol.prepare import sensor_footprint
 from patrol.radio.message import MAX_FRAMES
 from worldsim.bodies import Body, overlap, standstill
 from worldsim.intruders import Intruders

@@ -6,7 +6,8 @@ import math
 
 from agent.bodies.setup import BARELY, CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import HolonomicSteering
-from agent.ports import Bearing, Choice, Goal, Intent, Place, Spot, State, Stay, Steer
+from agent.ports import Bearing, Choice, Goal, Intent, Place, State, Stay, Steer
+from agent.routes.ground import Spot
 from agent.view import View
 from patrol.pose import TAU, Command, Pose, Velocity, halted
 from patrol.random import Purpose

@@ -14,7 +14,8 @@ from agent.bodies.goal import GoalFinder
 from agent.routes.ground import Disc, Ground
 
 if TYPE_CHECKING:
-    from agent.ports import Place, Spot
+    from agent.ports import Place
+    from agent.routes.ground import Spot
     from agent.view import Draw, View
     from patrol.pose import Pose
     from patrol.radio.peers import Peer

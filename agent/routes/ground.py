@@ -12,6 +12,9 @@ from agent.routes.kernels.wave import BLOCKED, HEMMED, OPEN
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import Terrain
 
+Spot = tuple[float, float]
+"""x and y in m."""
+
 Disc = tuple[float, float, float]
 """x, y and radius in m."""
 

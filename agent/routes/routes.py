@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.ground import Ground
+from agent.routes.ground import Ground, Spot
 from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.path_window import FAR, PathWindow
 from agent.routes.wave import Wave
@@ -17,8 +17,6 @@ LONGEST = 2**26
 
 Element = tuple[int, int]
 """Row and column of the ground's state, one more than those of the terrain's point."""
-Spot = tuple[float, float]
-"""x and y in m."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,12 +27,11 @@ from fogwatch.pictures.drawing import (
 )
 from patrol.errors import BadInput
 from patrol.ground.fog import NEVER, Fog
-from patrol.ground.footprint import sensor_footprint
 from patrol.ground.rooms import Door
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
 from patrol.pose import Pose
-from patrol.prepare import Prepared, prepare
+from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario
 from worldsim.truth import Truth
 

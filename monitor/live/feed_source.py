@@ -26,12 +26,12 @@ from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, LinkCounts, RobotShape, RobotState, Series, State, Static
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import sensor_footprint
 from patrol.ground.terrain import Terrain
 from patrol.journal import unpack
 from patrol.journal.records import FORGED, End, Event, Header, Status, TickRecord
 from patrol.net.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
+from patrol.prepare import sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.controls import CONTROLS, OPERATOR, amended, described, in_force, read_control

@@ -12,7 +12,7 @@ from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
 from patrol.journal import unpack
 from patrol.journal.records import Status, TickRecord, sent_at
 from patrol.pose import Pose
-from patrol.radio.inbox import inbox_of
+from patrol.prepare import inbox_of
 
 if TYPE_CHECKING:
     import numpy as np

@@ -16,12 +16,11 @@ from monitor.live.fog_tracker import HEARD
 from monitor.observation.listener import NO_ROBOT, Listener
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from patrol.errors import BadInput
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import Event, Status
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.telemetry import Telemetry, read_telemetry
+from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
-from patrol.radio.inbox import inbox_of
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import as_mapping
 

@@ -20,7 +20,7 @@ from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
 from patrol.journal.records import Status, TickRecord, sent_at
 from patrol.pose import Pose
-from patrol.radio.inbox import inbox_of
+from patrol.prepare import inbox_of
 
 SAMPLES = 200
 """Ticks at which beliefs are compared with the truth, evenly over the run."""

@@ -14,8 +14,9 @@ from monitor.replay.belief_errors import BeliefWatcher
 from monitor.replay.run import Run
 from monitor.replay.snapshot import Snapshot
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import Footprint, sensor_footprint
+from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
+from patrol.prepare import sensor_footprint
 
 BUDGET_S = 0.05
 """Wall time for one call, s."""

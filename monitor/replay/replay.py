@@ -18,8 +18,9 @@ from monitor.replay.run import Run
 from monitor.replay.snapshot import Snapshot
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import Footprint, View, sensor_footprint
+from patrol.ground.footprint import Footprint, View
 from patrol.journal.records import Event, Status
+from patrol.prepare import sensor_footprint
 
 MEMORY = 256 << 20
 """Bytes for a replay's snapshots in the worst case, in which no two neighbouring points were seen in the same tick."""

@@ -14,8 +14,8 @@ from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.visits import VisitCounter, Visits
 from patrol.errors import BadInput
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import Status
+from patrol.prepare import sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 
 

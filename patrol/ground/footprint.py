@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,6 @@ from numpy.typing import NDArray
 from patrol.ground.kernels.footprint import cast, disc, keep_sector
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-
-if TYPE_CHECKING:
-    from patrol.scenario import Scenario
 
 REMEMBERED = 64
 """Footprints kept by a `Footprint`: in one tick every robot, and in one process every belief, asks for the same few."""
@@ -128,17 +124,6 @@ class Footprint:
             keep_sector(mask, heading, self.angle)
         mask.flags.writeable = False
         return View(row - self.reach, col - self.reach, mask, self._quality)
-
-
-def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
-    """The footprint of a scenario's sensor.
-
-    Args:
-        scenario: its `sensor` section is used.
-        terrain: the ground.
-    """
-    sensor = scenario.sensor
-    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
 
 
 def _quality_window(quality: Quality, reach: int, point: float) -> NDArray[np.float64] | None:

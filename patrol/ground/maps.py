@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,6 @@ from patrol.ground.builtins import builtin_terrain
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.yaml_text import parse_yaml, read_text
-
-if TYPE_CHECKING:
-    from patrol.scenario.model import TerrainSpec
 
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
@@ -66,7 +63,26 @@ class MapFile:
     mode: Mode
 
 
-def load_terrain(spec: TerrainSpec, point: float, base: Path) -> Terrain:
+class TerrainSource(Protocol):
+    """Which terrain is meant: a scenario's section `terrain`."""
+
+    @property
+    def builtin(self) -> str | None:
+        """Name of a built-in terrain, or None."""
+        ...
+
+    @property
+    def map(self) -> str | None:
+        """A map_server YAML file, where there is no built-in terrain."""
+        ...
+
+    @property
+    def keep_out(self) -> Sequence[Sequence[tuple[float, float]]]:
+        """Polygons that no body may enter, m."""
+        ...
+
+
+def load_terrain(spec: TerrainSource, point: float, base: Path) -> Terrain:
     """The terrain that a scenario asks for.
 
     Args:

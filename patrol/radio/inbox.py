@@ -16,21 +16,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode
 from patrol.radio.replay_window import SPAN, ReplayWindow
 from patrol.radio.units import cm_to_m, m_to_cm
 
-if TYPE_CHECKING:
-    from patrol.scenario import Scenario
-
 # Rounding to centimetres moves each of two positions by up to 0.5 cm along each axis.
 _ROUNDING = 0.02
 # Frames in a row that agree with each other before a jump is believed: localisation jumps honestly, once.
 _STEADY = 3
-# By how many ticks the robots of a fleet may be apart where the world waits for none of them.
-_TICKS_APART = 4
 # Who does not know the ticks can only hold a sender's frames against each other: how much further than its clock
 # can have run a sequence may be, in steps. Covers stalls of the network.
 _AHEAD = 64
@@ -239,26 +233,3 @@ class Inbox:
 def _apart(a: Position, b: Position) -> float:
     """The distance between two places, m."""
     return cm_to_m(math.hypot(b.x_cm - a.x_cm, b.y_cm - a.y_cm))
-
-
-def inbox_of(
-    scenario: Scenario,
-    own: int,
-    bounds: tuple[float, float, float, float],
-    key: bytes | None,
-    *,
-    knows_ticks: bool = True,
-) -> Inbox:
-    """The inbox of one of a scenario's robots.
-
-    Args:
-        scenario: the fleet's.
-        own: the robot's number.
-        bounds: the terrain's (x_min, y_min, x_max, y_max), m.
-        key: of the tags, or None when the fleet uses none.
-        knows_ticks: whether the robot's clock shows the time since the fleet's first tick.
-    """
-    fastest = max(spec.speed for spec in scenario.roster)
-    numbers = [spec.number for spec in scenario.roster]
-    ahead = (0 if scenario.factor is None else _TICKS_APART) if knows_ticks else None
-    return Inbox(own, numbers, bounds, fastest, key, scenario.step, ahead)

@@ -100,7 +100,7 @@ def test_a_launcher_that_stops_nobody_is_found_out(tmp_path: Path, monkeypatch: 
     faults = [{"kind": "pause", "who": "r2", "at": 2, "for": 2}]
     run = fogwatch.run({**COARSE, "duration": 6, "robots": 2 * [{}], "faults": faults}, out=tmp_path, in_process=False)
     assert [check.name for check in run.verdict.failed] == ["the paused stand still"]
-    assert "r2 was paused at tick 4, and its process has the state " in run.verdict.failed[0].detail
+    assert "r2 was paused at tick 4, but its process has the state " in run.verdict.failed[0].detail
 
 
 def test_a_planned_death_is_told_as_planned(start: Callable[..., Run]) -> None:

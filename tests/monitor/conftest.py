@@ -17,10 +17,9 @@ from agent.build import mind_maker, shared_by
 from agent.mind import Mind
 from experiments.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal import JournalWriter, TickRecord, read_journal
 from patrol.net.phases import FIRST_INCARNATION
-from patrol.prepare import prepare
+from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import dump_scenario, load_scenario
 from worldsim.fleet.loop import run_ticks
 from worldsim.output.record import Recorder, header_of

@@ -14,8 +14,8 @@ from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import Command, Drive, Pose, Velocity
-from patrol.prepare import Prepared
-from patrol.radio.inbox import Inbox, inbox_of
+from patrol.prepare import Prepared, inbox_of
+from patrol.radio.inbox import Inbox
 from patrol.radio.message import Position, encode
 from patrol.random import draw
 from patrol.scenario import load_scenario

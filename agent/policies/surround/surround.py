@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from agent.policies.surround.assignment import assign
 from agent.policies.surround.ring import FARTHEST, Stand, spots_around, spread
-from agent.ports import Place, Spot, State
-from agent.routes.ground import Ground
+from agent.ports import Place, State
+from agent.routes.ground import Ground, Spot
 from agent.routes.routes import LONGEST, Routes, Way
 from patrol.ground.footprint import Footprint
 from patrol.pose import Pose

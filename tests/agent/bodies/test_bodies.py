@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from agent.bodies import BODIES
 from agent.build import build_mind
 from agent.mind import Mind
-from agent.ports import Bearing, Decision, Intent, Place, Spot, State, Stay, Steer
+from agent.ports import Bearing, Decision, Intent, Place, State, Stay, Steer
+from agent.routes.ground import Spot
 from agent.view import View
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain

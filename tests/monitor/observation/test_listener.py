@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from monitor.observation.listener import NO_ROBOT, Listener
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
-from patrol.prepare import Prepared, prepare
-from patrol.radio.inbox import inbox_of
+from patrol.prepare import Prepared, inbox_of, prepare, sensor_footprint
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 

@@ -8,7 +8,7 @@ from monitor.replay.belief_errors import BeliefWatcher, chosen_robots, exact_by_
 from monitor.replay.replay import play
 from monitor.report.analysis import analyse
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import sensor_footprint
+from patrol.prepare import sensor_footprint
 
 
 def test_beliefs_are_those_of_the_minds(faulty: Any) -> None:

@@ -6,7 +6,7 @@ import pytest
 from monitor.observation.listener import as_sent
 from monitor.replay.replay import play
 from monitor.replay.visits import VisitCounter
-from patrol.ground.footprint import sensor_footprint
+from patrol.prepare import sensor_footprint
 
 
 @pytest.mark.parametrize("which", ["quiet", "faulty", "hazy"])

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED, frame_sequence
+from patrol.prepare import inbox_of
 from patrol.radio.fleet_key import fleet_key
-from patrol.radio.inbox import Inbox, inbox_of
+from patrol.radio.inbox import Inbox
 from patrol.radio.message import CONTACT, Position
 from patrol.scenario.faults.kinds import PROCESS_KINDS, Forgery, Spoof
 from worldsim.radio.rules import NOBODY

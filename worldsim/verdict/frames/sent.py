@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.pose import Pose
+from patrol.prepare import sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_TRAIL, Position, Rejected, decode
 from worldsim.intruders import Intruders

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal import Status
 from patrol.pose import Pose
+from patrol.prepare import sensor_footprint
 from worldsim.truth import Truth
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.robots_there import RobotsThere

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from patrol.ground.footprint import sensor_footprint
 from patrol.journal.records import RobotTick, Status, TickRecord
 from patrol.pose import Pose
+from patrol.prepare import sensor_footprint
 from worldsim.timeline import FAULT_EVENT
 from worldsim.truth import Truth
 from worldsim.verdict.common.check import Check, CheckResult

@@ -11,7 +11,7 @@ import pytest
 from patrol.journal import TickRecord, trace_hash
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
-from patrol.radio.inbox import inbox_of
+from patrol.prepare import inbox_of
 from patrol.radio.message import Position, encode
 from patrol.random import draw
 from tests.worldsim.verdict.judged import check_of, result_of
