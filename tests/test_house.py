@@ -129,6 +129,20 @@ def test_no_file_names_a_machine_path_or_a_registry() -> None:
     assert not found
 
 
+def test_documents_name_files_that_exist() -> None:
+    """A name without its folder, or with a part of it, stands for a file that ends with it."""
+    files = [str(path.relative_to(ROOT)) for path in files_of_ours()]
+    documents = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+    missing = [
+        f"{document.relative_to(ROOT)}:{number}: {name}"
+        for document in documents
+        for number, line in enumerate(document.read_text(encoding="utf-8").splitlines(), start=1)
+        for name in re.findall(r"`(?:\./)?([\w./-]+\.py)(?::\w+)?`", line)
+        if not any(f"/{file}".endswith(f"/{name}") for file in files)
+    ]
+    assert not missing
+
+
 def locked() -> dict[str, list[str]]:
     """Requirement lines of the lock file by name (several where versions differ by Python)."""
     lines = (ROOT / "requirements.lock").read_text().replace("\\\n", " ").splitlines()

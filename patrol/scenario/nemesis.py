@@ -8,13 +8,12 @@ joins again. A robot suffers one process fault at a time, and there is always on
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from patrol.random import Draws, Purpose
-from patrol.scenario.faults.kinds import KINDS, STRANGER, Join, Leave
+from patrol.scenario.faults.kinds import Join, Leave
+from patrol.scenario.faults.nemesis_draws import DRAWN, RobotsHit, When, draw_fault
 from patrol.scenario.faults.nemesis_spec import room_for
-from patrol.scenario.faults.roster import tick_of
 from patrol.scenario.model import Scenario
 
 SHORTEST, LONGEST = 0.3, 2.0
@@ -50,8 +49,8 @@ def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
         return []
     end, width = room_for(spec, step, scenario.ticks)
     seed = scenario.seed if spec.seed is None else spec.seed
-    kinds = tuple(KINDS) if spec.kinds == "all" else spec.kinds
-    robots = _Robots([robot.name for robot in scenario.roster if not robot.spare], _coming_and_going(scenario))
+    kinds = tuple(DRAWN) if spec.kinds == "all" else spec.kinds
+    robots = RobotsHit([robot.name for robot in scenario.roster if not robot.spare], _coming_and_going(scenario))
     taken = {fault.id for fault in scenario.faults}
     found: list[dict[str, Any]] = []
     for slot in range(math.ceil(end / width)):
@@ -60,8 +59,8 @@ def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
         begin = draws.whole(first, max(first, min(end, math.ceil((slot + 1) * width)) - 1))
         length = max(1, round(width * draws.between(SHORTEST, LONGEST)))
         if begin < end:
-            when = _When(step, begin, min(end, begin + length))
-            found += _numbered(_fault(draws, kinds, robots, when), slot + 1, taken)
+            when = When(step, begin, min(end, begin + length))
+            found += _numbered(draw_fault(draws, kinds, robots, when), slot + 1, taken)
     return found
 
 
@@ -82,218 +81,3 @@ def _numbered(faults: list[dict[str, Any]], number: int, taken: set[str | None])
     while taken.intersection((name, f"{name}-heals")):
         name = f"{name}x"
     return [{"id": name if place == 0 else f"{name}-heals", **fault} for place, fault in enumerate(faults)]
-
-
-class _When:
-    """From when to when a fault lasts, in ticks."""
-
-    def __init__(self, step: float, begin: int, end: int) -> None:
-        self.step, self.begin, self.end = step, begin, end
-
-    @property
-    def at(self) -> dict[str, float]:
-        """When it begins, as a fault says it."""
-        return {"at": self._time(self.begin)}
-
-    @property
-    def healed(self) -> dict[str, float]:
-        """When what heals it happens."""
-        return {"at": self._time(self.end)}
-
-    @property
-    def lasting(self) -> dict[str, float]:
-        """When it begins, and how long it lasts."""
-        return {**self.at, "for": round((self.end - self.begin) * self.step, 6)}
-
-    def _time(self, k: int) -> float:
-        """A tick's time in s, with few digits where they say the same."""
-        time_s = round(k * self.step, 6)
-        return time_s if tick_of(time_s, self.step) == k else k * self.step
-
-
-class _Robots:
-    """Which robots suffer a process fault, and when."""
-
-    def __init__(self, names: Sequence[str], spared: set[str]) -> None:
-        self.names = list(names)
-        self._spared = spared
-        self._busy: list[tuple[str, int, int]] = []
-
-    def free(self, begin: int, end: int) -> list[str]:
-        """Those who suffer none from one tick to another, both included."""
-        busy = {name for name, first, last in self._busy if first <= end and begin <= last}
-        return [name for name in self.names if name not in busy and name not in self._spared]
-
-    def take(self, draws: Draws, begin: int, end: int, leave: int = 1) -> list[str]:
-        """Some who shall suffer one from one tick to another; none when none can.
-
-        leave: how many of those that are free then are left alone.
-        """
-        free = self.free(begin, end)
-        if len(free) <= leave:
-            return []
-        chosen = draws.some(free, len(free) - leave)
-        self._busy += [(name, begin, end) for name in chosen]
-        return chosen
-
-    def any(self, draws: Draws) -> str | list[str]:
-        """All, or some, whatever they suffer."""
-        some = draws.some(self.names, len(self.names))
-        return "all" if draws.share() < 0.5 else some
-
-
-# --- what is drawn for each kind -------------------------------------------------------------------------------------
-
-Found = list[dict[str, Any]]
-
-
-def _fault(draws: Draws, kinds: Sequence[str], robots: _Robots, when: _When) -> Found:
-    """A fault of a drawn kind, and what heals it; of the kinds, the first in a drawn order that can happen now."""
-    for kind in draws.shuffled(kinds):
-        if found := _OF_KIND[kind](draws, robots, when):
-            return [{"kind": kind} | found[0], *found[1:]]
-    return []
-
-
-def _kill(draws: Draws, robots: _Robots, when: _When) -> Found:
-    who = robots.take(draws, when.begin, when.end)
-    wreck = draws.choice("stays", "removed")
-    return [{**when.at, "who": who, "wreck": wreck}, {"kind": "restart", **when.healed, "who": who}] if who else []
-
-
-def _restart(draws: Draws, robots: _Robots, when: _When) -> Found:
-    who = robots.take(draws, when.begin, when.begin, leave=0)
-    return [{**when.at, "who": who}] if who else []
-
-
-def _pause(draws: Draws, robots: _Robots, when: _When) -> Found:
-    who = robots.take(draws, when.begin, when.end)
-    return [{**when.lasting, "who": who}] if who else []
-
-
-def _resume(draws: Draws, robots: _Robots, when: _When) -> Found:
-    """A pause without an end, which a resume ends."""
-    who = robots.take(draws, when.begin, when.end)
-    return [{**when.at, "kind": "pause", "who": who}, {"kind": "resume", **when.healed, "who": who}] if who else []
-
-
-def _join(draws: Draws, robots: _Robots, when: _When) -> Found:
-    who = robots.take(draws, 0, when.begin)
-    return [{**when.at, "who": who}] if who else []
-
-
-def _leave(draws: Draws, robots: _Robots, when: _When) -> Found:
-    who = robots.take(draws, when.begin, when.end)
-    return [{**when.at, "who": who}, {"kind": "join", **when.healed, "who": who}] if who else []
-
-
-def _links(draws: Draws, robots: _Robots) -> dict[str, Any]:
-    sources, targets = robots.any(draws), robots.any(draws)
-    return {"from": sources, "to": "all" if sources == targets else targets}
-
-
-def _wait(draws: Draws, when: _When) -> dict[str, Any]:
-    """Delays of some steps."""
-    long = 6.0 * when.step
-    shape = draws.choice("constant", "uniform", "normal", "exponential")
-    first, second = sorted((draws.between(0.0, long), draws.between(0.0, long)))
-    return {shape: [first, second] if shape in ("uniform", "normal") else second}
-
-
-def _loss(draws: Draws, robots: _Robots, when: _When) -> Found:
-    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
-    burst = draws.between(1.0, 12.0)
-    if fault["rate"] * (1.0 + burst) <= burst and draws.share() < 0.5:
-        fault["mean_burst"] = burst
-    return [fault]
-
-
-def _delay(draws: Draws, robots: _Robots, when: _When) -> Found:
-    return [{**when.lasting, **_links(draws, robots), "delay": _wait(draws, when)}]
-
-
-def _duplicate(draws: Draws, robots: _Robots, when: _When) -> Found:
-    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
-    return [fault | draws.choice({}, {"delay": _wait(draws, when)})]
-
-
-def _reorder(draws: Draws, robots: _Robots, when: _When) -> Found:
-    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
-    return [fault | draws.choice({}, {"hold": draws.between(0.1 * when.step, 5.0 * when.step)})]
-
-
-def _partition(draws: Draws, robots: _Robots, when: _When) -> Found:
-    if len(robots.names) < 2:
-        return []
-    first = draws.some(robots.names, len(robots.names) - 1)
-    rest = [name for name in robots.names if name not in first]
-    more = [draws.some(rest, len(rest))] if draws.share() < 0.5 else []
-    groups: Any = draws.choice([first, *more], [first, *more], "halves", "one")
-    return [{**when.lasting, "groups": groups, "direction": draws.choice("both", "one-way")}]
-
-
-def _silence(draws: Draws, robots: _Robots, when: _When) -> Found:
-    return [{**when.lasting, "who": robots.any(draws), "direction": draws.choice("in", "out", "both")}]
-
-
-def _range(draws: Draws, robots: _Robots, when: _When) -> Found:
-    through = draws.choice(True, False)
-    return [{**when.lasting, "who": robots.any(draws), "reach": draws.between(5.0, 60.0), "through_walls": through}]
-
-
-def _bandwidth(draws: Draws, robots: _Robots, when: _When) -> Found:
-    return [{**when.lasting, "who": robots.any(draws), "bytes_per_s": draws.between(5.0, 100.0)}]
-
-
-def _spoof(draws: Draws, robots: _Robots, when: _When) -> Found:
-    by = draws.choice(STRANGER, draws.choice(*robots.names))
-    if by == robots.names[0] and len(robots.names) == 1:
-        by = STRANGER  # nobody else's name is there to forge
-    others = [name for name in robots.names if name != by]
-    offset = [draws.between(-20.0, 20.0), draws.between(-20.0, 20.0)]
-    payload: Any = draws.choice(
-        {"offset": offset},
-        "freeze",
-        {"replay": draws.between(when.step, 40.0 * when.step)},
-        "random",
-        {"invented": draws.whole(1, 3)},
-        {"ahead": draws.whole(1, 10_000)},
-    )
-    return [{**when.lasting, "by": by, "as": draws.some(others, len(others)), "payload": payload}]
-
-
-def _drift(draws: Draws, robots: _Robots, when: _When) -> Found:
-    fault = {
-        "who": robots.any(draws),
-        "bias": [draws.between(-2.0, 2.0), draws.between(-2.0, 2.0)],
-        "growth": [draws.between(-0.05, 0.05), draws.between(-0.05, 0.05)],
-        "noise": draws.between(0.0, 0.5),
-    }
-    jump = {"jump": {"every": draws.between(2.0 * when.step, 40.0 * when.step), "size": draws.between(0.5, 10.0)}}
-    return [{**when.lasting, **fault, **draws.choice({}, jump)}]
-
-
-def _clock(draws: Draws, robots: _Robots, when: _When) -> Found:
-    offset, rate = draws.between(-60.0, 60.0), draws.between(-0.2, 0.2)
-    return [{**when.lasting, "who": robots.any(draws), "offset": offset, "rate": rate}]
-
-
-_OF_KIND: Mapping[str, Callable[[Draws, _Robots, _When], Found]] = {
-    "kill": _kill,
-    "restart": _restart,
-    "pause": _pause,
-    "resume": _resume,
-    "join": _join,
-    "leave": _leave,
-    "loss": _loss,
-    "delay": _delay,
-    "duplicate": _duplicate,
-    "reorder": _reorder,
-    "partition": _partition,
-    "silence": _silence,
-    "range": _range,
-    "bandwidth": _bandwidth,
-    "spoof": _spoof,
-    "drift": _drift,
-    "clock": _clock,
-}

@@ -83,8 +83,8 @@ ActsOn = Literal["processes", "frames", "senses"]
 class Fault(Section):
     """What all faults have.
 
-    A subclass whose `kind` is a literal is a kind of fault: the class alone puts it into `KINDS`, the schema, the
-    error messages and the nemesis's vocabulary.
+    A subclass whose `kind` is a literal is a kind of fault: the class alone puts it into `KINDS`, the schema and
+    the error messages. A nemesis draws it once `patrol.scenario.faults.nemesis_draws` says how.
 
     Attributes:
         acts_on: *processes* (needs a launcher that can start and stop robots), *frames* (needs an ether) or *senses*

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, Tag
 
-from patrol.scenario.faults.kinds import KINDS
+from patrol.scenario.faults.nemesis_draws import DRAWN
 from patrol.values.section import Section, wrong
 from patrol.values.types import NotNegative, Positive, Seed, at_least, by_shape, expecting
 
@@ -19,12 +19,12 @@ QUIET = 1.0 / 3.0
 if TYPE_CHECKING:
     KindName = str
 else:
-    KindName = Literal[tuple(KINDS)]
-_KINDS = f"all, or a list of kinds of faults: {', '.join(KINDS)}"
+    KindName = Literal[tuple(DRAWN)]
+_KINDS = f"all, or a list of kinds of faults: {', '.join(DRAWN)}"
 Kinds = Annotated[
     Annotated[Literal["all"], expecting(_KINDS), Tag("=single")]
     | Annotated[
-        tuple[Annotated[KindName, expecting(f"one of {', '.join(KINDS)}")], ...],
+        tuple[Annotated[KindName, expecting(f"one of {', '.join(DRAWN)}")], ...],
         Field(json_schema_extra={"minItems": 1}),
         at_least(1, "kinds of faults"),
         Tag("=list"),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario, scenario_hash
-from patrol.scenario.faults.kinds import KINDS
+from patrol.scenario.faults.nemesis_draws import DRAWN
 
 OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}}
 
@@ -20,7 +20,7 @@ def scenario(robots: int = 5, step: float = 0.5, duration: float = 300.0, **neme
 
 
 seeds = st.integers(0, 2**63 - 1)
-kinds = st.lists(st.sampled_from(list(KINDS)), min_size=1, max_size=17, unique=True)
+kinds = st.lists(st.sampled_from(list(DRAWN)), min_size=1, max_size=17, unique=True)
 
 
 @given(seeds, st.integers(1, 8), kinds, st.sampled_from([0.1, 1.0 / 3.0, 0.5, 1.7]))
@@ -58,11 +58,18 @@ def test_one_fault_begins_in_each_interval() -> None:
 
 def test_every_kind_is_drawn() -> None:
     drawn = {fault.kind for seed in range(20) for fault in scenario(seed=seed).faults}
-    assert drawn == set(KINDS)
+    assert drawn == set(DRAWN)
+
+
+def test_the_kinds_of_all_and_their_order_stay() -> None:
+    """They decide the faults, and so the trace, of every scenario with a nemesis of all kinds."""
+    processes = ("kill", "restart", "pause", "resume", "join", "leave")
+    frames = ("loss", "delay", "duplicate", "reorder", "partition", "silence", "range", "bandwidth", "spoof")
+    assert tuple(DRAWN) == (*processes, *frames, "drift", "clock")
 
 
 def test_every_kind_alone_does_something() -> None:
-    for kind in KINDS:
+    for kind in DRAWN:
         assert any(fault.kind == kind for fault in scenario(kinds=[kind], duration=3000).faults), kind
 
 
