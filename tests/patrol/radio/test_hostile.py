@@ -12,9 +12,11 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from patrol.exchange import Reply, Sensed
 from patrol.net.mailbox import Mailbox
 from patrol.net.phases import (
     MAX_REPLY,
+    Failed,
     Hello,
     PhaseA,
     PhaseB,
@@ -72,7 +74,9 @@ junk = st.recursive(
 )
 phases = st.one_of(
     st.builds(PhaseB, st.just(1), st.just(7), st.integers(0, 99), st.lists(frames, max_size=6).map(tuple)),
-    st.builds(PhaseA, st.just(1), st.just(7), st.integers(0, 99), st.just(Pose(1.0, 2.0, 3.0)), st.booleans()),
+    st.builds(
+        lambda k, bumped: PhaseA(1, 7, k, Sensed(k, Pose(1.0, 2.0, 3.0), bumped)), st.integers(0, 99), st.booleans()
+    ),
     st.builds(Hello, st.just(1), st.just(7), st.integers(0, 99), st.integers(0, 99)),
     st.builds(ReplyA, st.just(1), st.just(7), st.integers(0, 99), st.lists(frames, max_size=MAX_FRAMES).map(tuple)),
     st.builds(
@@ -80,12 +84,16 @@ phases = st.one_of(
         st.just(1),
         st.just(7),
         st.integers(0, 99),
-        command=st.just(Drive(1.0, 0.1)),
-        state=st.just("patrolling"),
-        goal=st.none() | st.just((1.0, 2.0)),
-        decision_ms=st.just(1.0),
-        rejected=st.integers(0, 99),
+        st.builds(
+            Reply,
+            command=st.just(Drive(1.0, 0.1)),
+            state=st.just("patrolling"),
+            goal=st.none() | st.just((1.0, 2.0)),
+            decision_ms=st.just(1.0),
+            rejected=st.integers(0, 99),
+        ),
     ),
+    st.builds(Failed, st.just(1), st.just(7), st.integers(0, 99), st.sampled_from(["", "its policy failed"])),
 )
 hostile = st.one_of(
     st.binary(max_size=100), frames, plausible, phases.map(encode_phase), st.lists(junk, max_size=10).map(msgpack.packb)

@@ -119,13 +119,16 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
             'scenario: patrol.paths = "region": expected wave, straight or regions; did you mean regions?',
         ),
         ({"patrol": {"fow": "f6"}}, 'scenario: patrol.fow = "f6": expected f1, f2, f3, f4 or f5'),
-        ({"patrol": {"policy": "mine:Policy"}}, 'patrol.policy = "mine:Policy": expected potential-field'),
+        (
+            {"patrol": {"policy": "my policy"}},
+            'patrol.policy = "my policy": expected potential-field, package.module:Class',
+        ),
         ({"patrol": {"random_move": 1.1}}, "scenario: patrol.random_move = 1.1: expected a number from 0 to 1"),
         (
             {"patrol": {"refine_side": 12}},
             "scenario: patrol.refine_side = 12: the square must not reach behind the robot",
         ),
-        ({"patrol": 3}, "scenario: patrol = 3: expected keys and values (policy, fow"),
+        ({"patrol": 3}, "scenario: patrol = 3: expected keys and values (policy, policy_sha256, options, fow"),
         ({"radio": {"trail": 5}}, "scenario: radio.trail = 5: expected a whole number from 0 to 4"),
         ({"radio": {"trail": 1}, "robots": {"speed": 700}}, "scenario: robots.speed = 700: a trail holds steps below"),
         ({"faults": [{"kind": "kill"}]}, "scenario: faults.0.who: missing; give a robot's name, a list of names, one"),
