@@ -29,6 +29,7 @@ from fogwatch.cli import (
 )
 from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
 from patrol.errors import BadInput
+from patrol.pose import MODELS
 from patrol.process.lifeline import heed
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
 
@@ -109,7 +110,7 @@ def run(
         ),
     ] = None,
     model: Annotated[
-        str | None, typer.Option(metavar="car|holonomic", help="Body model.", rich_help_panel=BODY)
+        str | None, typer.Option(metavar="|".join(MODELS), help="Body model.", rich_help_panel=BODY)
     ] = None,
     radius: Annotated[float | None, typer.Option(metavar="M", help="Body radius in m.", rich_help_panel=BODY)] = None,
     speed: Annotated[float | None, typer.Option(metavar="M/S", help="Top speed in m/s.", rich_help_panel=BODY)] = None,

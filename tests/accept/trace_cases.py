@@ -9,12 +9,16 @@ one machine type and one lock file, so compare files that were written on the sa
 
 from __future__ import annotations
 
+import hashlib
 import json
+import platform
 import sys
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
+
+from llvmlite.binding import get_host_cpu_name  # type: ignore[import-untyped]
 
 TERRAINS = ("open", "yards", "clutter", "site")
 BODIES = ("holonomic", "car")
@@ -105,16 +109,33 @@ def trace_of(case: tuple[str, dict[str, Any]]) -> tuple[str, str]:
     return name, outcome.journal.end.trace_hash + ("" if outcome.verdict.outcome == "valid" else " (not valid)")
 
 
+def traces() -> dict[str, str]:
+    """Run every case, on two processes; trace hashes by name."""
+    with ProcessPoolExecutor(2) as pool:
+        return dict(pool.map(trace_of, cases()))
+
+
+def made_on() -> dict[str, str]:
+    """What a trace hash depends on besides scenario and code: Python, the locked libraries and the processor."""
+    root = Path(__file__).parents[2]
+    return {
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "processor": get_host_cpu_name(),
+        "lock": hashlib.sha256((root / "requirements.lock").read_bytes()).hexdigest(),
+    }
+
+
 def main() -> int:
     """Write or check a file of hashes."""
     check = sys.argv[1] == "--check"
     file = Path(sys.argv[-1])
-    with ProcessPoolExecutor(2) as pool:
-        found = dict(pool.map(trace_of, cases()))
+    found = traces()
     if not check:
-        file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        says = {"made_on": made_on(), "hashes": found}
+        file.write_text(json.dumps(says, indent=1) + "\n", encoding="utf-8")
         return 0
-    expected = json.loads(file.read_text(encoding="utf-8"))
+    expected = json.loads(file.read_text(encoding="utf-8"))["hashes"]
     moved = [name for name in found if found[name] != expected.get(name)]
     for name in moved:
         print(f"moved: {name}: {expected.get(name)} -> {found[name]}")
