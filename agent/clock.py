@@ -18,7 +18,7 @@ REMEMBERED = 9
 """Frames of each robot by which its count is judged: a few, for some are held up on their way."""
 
 APART = 2
-"""Ticks by which counts may differ before it is worth a word."""
+"""Differences of up to so many ticks are not reported."""
 
 
 class KeptClock:
@@ -71,14 +71,19 @@ class Skew:
 
         Args:
             names: By number.
-            tolerated: Ticks of difference that are not worth a word.
+            tolerated: Ticks of difference that are not reported.
         """
         self._names = names
         self._tolerated = tolerated
+        self._k = -1
         self._leads: dict[int, deque[int]] = {number: deque(maxlen=REMEMBERED) for number in names}
 
     def hear(self, k: int, frames: Iterable[bytes]) -> None:
         """Take in what has been heard for the decision of tick k, before anybody refuses any of it."""
+        if k != self._k + 1:  # one's own ticks were left out, so what has waited meanwhile tells nothing
+            for leads in self._leads.values():
+                leads.clear()
+        self._k = k
         for frame in frames:
             try:
                 position = decode(frame)
@@ -101,19 +106,20 @@ class Skew:
         counts = ", ".join(
             f"{name} is {abs(lead)} ticks {'ahead' if lead > 0 else 'behind'}" for name, lead in off.items()
         )
-        return f"ticks differ: {counts}; positions are refused for it; set all clocks, and the same epoch everywhere"
+        return f"ticks differ: {counts}, so positions are refused; set NTP and the same epoch on all robots"
 
 
-def epoch_of(frame: bytes, heard_s: float, step_s: float) -> float | None:
-    """When tick 0 began, by a position that has just been heard; None for a frame that tells nothing.
+def epoch_of(frame: bytes, heard_s: float, step_s: float, key: bytes | None = None) -> float | None:
+    """When tick 0 began, by a position that has just been heard; None for one that carries no position.
 
     Args:
-        frame: As it was received. Anybody can send one, so this is for fleets that trust their network.
+        frame: As it was received. Without a key anybody can send one.
         heard_s: When, by the shared clock, s.
         step_s: Wall time of a tick, s.
+        key: Of the fleet's tags, which the frame must bear then, or None.
     """
     try:
-        position = decode(frame)
+        position = decode(frame, key)
     except Rejected:
         return None
     return None if position.robot == CONTACT else heard_s - position.sequence * step_s

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -13,18 +14,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.radio.message import MAX_TIME_MS
+from patrol.radio.units import ms_to_s
 
 if TYPE_CHECKING:
     from agent.clock import Skew
+    from agent.mind import Mind
     from agent.ports import FleetClock, Radio, Robot
     from agent.radios.direct import DirectRadio
     from patrol.ground.terrain import Terrain
+    from patrol.net.keys import FleetKeys
+    from patrol.net.link import Link
+    from patrol.net.mailbox import Air
     from patrol.pose import Pose
+    from patrol.prepare import Prepared
     from patrol.process.lifeline import Ending
     from patrol.scenario import RobotSpec, Scenario
 
 COMPLAIN_S = 10.0
 """Wall time between two lines on robots that count ticks differently."""
+
+LONGEST_WAIT_S = 86_400.0
+"""How far ahead tick 0 may lie, s."""
 
 _LISTEN_S = 0.2
 
@@ -93,60 +104,108 @@ def _drive(
     wait_s: float,
     ending: Ending,
 ) -> int:
-    from agent.build import build_mind
-    from agent.clock import KeptClock, Skew
-    from agent.mind_loop import TelemetrySender, run_mind
-    from agent.policies.found import policy_of
-    from agent.radios.direct import tune_in
     from patrol.net.keys import check_locator, check_radio, fleet_keys
     from patrol.net.link import open_links
-    from patrol.net.phases import FIRST_INCARNATION
-    from patrol.prepare import prepare
-    from patrol.process.deadline import DECISION_LIMIT_S
     from patrol.process.lifeline import INTERRUPTED
-    from patrol.process.warmup import warm
-    from patrol.radio.fleet_key import fleet_key
     from patrol.scenario import load_scenario
 
     def say(line: str) -> None:
         print(f"{name}: {line}", file=sys.stderr, flush=True)
 
-    loaded = load_scenario(path)
-    spec = _spec_of(loaded, name, path)
+    scenario = load_scenario(path)
+    spec = _spec_of(scenario, name, path)
     router, keys = check_locator(where[0], "router"), fleet_keys(where[1])
-    on_air = check_radio(where[2], "radio", loaded.radio.via)
-    assert loaded.factor is not None  # a direct radio is refused in lockstep
-    step_s = loaded.step / loaded.factor
-    warm(("patrol", "agent"), say)
-    prepared = prepare(loaded)
-    mind = build_mind(prepared, spec.number, FIRST_INCARNATION, fleet_key(loaded.radio.key))
+    on_air = check_radio(where[2], "radio", scenario.radio.via)
+    # Its counts of frames begin anew, so whoever adds them up must not take it for the process before.
+    incarnation = int(time.time()) % 2**31
+    prepared, mind = _mind_of(scenario, spec.number, incarnation, say)
     links = open_links(router, on_air, wait_s, say, lambda: bool(ending))
     if links is None:
         return INTERRUPTED
     link, air = links
-    names = {one.name: one.number for one in loaded.roster}
+    driver = _Driver(prepared, spec, mind, incarnation, say, ending)
     try:
-        clock = LateClock()
-        radio = tune_in(air, keys, name, names, clock)
-        epoch_s = epoch_s if epoch_s is not None else _listen(radio, step_s, wait_s, say, ending)
-        if epoch_s is None:
-            return INTERRUPTED
-        clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait)
-        robot = make(Site(spec, prepared.starts[spec.number - 1], prepared.terrain, clock, loaded.step))
-        telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
-        telemetry.traffic = lambda final: radio.traffic(FIRST_INCARNATION, final=final)
-        skew = Skew({number: other for other, number in names.items() if other != name})
-        limit_s = None if policy_of(loaded).ours else DECISION_LIMIT_S
-        say(f"patrols with fleet {where[1]}")
-        failure = run_mind(mind, robot, _Watched(radio, clock, skew, say), telemetry, limit_s)
-        telemetry.close()
+        if link.sees(keys.alive(name)):
+            raise BadInput(f"robot {name}: another process is {name} already; end that one, or choose another robot")
+        link.live(keys.alive(name))
+        failure = driver.run(make, link, air, keys, epoch_s, wait_s)
     finally:
         air.close()
         link.close()
     if failure is not None:
         say(failure)
-        return 1
-    return INTERRUPTED
+    return INTERRUPTED if failure is None else 1
+
+
+def _mind_of(scenario: Scenario, number: int, incarnation: int, say: Callable[[str], None]) -> tuple[Prepared, Mind]:
+    """The prepared scenario and one robot's mind."""
+    from agent.build import build_mind
+    from agent.ports import PolicyFailed
+    from patrol.prepare import prepare
+    from patrol.process.warmup import warm
+    from patrol.radio.fleet_key import fleet_key
+
+    warm(("patrol", "agent"), say)
+    prepared = prepare(scenario)
+    try:
+        return prepared, build_mind(prepared, number, incarnation, fleet_key(scenario.radio.key))
+    except PolicyFailed as failed:
+        raise BadInput(str(failed)) from failed
+
+
+@dataclass(frozen=True, slots=True)
+class _Driver:
+    """One robot's mind, about to be put into the robot."""
+
+    prepared: Prepared
+    spec: RobotSpec
+    mind: Mind
+    incarnation: int
+    say: Callable[[str], None]
+    ending: Ending
+
+    def run(
+        self,
+        make: Callable[[Site], Robot],
+        link: Link,
+        air: Air,
+        keys: FleetKeys,
+        epoch_s: float | None,
+        wait_s: float,
+    ) -> str | None:
+        """Patrol until it is time to leave; how the policy has failed, or None. The robot is stopped in any case."""
+        from agent.clock import KeptClock, Skew
+        from agent.mind_loop import TelemetrySender, run_mind
+        from agent.policies.found import policy_of
+        from agent.radios.direct import tune_in
+        from patrol.process.deadline import DECISION_LIMIT_S
+
+        scenario, name = self.prepared.scenario, self.spec.name
+        assert scenario.factor is not None  # a direct radio is refused in lockstep
+        step_s = scenario.step / scenario.factor
+        names = {one.name: one.number for one in scenario.roster}
+        clock = LateClock()
+        radio = tune_in(air, keys, name, names, clock)
+        if epoch_s is None:
+            epoch_s = _listen(radio, step_s, self.mind.facts.key, wait_s, self.say, self.ending)
+        if epoch_s is None:
+            return None
+        _check_epoch(epoch_s, time.time(), self.say)
+        clock.keeper = KeptClock(step_s, epoch_s, time.time, self.ending.wait)
+        start = self.prepared.starts[self.spec.number - 1]
+        robot = make(Site(self.spec, start, self.prepared.terrain, clock, scenario.step))
+        telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
+        telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
+        skew = Skew({number: other for other, number in names.items() if other != name})
+        limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
+        self.say(f"patrols with fleet {keys.fleet}")
+        failure = None
+        try:
+            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, self.say), telemetry, limit_s)
+        finally:
+            robot.stop(failure or self.ending.reason or "the driver ends")
+        telemetry.close()
+        return failure
 
 
 class LateClock:
@@ -204,8 +263,20 @@ def _spec_of(scenario: Scenario, name: str, path: Path) -> RobotSpec:
     raise BadInput(f"robot {name!r}: no robot of {path}; its first are {names}")
 
 
+def _check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> None:
+    """Refuse an epoch that cannot be one, and say so when tick 0 is still to come."""
+    oldest_s = ms_to_s(MAX_TIME_MS)
+    if not math.isfinite(epoch_s) or not -LONGEST_WAIT_S <= now_s - epoch_s <= oldest_s:
+        raise BadInput(
+            f"epoch_s = {epoch_s!r}: tick 0 lies at most {LONGEST_WAIT_S:g} s ahead and {oldest_s:.0f} s back; "
+            "give Unix time in s"
+        )
+    if epoch_s > now_s:
+        say(f"tick 0 begins in {epoch_s - now_s:.0f} s")
+
+
 def _listen(
-    radio: DirectRadio, step_s: float, wait_s: float, say: Callable[[str], None], ending: Ending
+    radio: DirectRadio, step_s: float, key: bytes | None, wait_s: float, say: Callable[[str], None], ending: Ending
 ) -> float | None:
     """When tick 0 began, by the first position heard; None when it is time to leave."""
     from agent.clock import epoch_of
@@ -214,9 +285,12 @@ def _listen(
     until = time.monotonic() + wait_s
     while not ending:
         frame = radio.overhear(_LISTEN_S)
-        epoch_s = None if frame is None else epoch_of(frame, time.time(), step_s)
+        epoch_s = None if frame is None else epoch_of(frame, time.time(), step_s, key)
         if epoch_s is not None:
             return epoch_s
         if time.monotonic() >= until:
-            raise BadInput(f"no position was heard within {wait_s:g} s; start the others first, or say when tick 0 is")
+            raise BadInput(
+                f"no position was heard within {wait_s:g} s; check router and fleet, start another robot first, or "
+                "pass epoch_s"
+            )
     return None

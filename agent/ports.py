@@ -14,9 +14,12 @@ unstuck and giving way are the body's business, so that policies compete on equa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
 
 from patrol.exchange import Sensed
 from patrol.pose import Command
@@ -184,31 +187,62 @@ class PolicyFailed(Exception):
     """A policy has raised, taken too long, or returned something that is no intent; one line says which."""
 
 
+def _where(cause: BaseException | None) -> str:
+    """The innermost line of code of an error, as `` (file.py:27)``."""
+    last = None if cause is None else cause.__traceback__
+    while last is not None and last.tb_next is not None:
+        last = last.tb_next
+    return "" if last is None else f" ({PurePath(last.tb_frame.f_code.co_filename).name}:{last.tb_lineno})"
+
+
 def policy_failure(k: int, failed: BaseException) -> str:
     """Why a robot is lost whose policy has failed at tick k: the same words wherever its mind runs."""
-    line = " ".join(str(failed).split())
+    line = " ".join(str(failed).split()) + _where(failed.__cause__)
     printable = "".join(letter if letter.isprintable() else "?" for letter in line)
     return f"its policy failed at tick {k}: {printable}"[:MAX_FAILURE]
 
 
 def checked(intent: object) -> Intent:
-    """An intent whose numbers can be used.
+    """An intent whose numbers can be used; numpy's become Python's, so that they fare alike wherever a mind runs.
 
     Raises:
         PolicyFailed: It is no intent, or a number in it is none that a body can compute with.
     """
     if not isinstance(intent, Bearing | Place | Stay | Steer):
-        raise PolicyFailed(f"returned {type(intent).__name__} and not Bearing, Place, Stay or Steer")
+        raise PolicyFailed(f"returned {type(intent).__name__}; return Bearing, Place, Stay or Steer")
     if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
         raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
     if not isinstance(intent.figures, Mapping) or not all(isinstance(name, str) for name in intent.figures):
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
-    for name, value in _numbers(intent):
+    plain = _plain_numbers(intent)
+    for name, value in _numbers(plain):
         if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
             raise PolicyFailed(
-                f"returned {type(intent).__name__} with {name} = {value!r}, which is no int or float from -1e9 to 1e9"
+                f"returned {type(intent).__name__} with {name} = {value!r}; give a number from -1e9 to 1e9"
             )
-    return intent
+    return plain
+
+
+def _plain_numbers(intent: Intent) -> Intent:
+    """The same with Python's numbers in place of numpy's."""
+    given = {
+        entry.name: getattr(intent, entry.name) for entry in fields(intent) if entry.name not in ("state", "figures")
+    }
+    plain = {name: _plain(value) for name, value in given.items()}
+    changed = {name: value for name, value in plain.items() if value is not given[name]}
+    return replace(intent, **changed) if changed else intent
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return tuple(value.tolist())
+    if isinstance(value, tuple | list) and any(isinstance(one, np.generic) for one in value):
+        return tuple(_plain(one) for one in value)
+    if isinstance(value, Command) and any(isinstance(number, np.generic) for number in value.numbers):
+        return type(value)(*(_plain(number) for number in value.numbers))
+    return value
 
 
 def _numbers(intent: Intent) -> list[tuple[str, object]]:
@@ -341,7 +375,11 @@ class Robot(Protocol):
         ...
 
     def stop(self, reason: str) -> None:
-        """Stop for good: the mind cannot go on. reason: one line, for whoever can be told."""
+        """Stop for good, perhaps not for the first time: the mind cannot go on, or the driver ends.
+
+        Args:
+            reason: One line.
+        """
         ...
 
 

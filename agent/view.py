@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from agent.belief.believed import Belief
     from agent.belief.posts import Posts
     from agent.routes.ground import Ground, Spot
-    from agent.routes.routes import Routes
+    from agent.routes.routes import Routes, Way
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec
@@ -101,6 +101,38 @@ class View:
             purpose: What the draw is for; policies of one's own keep to the default.
         """
         return self.chance(self.tick, index, purpose)
+
+    def point_of(self, place: Spot) -> tuple[int, int]:
+        """The terrain's point (row, col) on which a place (x, y) in m lies; off the terrain, the nearest one."""
+        row, col = self.ground.terrain.point_at(*place)
+        rows, cols = self.ground.terrain.shape
+        return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
+
+    def place_of(self, point: tuple[int, int]) -> Spot:
+        """The centre (x, y) in m of the terrain's point (row, col)."""
+        return self.ground.terrain.centre(*point)
+
+    def lengths(self, place: Spot | None = None, within: float | None = None) -> NDArray[np.float64]:
+        """How long the ways from a place to all points are (`agent.routes.routes.Routes.lengths`).
+
+        Args:
+            place: x and y in m; the robot's own unless given.
+            within: m, beyond which no way is followed; None for no limit.
+
+        Returns:
+            float64 (height, width) in m, infinity where no way leads.
+        """
+        return self.routes.lengths((self.pose.x, self.pose.y) if place is None else place, within)
+
+    def way(self, place: Spot) -> Way | None:
+        """The shortest way from here to a place (x, y) in m, or to the nearest one that a way leads to.
+
+        Returns:
+            Where it leads and where it first bends; None for a robot that is off the ground.
+        """
+        row, col = self.point_of(place)
+        start = self.start
+        return None if start is None else self.routes.way(start, (row + 1, col + 1))
 
     @property
     def start(self) -> tuple[int, int] | None:

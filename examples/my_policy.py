@@ -32,11 +32,11 @@ class StalestNear:
             self._target, self._chosen_at = self._stalest(view), view.tick
         if self._target is None:
             return Stay()
-        return Place(*view.ground.terrain.centre(*self._target))
+        return Place(*view.place_of(self._target))
 
     def _stalest(self, view: View) -> tuple[int, int] | None:
         """The stalest point within reach, the nearest of several; None for a robot that cannot get anywhere."""
-        lengths = view.routes.lengths((view.pose.x, view.pose.y), self._reach)
+        lengths = view.lengths(within=self._reach)
         near = np.isfinite(lengths)
         if not near.any():
             return None

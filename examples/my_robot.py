@@ -26,6 +26,7 @@ class MyRobot:
         self.site = site
         self.pose = site.start
         self.command: Command = halted(site.spec.model)
+        self.k = -1
 
     def sense(self) -> Sensed | None:
         """Wait for the fleet's next tick, then say where this robot is. A real one asks its localisation."""
@@ -33,12 +34,13 @@ class MyRobot:
         if k is None:
             return None  # it is time to leave
         free = path_is_free(self.site.terrain, self.pose, self.command, self.site.step, self.site.spec.radius)
-        if free:
+        if free and k == self.k + 1:
             self.pose = advance(self.pose, self.command, self.site.step)
+        self.k, self.command = k, halted(self.site.spec.model)  # a command holds for one step
         return Sensed(k, self.pose, bumped=not free, clock_s=k * self.site.step)
 
     def act(self, command: Command) -> None:
-        """Take a command. A real robot tells its motors, and stops by itself when none comes in time."""
+        """Take a command for one step. A real robot tells its motors, and stops by itself when none comes in time."""
         self.command = command
 
     def stop(self, reason: str) -> None:

@@ -7,7 +7,7 @@ import math
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import CarSteering
 from agent.bodies.unstuck import Unstuck
-from agent.ports import Bearing, Choice, Goal, Intent, Place, State, Stay, Steer
+from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.view import View
 from patrol.pose import Drive, halted
 from patrol.random import Purpose
@@ -99,11 +99,10 @@ class CarBody(BodyBase):
 
     def _steer(self, command: object, state: str, view: View) -> Choice:
         """A policy's own command, unless it leads into a wall."""
-        if isinstance(command, Drive):
-            wanted = command.limited(self.spec.speed, self.spec.turning_radius)
-            if self._steering.is_free(view.pose, wanted):
-                return Choice(wanted, state)
-        return self._stand(State.HOLDING)
+        if not isinstance(command, Drive):
+            raise PolicyFailed(f"returned Steer({type(command).__name__}) for a car; give a Drive")
+        wanted = command.limited(self.spec.speed, self.spec.turning_radius)
+        return Choice(wanted, state) if self._steering.is_free(view.pose, wanted) else self._stand(State.HOLDING)
 
     def _stand(self, state: str) -> Choice:
         return Choice(halted(self.spec.model), state)

@@ -6,7 +6,7 @@ import math
 
 from agent.bodies.setup import BARELY, CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import HolonomicSteering
-from agent.ports import Bearing, Choice, Goal, Intent, Place, State, Stay, Steer
+from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Spot
 from agent.view import View
 from patrol.pose import TAU, Command, Pose, Velocity, halted
@@ -91,6 +91,6 @@ class HolonomicBody(BodyBase):
     def _steer(self, command: Command, state: str, pose: Pose) -> Choice:
         """A policy's own command, as far as the body is free."""
         if not isinstance(command, Velocity):
-            return Choice(Velocity(0.0, 0.0), State.HOLDING)
+            raise PolicyFailed(f"returned Steer({type(command).__name__}) for a holonomic robot; give a Velocity")
         wanted = command.limited(self.spec.speed, self.spec.turning_radius)
         return Choice(self._steering.along(pose, wanted), state)

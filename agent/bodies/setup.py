@@ -78,16 +78,13 @@ def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:
 
     A place that no way leads to stands for the nearest one that can be reached.
     """
-    start = view.start
-    if start is None:
+    if view.start is None:
         return None
     spot = place.x, place.y
     if place.bend is not None:
         return spot, place.bend
-    ground = view.ground
-    row, col = ground.terrain.point_at(*spot)
-    rows, cols = ground.terrain.shape
-    way = view.routes.way(start, (min(max(row, 0), rows - 1) + 1, min(max(col, 0), cols - 1) + 1))
-    exact = ground.terrain.point_at(*way.place) == (row, col)
+    way = view.way(spot)
+    assert way is not None
+    exact = view.ground.terrain.point_at(*way.place) == view.ground.terrain.point_at(*spot)
     target = spot if exact else way.place
     return target, target if way.bend == way.place else way.bend

@@ -57,7 +57,9 @@ def policy_of(scenario: Scenario) -> PolicyKind:
     patrol = scenario.patrol
     found = _paper() if patrol.policy == PAPER else _load(patrol)
     if not inspect.isclass(found) or not callable(getattr(found, "decide", None)):
-        raise BadInput(f"patrol.policy = {patrol.policy}: is no class with a method decide(view); name one that has it")
+        raise BadInput(
+            f"patrol.policy = {patrol.policy}: is not a class with a method decide(view); name one that has it"
+        )
     make = cast(Callable[[PolicySetup], Policy], found)
     return PolicyKind(patrol.policy, make, _options(patrol, found), patrol.policy == PAPER)
 

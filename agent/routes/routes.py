@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +62,8 @@ class Routes:
             float64 (height, width) in m; infinity where no way leads, or none of that length.
         """
         terrain = self._ground.terrain
+        if not all(map(math.isfinite, place)) or (within is not None and not within >= 0.0):
+            raise ValueError(f"lengths from {place} within {within}: give a place in m, and a limit of 0 m or more")
         far = np.full(terrain.shape, np.inf)
         ground = self._ground
         start = ground.join(*place)
@@ -69,7 +72,7 @@ class Routes:
             start = ground.join(*place)
         if start is None:
             return far
-        limit = LONGEST if within is None else min(LONGEST, round(100.0 * within / terrain.point))
+        limit = LONGEST if within is None else round(min(LONGEST, 100.0 * within / terrain.point))
         found = self.window().lengths_from(ground, *start, [start], limit)[1:-1, 1:-1]
         np.copyto(far, found * (terrain.point / 100.0), where=found < FAR)
         return far

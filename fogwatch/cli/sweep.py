@@ -17,6 +17,7 @@ from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import Estimate
 from fogwatch.progress import SweepProgress, duration, print_failures
 from patrol.errors import BadInput
+from patrol.scenario.policy_file import PAPER
 
 FAILED = 1
 """The exit code when some of the runs failed."""
@@ -63,6 +64,7 @@ def sweep(
     again.
     """
     plan = read_plan(file, seeds)
+    _check_policies(plan)
     folder = out or Path("runs") / file.stem
     console = Console()
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
@@ -72,6 +74,20 @@ def sweep(
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration(outcome.wall_s)}"
     console.print(f"{here}: {as_csv}, {as_json}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
+
+
+def _check_policies(plan: Plan) -> None:
+    """Find every policy of one's own, with its options, before any run is made."""
+    own = {
+        repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
+        for run in plan.runs
+        if run.scenario.patrol.policy != PAPER
+    }
+    if own:
+        from agent.policies.found import policy_of
+
+        for scenario in own.values():
+            policy_of(scenario)
 
 
 def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:

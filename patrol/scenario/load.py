@@ -248,6 +248,9 @@ def _resolve(
     aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
     """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
+    patrol = raw.get("patrol")
+    if "patrol.policy" in overrides and isinstance(patrol, dict):
+        patrol.pop("policy_sha256", None)  # it is of the policy that is replaced
     for field, value in overrides.items():
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))

@@ -88,7 +88,7 @@ def test_robots_that_count_differently_are_named() -> None:
     assert skew.ticks == {"r2": 5, "r3": -3, "r4": 0}
     said = skew.complaint()
     assert said is not None
-    assert said.startswith("ticks differ: r2 is 5 ticks ahead, r3 is 3 ticks behind; ")
+    assert said.startswith("ticks differ: r2 is 5 ticks ahead, r3 is 3 ticks behind, so positions are refused")
 
 
 def test_a_few_frames_say_nothing_and_late_ones_do_not_count() -> None:

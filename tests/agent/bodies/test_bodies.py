@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from agent.bodies import BODIES
 from agent.build import build_mind
 from agent.mind import Mind
-from agent.ports import Bearing, Decision, Intent, Place, State, Stay, Steer
+from agent.ports import Bearing, Decision, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Spot
 from agent.view import View
 from patrol.ground.swept_path import advance, path_is_free
@@ -218,14 +218,12 @@ def test_a_holonomic_body_steered_into_a_wall_stops_at_it(prepared: dict[str, Pr
 @pytest.mark.parametrize(
     ("model", "command"), [("car", Velocity(1.0, 0.0)), ("holonomic", Drive(1.0, 0.0))], ids=MODELS
 )
-def test_a_command_of_another_model_makes_a_body_hold(
+def test_a_command_of_another_model_is_the_policys_failure(
     model: str, command: Command, prepared: dict[str, Prepared]
 ) -> None:
     drives = Drives(prepared[model], Steer(command))
-    decision = drives.tick()
-    assert type(decision.command) is COMMANDS[model]
-    assert decision.command.numbers == (0.0, 0.0)
-    assert decision.state is State.HOLDING
+    with pytest.raises(PolicyFailed, match=rf"returned Steer\({type(command).__name__}\) for a .*; give a"):
+        drives.tick()
 
 
 # --- Stay and Bearing ------------------------------------------------------------------------------------------------

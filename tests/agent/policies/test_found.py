@@ -195,7 +195,7 @@ def test_an_unknown_entry_point_is_named_and_what_there_is_offered() -> None:
 def test_what_cannot_decide_is_no_policy(name: str, write: Write) -> None:
     scenario = load_scenario(write(f"./guard.py:{name}"))
     said = refused(scenario)
-    assert f"patrol.policy = {scenario.patrol.policy}: is no class with a method decide(view)" in said
+    assert f"patrol.policy = {scenario.patrol.policy}: is not a class with a method decide(view)" in said
 
 
 def test_a_class_that_is_not_there_is_named_and_another_offered(write: Write) -> None:
