@@ -87,7 +87,7 @@ class Ground:
 
     @property
     def static(self) -> Ground:
-        """The same ground with nothing closed: this object while nothing is closed, otherwise a copy made on first use."""
+        """The same ground with nothing closed; while something is closed, a copy made on first use."""
         if self._wanted == ((), ()):
             return self
         if self._static is None:
