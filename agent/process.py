@@ -144,11 +144,5 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = fleet_parser("agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
     add = parser.add_argument
     add("--robot", required=True, metavar="NAME", help="the robot's name in the scenario")
-    add(
-        "--incarnation",
-        type=int,
-        default=FIRST_INCARNATION,
-        metavar="N",
-        help="which start this is (default: %(default)s)",
-    )
+    add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="which start this is (%(default)s)")
     return parser.parse_args(arguments)

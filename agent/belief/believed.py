@@ -42,7 +42,7 @@ class Belief:
     def __init__(
         self, patrolled: BoolGrid, ground: BoolGrid, posts: Posts, footprint: Footprint, inbox: Inbox, dilatation: int
     ) -> None:
-        """Start with nothing seen and nobody heard.
+        """Start with nothing seen and no peer heard.
 
         Args:
             patrolled: bool (h, w), the points this robot can see.

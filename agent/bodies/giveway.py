@@ -27,7 +27,7 @@ class GiveWay:
     """The robots to which one robot gives way, and until when."""
 
     def __init__(self, seed: int, number: int, incarnation: int, radii: dict[int, float], step: float) -> None:
-        """Give way to nobody yet.
+        """Start without giving way.
 
         Args:
             seed: The scenario's random seed.

@@ -3,11 +3,11 @@
     world to robot     Hello      who is there?              robot to world   HelloReply
                        PhaseA     your pose at tick k                         ReplyA    its frames: position, contacts
                        PhaseB     what you hear at tick k                     ReplyB    the command
-                       Stop       leave, and why                           Failed     I cannot go on, and why
+                       Stop       leave, and why                              Failed    I cannot go on, and why
 
 Every message is one msgpack array ``[kind, incarnation, instance, k, ...]``. The incarnation counts a robot's processes
-(1 for the first); the instance is a random number of one process, by which a second process under the same name is told
-from the first; k is the tick. Decoding is strict and pure: all bytes either give a message or raise `Malformed`.
+(1 for the first); the instance is a random number of one process, which distinguishes it from a second process under the
+same name; k is the tick. Decoding is strict and pure: all bytes either give a message or raise `Malformed`.
 """
 
 from __future__ import annotations
