@@ -6,8 +6,8 @@
                        Stop       leave, and why                              Failed    I cannot go on, and why
 
 Every message is one msgpack array ``[kind, incarnation, instance, k, ...]``. The incarnation counts a robot's processes
-(1 for the first); the instance is a random number of one process, which distinguishes it from a second process under the
-same name; k is the tick. Decoding is strict and pure: all bytes either give a message or raise `Malformed`.
+(1 for the first). The instance is a random number of one process, which distinguishes it from a second process under
+the same name. k is the tick. Decoding is strict and pure: all bytes either give a message or raise `Malformed`.
 """
 
 from __future__ import annotations

@@ -63,9 +63,9 @@ def gather(
         pull: float64 (mfow + 1,), f by age in ticks.
         decay: float64 (limit + 1,), g by length in hundredths of a point.
         rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point.
-        share: float64 (2 m + 1,), the share of a force that claims leave, by how much farther away the robot is than
-            its nearest rival, in hundredths of a point plus m; size 0 without claims.
-        sector: uint16 (2 m + 1, 2 m + 1), the sector of a bearing by its offset in rows and columns plus m.
+        share: float64 (2 s + 1,), the share of a force that claims leave, by how much farther away the robot is than
+            its nearest rival, in hundredths of a point plus s; size 0 without claims.
+        sector: uint16 (2 r + 1, 2 r + 1), the sector of a bearing by its offset in rows and columns plus r.
         as_vector: Whether to sum a vector instead of sectors.
         sums: float64 (sectors,), the sum of moduli in each sector; with ``as_vector`` float64 (3,), the vector sum's x
             and y and the sum of moduli. Added to in place.
