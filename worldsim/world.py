@@ -32,7 +32,7 @@ class World:
 
     Tick k consists of begin_tick (all living bodies observe; poses for phase A), exchange (the ether carries phase A's
     frames; what each robot hears for phase B) and end_tick (phase B's commands move the bodies; the tick's record). The
-    set of living robots changes only between ticks, by `stand_down` and `wake`, which `worldsim.fleet.acts` calls. The
+    set of living robots changes only between ticks, by `stand_down` and `wake`; `worldsim.fleet` decides when. The
     world does not depend on whether robots are processes, nor on a clock.
 
     In lockstep a robot without a command stops at once. At any other pace the world does not wait: the last command
