@@ -90,7 +90,7 @@ def _slide(value, scratch, rows, cols, reach):
     nogil=True,
 )
 def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col, last_col, reach, tick):
-    """Recompute ``dilated`` over a box: the oldest last-seen tick within each passable point's window (paper, dilatation).
+    """Recompute ``dilated`` over a box: the oldest last-seen tick within each passable point's window.
 
     Ages above 65534 ticks count as 65534.
 
