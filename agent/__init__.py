@@ -1,5 +1,5 @@
 """One robot: a pure mind, and the process around it.
 
-The mind turns the robot's own pose and the positions it hears into a command. It knows nothing of the world
-simulator, of faults or of the truth.
+The mind turns the robot's own pose and the positions it hears into a command. It has no access to the world simulator,
+to the faults or to the truth.
 """

@@ -1,7 +1,8 @@
-"""A fleet's ticks, counted by a robot that no world tells them, and how far apart robots count.
+"""The ticks of a fleet as a robot counts them without a world, and how far apart robots count.
 
-Tick k begins at ``epoch + k * step`` of a clock that all robots share, such as Unix time. Receivers judge a position's
-tick by their own, so a robot whose count is off is refused by others and refuses them; `Skew` notices and says so.
+Tick k begins at ``epoch + k * step`` on a clock that all robots share, such as Unix time. Receivers judge a position's
+tick by their own count. A robot whose count is off rejects the others' positions and is rejected by them; `Skew`
+notices and reports it.
 """
 
 from __future__ import annotations
@@ -15,23 +16,23 @@ from patrol.net.phases import PHASE_B_SHARE
 from patrol.radio.message import CONTACT, Rejected, decode
 
 REMEMBERED = 9
-"""Frames of each robot by which its count is judged: a few, for some are held up on their way."""
+"""Number of frames of each robot by which its count is judged: a few, because some are delayed on the way."""
 
 APART = 2
-"""Differences of up to so many ticks are not reported."""
+"""Largest difference of two counts that is not reported, ticks."""
 
 
 class KeptClock:
-    """A `agent.ports.FleetClock` that a robot keeps itself."""
+    """An `agent.ports.FleetClock` that the robot keeps itself."""
 
     def __init__(self, step_s: float, epoch_s: float, now: Callable[[], float], leave: Callable[[float], bool]) -> None:
-        """Begin with the tick that it is now.
+        """Begin with the current tick.
 
         Args:
             step_s: Wall time of a tick, s.
-            epoch_s: When tick 0 began by the shared clock, s.
+            epoch_s: When tick 0 began on the shared clock, s.
             now: The shared clock, s.
-            leave: Waits for so many seconds; True as soon as it is time to leave.
+            leave: Waits for a number of seconds; True as soon as it is time to leave.
         """
         self._step_s = step_s
         self._epoch_s = epoch_s
@@ -40,13 +41,13 @@ class KeptClock:
         self._k = -1
 
     def tick(self) -> int | None:
-        """Wait for the next tick; ticks that have passed meanwhile are left out. None when it is time to leave."""
+        """Wait for the next tick, skipping those that have passed meanwhile; None when it is time to leave."""
         passed = math.floor((self._now() - self._epoch_s) / self._step_s)
         self._k = max(self._k + 1, passed, 0)
         return None if self._wait_until(self._begin) else self._k
 
     def decide(self) -> bool:
-        """Wait until this tick's positions should have come; False when it is over or it is time to leave."""
+        """Wait until this tick's positions should have come; False when the tick is over or it is time to leave."""
         if self._wait_until(self._begin + PHASE_B_SHARE * self._step_s):
             return False
         return self._now() < self._begin + self._step_s
@@ -56,7 +57,7 @@ class KeptClock:
         return self._epoch_s + self._k * self._step_s
 
     def _wait_until(self, moment: float) -> bool:
-        """Whether it is time to leave."""
+        """Wait; True when it is time to leave."""
         while (left := moment - self._now()) > 0.0:
             if self._leave(left):
                 return True
@@ -64,14 +65,14 @@ class KeptClock:
 
 
 class Skew:
-    """How many ticks other robots' counts are ahead of one's own, by what they send."""
+    """How many ticks the counts of other robots are ahead of this robot's own, by the positions they send."""
 
     def __init__(self, names: Mapping[int, str], tolerated: int = APART) -> None:
         """Judge the robots of a fleet.
 
         Args:
-            names: By number.
-            tolerated: Ticks of difference that are not reported.
+            names: The robots' names, by number.
+            tolerated: Largest difference that is not reported, ticks.
         """
         self._names = names
         self._tolerated = tolerated
@@ -79,8 +80,13 @@ class Skew:
         self._leads: dict[int, deque[int]] = {number: deque(maxlen=REMEMBERED) for number in names}
 
     def hear(self, k: int, frames: Iterable[bytes]) -> None:
-        """Take in what has been heard for the decision of tick k, before anybody refuses any of it."""
-        if k != self._k + 1:  # one's own ticks were left out, so what has waited meanwhile tells nothing
+        """Take in the frames heard, before the inbox rejects any of them.
+
+        Args:
+            k: The tick for whose decision they were heard.
+            frames: As they were received.
+        """
+        if k != self._k + 1:  # own ticks were skipped, so what has waited meanwhile says nothing about the others
             for leads in self._leads.values():
                 leads.clear()
         self._k = k
@@ -94,12 +100,12 @@ class Skew:
 
     @property
     def ticks(self) -> dict[str, int]:
-        """By name of each robot heard often enough: by how many ticks its count is ahead (negative: behind)."""
+        """The lead of each robot's count in ticks (negative: behind), by name, for robots heard often enough."""
         full = {number: leads for number, leads in self._leads.items() if len(leads) == REMEMBERED}
         return {self._names[number]: median_low(leads) for number, leads in full.items()}
 
     def complaint(self) -> str | None:
-        """One line on the robots that count differently; None when there are none."""
+        """One line about the robots that count differently; None when there are none."""
         off = {name: lead for name, lead in self.ticks.items() if abs(lead) > self._tolerated}
         if not off:
             return None
@@ -110,13 +116,16 @@ class Skew:
 
 
 def epoch_of(frame: bytes, heard_s: float, step_s: float, key: bytes | None = None) -> float | None:
-    """When tick 0 began, by a position that has just been heard; None for one that carries no position.
+    """When tick 0 began, by a position that has just been heard.
 
     Args:
-        frame: As it was received. Without a key anybody can send one.
-        heard_s: When, by the shared clock, s.
+        frame: As it was received. Without a key it may be forged.
+        heard_s: When it was received, on the shared clock, s.
         step_s: Wall time of a tick, s.
         key: Of the fleet's tags, which the frame must bear then, or None.
+
+    Returns:
+        Time on the shared clock, s; None for a frame that holds no robot's position.
     """
     try:
         position = decode(frame, key)

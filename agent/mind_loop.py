@@ -1,4 +1,4 @@
-"""A mind at work: sense, send, hear, decide and act, tick after tick, with somebody who may look on."""
+"""The loop around a mind: sense, send, hear, decide and act, tick after tick, and report to viewers."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from patrol.exchange import Sensed
 
 TELEMETRY_S = 0.2
-"""Wall time between two reports to viewers."""
+"""Wall time between two reports to viewers, s."""
 
 
 def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit_s: float | None = None) -> str | None:
-    """Sense, send, hear, decide and act, for as long as there is something to sense.
+    """Sense, send, hear, decide and act until it is time to leave.
 
     Args:
         mind: Of the robot.
         robot: Its body.
-        radio: What it sends and hears positions with.
-        telemetry: Who looks on.
-        limit_s: Wall time, s, after which a decision counts as failed; None for no limit.
+        radio: Sends and hears positions.
+        telemetry: Receives every decision.
+        limit_s: Wall time after which a decision counts as failed, s; None for no limit.
 
     Returns:
-        None when it was time to leave; otherwise how the robot's policy has failed. The robot is stopped then.
+        None when it was time to leave; otherwise how the robot's policy has failed, in which case the robot is stopped.
     """
     while (sensed := robot.sense()) is not None:
         radio.send(mind.frames(sensed))
@@ -57,7 +57,7 @@ def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit
 
 
 class Both:
-    """Reports to two."""
+    """Telemetry that reports to two receivers."""
 
     def __init__(self, one: Telemetry, other: Telemetry) -> None:
         self._both = one, other
@@ -69,7 +69,12 @@ class Both:
 
 
 class TelemetrySender:
-    """Shows decisions, at most one each `TELEMETRY_S`. traffic: what the radio has carried, when somebody counts it."""
+    """Shows decisions to viewers, at most one every `TELEMETRY_S`.
+
+    Attributes:
+        traffic: Called with whether it is the last report; returns what the radio has carried, or None if that is not
+            counted.
+    """
 
     def __init__(self, post: Callable[[bytes], None]) -> None:
         self.traffic: Callable[[bool], Traffic | None] = lambda _final: None
@@ -78,7 +83,13 @@ class TelemetrySender:
         self._last: TelemetryView | None = None
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """Show a decision, when it is time to."""
+        """Show a decision if the last report is old enough.
+
+        Args:
+            sensed: What the decision is based on.
+            decision: The mind's decision.
+            decision_ms: Wall time of the decision, ms.
+        """
         now = time.monotonic()
         self._last = view = TelemetryView(
             k=sensed.k,
@@ -95,6 +106,6 @@ class TelemetrySender:
             self._post(pack_view(replace(view, traffic=self.traffic(False))))
 
     def close(self) -> None:
-        """Show the last decision once more, with all that the radio has carried."""
+        """Show the last decision once more, with everything that the radio has carried."""
         if self._last is not None and (traffic := self.traffic(True)) is not None:
             self._post(pack_view(replace(self._last, traffic=traffic)))

@@ -1,6 +1,6 @@
-"""A robot of one's own in a fleet: no world simulates it, and positions go over a direct radio.
+"""A robot of your own in a fleet: no world simulates it, and its positions go over a direct radio.
 
-`drive` is all that a driver has to call; see ``examples/my_robot.py``.
+A driver only has to call `drive`; see ``examples/my_robot.py``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from patrol.scenario import RobotSpec, Scenario
 
 COMPLAIN_S = 10.0
-"""Wall time between two lines on robots that count ticks differently."""
+"""Wall time between two messages about robots that count ticks differently, s."""
 
 LONGEST_WAIT_S = 86_400.0
 """How far ahead tick 0 may lie, s."""
@@ -42,13 +42,13 @@ _LISTEN_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """What a driver may need to make its robot.
+    """The facts from which a driver makes its robot.
 
     Attributes:
         spec: The robot's model, speed (m/s), radius (m) and turning radius (m).
-        start: Where the scenario puts it, m and rad.
+        start: The robot's start in the scenario, m and rad.
         terrain: The map.
-        clock: Says when a tick begins.
+        clock: Waits for the next tick.
         step: s per tick.
     """
 
@@ -74,13 +74,13 @@ def drive(
 
     Args:
         make: Makes the robot.
-        scenario: File; its ``radio.via`` must be direct. The robot must be in its roster.
+        scenario: Scenario file with ``radio.via: direct`` and the robot in its roster.
         robot: Name in the roster.
         router: Of the fleet, ``tcp/HOST:7447``.
         fleet: Name of the fleet.
-        radio: What the robots hear each other by, as for ``python -m agent --radio``; the fleet's router unless given.
-        epoch_s: When tick 0 began or begins, Unix time in s; by the first position heard unless given.
-        wait_s: How long to wait for the router and the first position, s.
+        radio: Where the robots hear each other, as for ``python -m agent --radio`` (default: the fleet's router).
+        epoch_s: When tick 0 begins, Unix time in s (default: derived from the first position heard).
+        wait_s: How long to wait for the router and for the first position, s.
 
     Returns:
         Exit code: 1 when the robot's policy has failed, 2 for bad input, 130 when interrupted.
@@ -209,27 +209,32 @@ class _Driver:
 
 
 class LateClock:
-    """A fleet clock (`agent.ports.FleetClock`) whose keeper is known only once somebody has been heard."""
+    """A fleet clock (`agent.ports.FleetClock`) whose keeper is known only after another robot has been heard.
+
+    Attributes:
+        keeper: Counts the ticks; None until then.
+        k: The tick; -1 before the first.
+    """
 
     def __init__(self) -> None:
         self.keeper: FleetClock | None = None
         self.k = -1
 
     def tick(self) -> int | None:
-        """Wait for the next tick."""
+        """Wait for the next tick; None when it is time to leave."""
         assert self.keeper is not None
         k = self.keeper.tick()
         self.k = self.k if k is None else k
         return k
 
     def decide(self) -> bool:
-        """Wait until it is time to decide."""
+        """Wait until it is time to decide; False when there is nothing to decide."""
         assert self.keeper is not None
         return self.keeper.decide()
 
 
 class _Watched:
-    """A radio whose robot says so when others count ticks differently."""
+    """A radio that reports when other robots count ticks differently."""
 
     def __init__(self, radio: Radio, clock: LateClock, skew: Skew, say: Callable[[str], None]) -> None:
         self._radio = radio
@@ -239,11 +244,11 @@ class _Watched:
         self._due = 0.0
 
     def send(self, frames: tuple[bytes, ...]) -> None:
-        """Send them."""
+        """Send the frames."""
         self._radio.send(frames)
 
     def hear(self) -> list[bytes] | None:
-        """What has arrived, having looked at whose ticks it is of."""
+        """The frames that have arrived, after a check of the ticks they count."""
         heard = self._radio.hear()
         self._skew.hear(self._clock.k, heard or ())
         now = time.monotonic()
@@ -278,7 +283,7 @@ def _check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> No
 def _listen(
     radio: DirectRadio, step_s: float, key: bytes | None, wait_s: float, say: Callable[[str], None], ending: Ending
 ) -> float | None:
-    """When tick 0 began, by the first position heard; None when it is time to leave."""
+    """When tick 0 began, Unix time in s, by the first position heard; None when it is time to leave."""
     from agent.clock import epoch_of
 
     say("listens for a position, to count ticks as the others do")

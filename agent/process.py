@@ -1,4 +1,4 @@
-"""The process around a mind: it joins a fleet, lets the mind decide tick after tick, and leaves when told to."""
+"""The process around a mind: it joins a fleet, lets the mind decide tick after tick, and leaves on request."""
 
 from __future__ import annotations
 
@@ -25,15 +25,22 @@ if TYPE_CHECKING:
 HELP = f"""
 One robot of a fleet whose router and world run elsewhere. {TOGETHER}
 
-They may be started in any order. Where the scenario's radio.via is direct, --radio says what the robots hear each other
-by: a multicast group, which needs no router, or a router of their own; unless given, the fleet's.
+The processes may start in any order. With radio.via: direct in the scenario, --radio names the network on which the
+robots hear each other: a multicast group, which needs no router, or a separate router (default: the fleet's router).
 
-Exit codes: 0 the run is over, 1 left out of it, 2 bad input, 130 interrupted.
+Exit codes: 0 the run is over, 1 the robot failed or was left out of the run, 2 bad input, 130 interrupted.
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one agent; the exit code."""
+    """Run one agent.
+
+    Args:
+        arguments: Of the command line (default: ``sys.argv``).
+
+    Returns:
+        Exit code.
+    """
     options = _options(arguments)
     ending = heed(options.lifeline)
     try:
@@ -108,7 +115,7 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
 
 
 def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, ending: Ending) -> Mind | None:
-    """The robot's mind, with the launcher's static fields or ones of its own making; None when told to leave."""
+    """The robot's mind, built from the launcher's static fields or from its own; None when it is time to leave."""
     from patrol.process.warmup import warm
 
     warm(("patrol", "agent"), lambda line: print(f"{spec.name}: {line}", file=sys.stderr, flush=True))
@@ -136,6 +143,6 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = fleet_parser("agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
     add = parser.add_argument
-    add("--robot", required=True, metavar="NAME", help="which robot of the scenario this is")
-    add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="how often this robot was started")
+    add("--robot", required=True, metavar="NAME", help="the robot's name in the scenario")
+    add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="which start this is (%(default)s)")
     return parser.parse_args(arguments)

@@ -1,9 +1,9 @@
-"""Where a robot is and what it is told to do.
+"""A robot's pose, and the command that it obeys.
 
 Everything is in metres, seconds and radians; headings run counter-clockwise from the +x axis and lie in (-pi, pi].
 
-A body's model decides which kind of command it obeys. Whoever adds a model adds its command here, with its limits, and
-where it takes a body in `patrol.ground.swept_path`.
+A body's model decides which type of command it obeys. To add a model, add its command with its limits here, and its
+motion to `patrol.ground.swept_path`.
 """
 
 from __future__ import annotations
@@ -20,14 +20,20 @@ ROUNDED = 1.0 + 1e-12
 
 
 def wrap(angle: float) -> float:
-    """The same angle in (-pi, pi], in radians."""
+    """The same angle in (-pi, pi], rad."""
     turned = math.remainder(angle, TAU)
     return math.pi if turned == -math.pi else turned
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A robot's position (m) and heading (rad) in the map's frame."""
+    """A robot's position and heading in the map's frame.
+
+    Attributes:
+        x: m.
+        y: m.
+        heading: rad.
+    """
 
     x: float
     y: float
@@ -36,14 +42,19 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Velocity:
-    """A holonomic robot's command for one step: velocity along x and y in m/s, in the map's frame."""
+    """A holonomic robot's command for one step.
+
+    Attributes:
+        vx: Velocity along the map's x axis, m/s.
+        vy: Velocity along the map's y axis, m/s.
+    """
 
     vx: float
     vy: float
 
     @property
     def numbers(self) -> tuple[float, float]:
-        """The two numbers that a journal, a trace and a message hold."""
+        """The two numbers that stand for the command in a journal, a trace and a message."""
         return self.vx, self.vy
 
     @property
@@ -52,7 +63,12 @@ class Velocity:
         return math.hypot(self.vx, self.vy)
 
     def is_within(self, speed: float, turning_radius: float) -> bool:
-        """Whether a body with these limits (m/s, m) obeys the command as it is; scaled ones may be rounded up."""
+        """Whether a body obeys the command unchanged; a scaled command may exceed the speed by rounding.
+
+        Args:
+            speed: Top speed, m/s.
+            turning_radius: Not used: a holonomic robot turns on the spot.
+        """
         del turning_radius
         return self.speed_mps <= speed * ROUNDED
 
@@ -78,14 +94,19 @@ class Velocity:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """A car's command for one step: speed in m/s (negative: reverse) and curvature in 1/m (positive: left)."""
+    """A car's command for one step.
+
+    Attributes:
+        speed: m/s; negative for reverse.
+        curvature: 1/m; positive to the left.
+    """
 
     speed: float
     curvature: float
 
     @property
     def numbers(self) -> tuple[float, float]:
-        """The two numbers that a journal, a trace and a message hold."""
+        """The two numbers that stand for the command in a journal, a trace and a message."""
         return self.speed, self.curvature
 
     @property
@@ -94,7 +115,12 @@ class Drive:
         return abs(self.speed)
 
     def is_within(self, speed: float, turning_radius: float) -> bool:
-        """Whether a body with these limits (m/s, m) obeys the command as it is."""
+        """Whether a body obeys the command unchanged.
+
+        Args:
+            speed: Top speed, m/s, forward and in reverse.
+            turning_radius: Of the tightest turn, m.
+        """
         return abs(self.speed) <= speed and abs(self.curvature) <= 1.0 / turning_radius
 
     def limited(self, speed: float, turning_radius: float) -> Drive:
@@ -105,7 +131,7 @@ class Drive:
             turning_radius: Of the tightest turn, m.
 
         Returns:
-            Speed and curvature cut to the limits, each by itself.
+            Speed and curvature, each cut to its limit.
         """
         tightest = 1.0 / turning_radius
         return Drive(min(max(self.speed, -speed), speed), min(max(self.curvature, -tightest), tightest))
@@ -116,13 +142,13 @@ Model = Literal["car", "holonomic"]
 MODELS: tuple[str, ...] = get_args(Model)
 
 COMMANDS: Mapping[str, type[Velocity] | type[Drive]] = {"car": Drive, "holonomic": Velocity}
-"""The kind of command that each model obeys."""
+"""The type of command that each model obeys."""
 
 TURNS_IN_ARCS = frozenset({"car"})
-"""The models to which a turning radius means something."""
+"""The models that have a turning radius."""
 
 _ON_THE_WIRE: tuple[type[Velocity] | type[Drive], ...] = (Velocity, Drive)
-"""A command's kind in a message is its place in this list, so new kinds go to the end."""
+"""A command's type in a message is its index in this list, so new types go to the end."""
 
 
 def command_of(model: str, first: float, second: float) -> Command:
@@ -136,16 +162,21 @@ def halted(model: str) -> Command:
 
 
 def pack_command(command: Command) -> tuple[int, float, float]:
-    """A command as its kind and its two `numbers`, for a message."""
+    """A command as its type and its two `numbers`, for a message."""
     first, second = command.numbers
     return _ON_THE_WIRE.index(type(command)), float(first), float(second)
 
 
 def unpack_command(kind: int, first: float, second: float) -> Command:
-    """The command that `pack_command` packed.
+    """The command that `pack_command` packed; its numbers may be infinite or NaN, which the receiver refuses.
+
+    Args:
+        kind: Index of the command's type.
+        first: First of its `numbers`.
+        second: Second of its `numbers`.
 
     Raises:
-        ValueError: There is no such kind. Numbers that are not finite pass: whoever obeys refuses them.
+        ValueError: There is no such type.
     """
     if not 0 <= kind < len(_ON_THE_WIRE):
         raise ValueError(f"no kind of command has the number {kind}")

@@ -1,4 +1,4 @@
-"""The bodies in the world: what each is, where it is, and what has happened to it."""
+"""The bodies in the world: their model, their pose and their history."""
 
 from __future__ import annotations
 
@@ -15,12 +15,19 @@ if TYPE_CHECKING:
 
 
 def standstill(spec: RobotSpec) -> Command:
-    """The command that stops a robot of this kind."""
+    """The command that stops a robot of this model."""
     return halted(spec.model)
 
 
 def overlap(pose: Pose, radius: float, other: Pose, other_radius: float) -> bool:
-    """Whether two round bodies (m) overlap; touching is no overlap."""
+    """Whether two round bodies overlap; touching is no overlap.
+
+    Args:
+        pose: Of the one body.
+        radius: Of the one body, m.
+        other: Pose of the other body.
+        other_radius: Of the other body, m.
+    """
     return math.hypot(pose.x - other.x, pose.y - other.y) < radius + other_radius
 
 
@@ -28,10 +35,18 @@ def overlap(pose: Pose, radius: float, other: Pose, other_radius: float) -> bool
 class Body:
     """One robot's body.
 
-    command: what it obeys, within its limits. bumped: whether its last move was cancelled. distance_m: driven so far,
-    m, along the path. collisions: moves cancelled so far. refused: whether its last command made no sense and
-    stopped it. silent_s: time since the last command, s. away: it is not there yet or any more, or it was killed and
-    its wreck taken away. incarnation: how many minds it has had so far.
+    Attributes:
+        spec: The robot's model and limits.
+        pose: Where it is, m and rad.
+        command: What it obeys, within its limits.
+        status: Whether it is driven, and if not, why.
+        bumped: Whether its last move was cancelled.
+        distance_m: Length of the path driven so far, m.
+        collisions: Number of moves cancelled so far.
+        refused: Whether its last command was invalid and stopped it.
+        silent_s: Time since the last command, s.
+        away: Whether it is not in the world: not yet, no longer, or because its wreck was removed.
+        incarnation: Number of minds it has had so far.
     """
 
     spec: RobotSpec
@@ -48,16 +63,16 @@ class Body:
 
     @property
     def alive(self) -> bool:
-        """Whether somebody is at its wheel."""
+        """Whether a mind drives it."""
         return self.status is Status.ALIVE
 
     @property
     def present(self) -> bool:
-        """Whether it is in the world and in others' way, alive or not."""
+        """Whether it is in the world and in the way of others, alive or not."""
         return not self.away and self.status not in (Status.ABSENT, Status.LEFT)
 
     def halt(self, status: Status) -> None:
-        """Nobody drives it from now on."""
+        """Stop the body and set its status."""
         self.status = status
         self.command = standstill(self.spec)
         self.bumped = self.refused = False

@@ -1,4 +1,4 @@
-"""Motion of all bodies in one step: nobody enters a wall or another body, however fast and whatever is commanded."""
+"""Motion of all bodies in one step: no body enters a wall or another body, at any speed and with any command."""
 
 from __future__ import annotations
 
@@ -20,10 +20,14 @@ if TYPE_CHECKING:
 
 
 def within_limits(spec: RobotSpec, command: Command) -> Command | None:
-    """The nearest command that this robot can obey; None when it makes no sense for it.
+    """The nearest command that a robot can obey.
 
-    Speeds are cut to the robot's speed, a car's curvature to 1 / turning radius. Numbers that are not finite, and one
-    kind of robot's command for the other, make no sense.
+    Args:
+        spec: The robot's model and limits: its speed, and for a car its turning radius.
+        command: Any command.
+
+    Returns:
+        None for an invalid command: one for another model, or with numbers that are not finite.
     """
     if type(command) is not COMMANDS[spec.model] or not all(map(math.isfinite, command.numbers)):
         return None
@@ -31,17 +35,21 @@ def within_limits(spec: RobotSpec, command: Command) -> Command | None:
 
 
 def length(command: Command, step: float) -> float:
-    """How far (m) a body drives that obeys `command` for `step` seconds."""
+    """Length in m of the path of a body that obeys `command` for `step` seconds."""
     return command.speed_mps * step
 
 
 def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
-    """Move the bodies present by their commands for one step (s), all at once.
+    """Move all bodies that are present by their commands for one step, all at once.
 
     A move is cancelled when the swept body would enter a wall, or come nearer to another body than the sum of their
-    radii at any time of the step: every robot involved then stays exactly where it is, which may cancel further moves
-    (paper, "Simulation": collided robots cancel their moves). Bodies nobody drives are obstacles. Sets each body's
-    pose, bumped, collisions and distance_m.
+    radii at any time of the step. Every robot involved then stays exactly where it is, which may cancel further moves
+    (paper, "Simulation": collided robots cancel their moves). Bodies that are not driven are obstacles.
+
+    Args:
+        bodies: All bodies; sets each one's pose, bumped, collisions and distance_m.
+        terrain: The map.
+        step: s.
     """
     present = [body for body in bodies if body.present]
     moving = [body.alive and length(body.command, step) > 0.0 for body in present]
@@ -64,7 +72,7 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
 
 
 def _paths(bodies: Sequence[Body], moving: Sequence[bool], step: float) -> NDArray[np.float64]:
-    """float64 (n, m + 1, 2): where each body would be at m + 1 equal steps of time, arcs as chords."""
+    """Where each body would be at m + 1 equal steps of time, with chords for arcs: float64 (n, m + 1, 2), m."""
     pieces = max((chords(body.command, step) for body, moves in zip(bodies, moving, strict=True) if moves), default=1)
     paths = np.empty((len(bodies), pieces + 1, 2), dtype=np.float64)
     for path, body, moves in zip(paths, bodies, moving, strict=True):

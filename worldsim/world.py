@@ -1,4 +1,4 @@
-"""The world: one tick in two phases, from the poses of all bodies to their next ones, with somebody honest counting."""
+"""The world: one tick in two phases, from the current poses of all bodies to the next, and the true fog."""
 
 from __future__ import annotations
 
@@ -30,21 +30,38 @@ if TYPE_CHECKING:
 class World:
     """The ground truth of one run.
 
-    Tick k goes begin_tick (all living bodies observe; poses for phase A), exchange (the ether carries phase A's frames;
-    what each robot hears for phase B), end_tick (phase B's commands move the bodies; the tick's record). Who is living
-    changes between ticks only, by `stand_down` and `wake`; `worldsim.fleet.acts` knows when. Nothing here knows whether
-    robots are processes, or looks at a clock.
+    Tick k consists of begin_tick (all living bodies observe; poses for phase A), exchange (the ether carries phase A's
+    frames; what each robot hears for phase B) and end_tick (phase B's commands move the bodies; the tick's record). The
+    set of living robots changes only between ticks, by `stand_down` and `wake`; `worldsim.fleet` decides when. The
+    world does not depend on whether robots are processes, nor on a clock.
 
-    In lockstep a robot without a command stops at once. At any other pace the world waits for nobody: the last command
-    holds, until none has come for `watchdog` seconds.
+    In lockstep a robot without a command stops at once. At any other pace the world does not wait: the last command
+    holds until none has come for `watchdog` seconds.
+
+    Attributes:
+        prepared: The scenario and what is computed from it.
+        scenario: As amended so far.
+        terrain: The map.
+        step: s per tick.
+        ticks: Length of the run.
+        tick: The current tick.
+        timeline: The scenario's faults and events by tick.
+        bodies: By robot number.
+        truth: The true fog.
+        senses: What robots sense, with the faults of their sensors.
+        ether: Carries frames between robots.
     """
 
     def __init__(self, prepared: Prepared, *, footprint: Footprint | None = None, operated: bool = False) -> None:
         """Put the roster's bodies on their starts.
 
-        footprint: the scenario's sensor on its terrain, when somebody else holds one that remembers. operated: whether
-        more faults may come while it runs, by `amend`. Raises BadInput when a fault needs the fleet's key and it cannot
-        be read.
+        Args:
+            prepared: The scenario and what is computed from it.
+            footprint: The scenario's sensor on its terrain, to share its cache (default: a new one).
+            operated: Whether `amend` may add faults during the run.
+
+        Raises:
+            BadInput: A fault needs the fleet's key, which cannot be read.
         """
         scenario = prepared.scenario
         self.prepared = prepared
@@ -74,7 +91,11 @@ class World:
         return [number for number, body in self.bodies.items() if body.alive]
 
     def begin_tick(self) -> dict[int, Sensed]:
-        """Everyone alive observes; returns phase A's messages to the living robots."""
+        """All living bodies observe the ground.
+
+        Returns:
+            What each living robot senses, by number, for phase A.
+        """
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
         self.truth.observe(self.tick, ((number, body.pose) for number, body in living.items()))
@@ -86,14 +107,18 @@ class World:
         }
 
     def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> dict[int, list[bytes]]:
-        """The ether carries the frames of the living; returns what each of them hears, by sender and sequence.
+        """The ether carries the frames of the living robots.
 
-        frames: those of each living robot, its position first; none from one that stays silent. A robot that is missing
-        has died in phase A and hears nothing any more.
+        Args:
+            frames: Of each living robot, its position first; none from a robot that stays silent. A robot that is
+                missing here has died in phase A and hears nothing any more.
+
+        Returns:
+            What each robot hears, by number, for phase B; frames by sender and sequence.
         """
         sent = {number: frames[number][:MAX_FRAMES] for number in self.living if number in frames}
         genuine = tuple((number, frame) for number, all_of_it in sent.items() for frame in all_of_it)
-        if not self._carries:  # robots hear each other directly, and these are what the world has overheard
+        if not self._carries:  # robots hear each other directly; these are the frames that the world overheard
             self._frames, self._delivery = genuine, Delivery({number: [] for number in sent}, (), ())
             return self._delivery.heard
         statuses = {number: body.status for number, body in self.bodies.items()}
@@ -104,7 +129,14 @@ class World:
         return self._delivery.heard
 
     def end_tick(self, replies: Mapping[int, Reply | None]) -> TickRecord:
-        """The living obey their commands for one step; returns the record of the tick that ends by it."""
+        """The living robots obey their commands for one step.
+
+        Args:
+            replies: Of each robot, by number; None or missing where no reply came.
+
+        Returns:
+            The record of the tick that this ends.
+        """
         for number in self.living:
             self._obey(self.bodies[number], replies.get(number))
         before = {number: body.pose for number, body in self.bodies.items()}
@@ -128,10 +160,13 @@ class World:
         return record
 
     def amend(self, scenario: Scenario) -> None:
-        """Between ticks: go on with a scenario that has other faults or intruders from the next tick on.
+        """Between ticks: continue with a scenario that has other faults or intruders from the next tick on.
 
-        Its past is the same (`patrol.scenario.controls.amended`). Raises BadInput, having changed nothing, where that
-        cannot be.
+        Args:
+            scenario: Has the same past (`patrol.scenario.controls.amended`).
+
+        Raises:
+            BadInput: The change is not possible; nothing has changed.
         """
         timeline = Timeline(scenario)
         if absent := sorted(timeline.starts_absent ^ self.timeline.starts_absent):
@@ -143,10 +178,16 @@ class World:
         self._intruders = Intruders(scenario, self.truth.footprint)
 
     def stand_down(self, number: int, status: Status, reason: str, *, away: bool = False) -> Event:
-        """Between ticks: nobody drives this robot any more, or for now. Returns the event for the journal.
+        """Between ticks: a robot is no longer driven, for good or for now.
 
-        status: DEAD (killed on purpose), LOST (it died unasked), PAUSED, or LEFT. Its body stays where it is, in
-        everyone's way, unless it is `away`.
+        Args:
+            number: Of the robot.
+            status: DEAD (killed on purpose), LOST (died by itself), PAUSED or LEFT.
+            reason: For the journal.
+            away: Whether the body disappears; otherwise it stays where it is, in the way of others.
+
+        Returns:
+            The event for the journal.
         """
         body = self.bodies[number]
         body.halt(status)
@@ -154,7 +195,15 @@ class World:
         return Event(self.tick, status.name.lower(), number, reason)
 
     def wake(self, number: int, reason: str) -> Event:
-        """Between ticks: somebody drives this robot from now on. Where it was away it appears at its start."""
+        """Between ticks: a robot is driven from now on. If it was away it appears at its start.
+
+        Args:
+            number: Of the robot.
+            reason: For the journal.
+
+        Returns:
+            The event for the journal.
+        """
         body = self.bodies[number]
         body.halt(Status.ALIVE)
         if body.away:
@@ -163,7 +212,7 @@ class World:
         return Event(self.tick, Status.ALIVE.name.lower(), number, reason)
 
     def in_the_way(self, number: int) -> list[str]:
-        """Names of the robots whose bodies overlap a robot's start, so that it cannot appear there."""
+        """The names of the robots whose bodies overlap a robot's start, so that it cannot appear there."""
         start, radius = self._starts[number], self.bodies[number].spec.radius
         return [
             body.spec.name
@@ -172,7 +221,7 @@ class World:
         ]
 
     def _obey(self, body: Body, reply: Reply | None) -> None:
-        """Take over a reply's command, or deal with its absence."""
+        """Apply a reply's command, or handle its absence."""
         body.refused = False
         if reply is None:
             body.silent_s += self.step
@@ -188,7 +237,7 @@ class World:
 
 
 def _robot_tick(body: Body, pose: Pose, reply: Reply | None) -> RobotTick:
-    """What happened to one robot in this tick; `pose` is where it was when the tick began."""
+    """One robot's row of this tick; `pose` is where it was when the tick began."""
     command = body.command
     c0, c1 = command.numbers
     return RobotTick(

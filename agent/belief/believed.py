@@ -1,4 +1,4 @@
-"""What one robot believes: the fog, rebuilt from positions alone, and where the others are (paper, steps 2 and 3)."""
+"""What one robot believes: the fog, rebuilt from positions alone, and the peers' poses (paper, steps 2 and 3)."""
 
 from __future__ import annotations
 
@@ -19,29 +19,38 @@ from patrol.radio.message import CONTACT
 from patrol.radio.peers import PeerTracker
 
 AGELESS = 2**31 - 1
-"""Dilated last-seen tick of what is no ground: nothing there has an age."""
+"""Dilated last-seen tick of points that are not ground; such points have no age."""
 
 
 class Belief:
-    """The believed fog of the points this robot could see, with dilatation, and its peers.
+    """The believed fog of the points this robot can see, with dilatation, and its peers.
 
-    dilated: int32 (h, w), the tick at which each point was last seen, made worse by dilatation; without any, the
-    fog's own.
+    Staleness spreads over the points on which this robot can stand, so it never crosses a wall, nor a gap too narrow
+    for the body. Stale points on which no body fits count at their post first, the place to see them from.
 
-    looked: int32 (h, w), the tick at which each point was last in view; the fog's own where a look makes a point fresh.
-
-    Staleness spreads over the points where this robot can stand, so it never crosses a wall nor a gap too narrow for
-    the body. What is stale where no body fits first counts at its post, the place to see it from.
-
-    contacts: the intruders that others report, and those that the robot itself does.
+    Attributes:
+        fog: The fog before dilatation.
+        dilated: int32 (h, w), the tick at which each point was last seen, after dilatation; without dilatation the
+            fog's own grid.
+        looked: int32 (h, w), the tick at which each point was last in view; the fog's own grid where a look makes a
+            point fresh.
+        peers: The robots heard so far, by number.
+        contacts: The intruders reported by this robot and by others.
+        inbox: Accepts or rejects the frames heard.
     """
 
     def __init__(
         self, patrolled: BoolGrid, ground: BoolGrid, posts: Posts, footprint: Footprint, inbox: Inbox, dilatation: int
     ) -> None:
-        """patrolled: bool (h, w), what this robot could see. ground: bool (h, w), what staleness spreads over.
+        """Start with nothing seen and no peer heard.
 
-        dilatation: half-width of the window, points; 0 for none.
+        Args:
+            patrolled: bool (h, w), the points this robot can see.
+            ground: bool (h, w), the points over which staleness spreads.
+            posts: The points on which no body fits, and where to see them from.
+            footprint: What the sensor sees from a pose.
+            inbox: Judges the frames heard.
+            dilatation: Half-width of the window in points; 0 for no dilatation.
         """
         self.fog = Fog(patrolled)
         self.inbox = inbox
@@ -55,7 +64,7 @@ class Belief:
         self._dilatation = dilatation
         self._carried = self.fog.last_seen.copy()
         self.dilated = self.fog.last_seen
-        # Without posts, what is no ground must not pull: such paths lead over everything.
+        # Without posts, paths lead over every point, so points that are not ground must not pull.
         self._spreads = dilatation > 0 or not len(posts.rows)
         if self._spreads:
             self.dilated = np.full_like(self.fog.last_seen, AGELESS)
@@ -63,9 +72,15 @@ class Belief:
             self._refresh((0, height - 1, 0, width - 1), 0)
 
     def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
-        """Take in the own pose (as encoded on the wire) and what was heard at ``tick``; ``step`` in s.
+        """Take in the robot's own pose and the frames heard.
 
-        What a position tells of is said in `patrol.radio.peers`.
+        `patrol.radio.peers` says which looks follow from a position.
+
+        Args:
+            tick: Now.
+            own: The robot's own pose, as encoded on the wire.
+            frames: The frames heard at this tick.
+            step: s per tick.
         """
         boxes = [self._look(own, tick)]
         for frame in frames:
@@ -86,9 +101,18 @@ class Belief:
         return self.fog.observe(view, tick)
 
     def silent(self, tick: int, patience: int, radii: Mapping[int, float], margin: float) -> list[Disc]:
-        """The last places of peers unheard for more than ``patience`` ticks, with their radius plus ``margin`` (m).
+        """Discs around the last poses of silent peers.
 
-        A dead robot is still in the way; nothing else is believed of a silent one.
+        A robot that has died is still in the way. Nothing else is assumed about a silent one.
+
+        Args:
+            tick: Now.
+            patience: Ticks after which an unheard peer counts as silent.
+            radii: Radius in m of each robot, by number.
+            margin: Added to each radius, m.
+
+        Returns:
+            Discs (x, y, radius) in m, by robot number.
         """
         return [
             (peer.pose.x, peer.pose.y, radii[number] + margin)

@@ -1,4 +1,4 @@
-"""Contacts: where intruders are, as far as a robot knows from its own sensor and from what others report."""
+"""Contacts: where the intruders are, from the robot's own sensor and from the reports of others."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from patrol.radio.message import Position
 
 SAME = 2.0
-"""Reports nearer to each other than this (m) are of one intruder."""
+"""Two reports closer together than this (m) are of the same intruder."""
 
 Place = tuple[float, float]
 """x and y in m."""
@@ -20,13 +20,26 @@ class Contacts:
         self._seen: dict[Place, int] = {}
 
     def report(self, contact: Position, tick: int) -> None:
-        """Somebody sees an intruder at ``tick``; earlier reports of the same one are forgotten."""
+        """Take in a report and forget earlier reports of the same intruder.
+
+        Args:
+            contact: Where the intruder was seen.
+            tick: When it was seen.
+        """
         place = contact.pose.x, contact.pose.y
         self._seen = {other: at for other, at in self._seen.items() if at == tick or math.dist(other, place) >= SAME}
         if all(math.dist(other, place) >= SAME for other in self._seen):
             self._seen[place] = tick
 
     def known(self, tick: int, memory: int) -> list[Place]:
-        """The intruders reported at most ``memory`` ticks before ``tick``, by place."""
+        """The intruders reported lately.
+
+        Args:
+            tick: Now.
+            memory: Ticks after which a report is forgotten.
+
+        Returns:
+            The places (x, y) in m, ascending.
+        """
         self._seen = {place: at for place, at in self._seen.items() if tick - at <= memory}
         return sorted(self._seen)

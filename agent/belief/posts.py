@@ -1,4 +1,4 @@
-"""Posts: where to stand to see what no body can reach."""
+"""Posts: the places from which a robot sees the points that no body can reach."""
 
 from __future__ import annotations
 
@@ -9,25 +9,39 @@ from numpy.typing import NDArray
 class Posts:
     """The patrolled points on which no body fits, each with its post: the nearest reachable point that sees it.
 
-    rows: int32 (n, 4), read-only, row and column of each point and of its post, sorted by post, row by row. gap: int,
-    the most rows between a point and its post.
+    Attributes:
+        rows: int32 (n, 4), read-only: row and column of each point, then row and column of its post; sorted by post,
+            row by row.
+        gap: The largest number of rows between a point and its post.
     """
 
     def __init__(self, proxy: NDArray[np.int32]) -> None:
-        """proxy: int32 (h, w), flat index of a point's post, -1 for none; see `patrol.ground.fields.StaticFields`."""
+        """Sort the points by post.
+
+        Args:
+            proxy: int32 (h, w), flat index of each point's post, -1 for none (`patrol.ground.fields.StaticFields`).
+        """
         width = proxy.shape[1]
         points = np.flatnonzero(proxy.reshape(-1) >= 0)
         posts = proxy.reshape(-1)[points]
         order = np.argsort(posts, kind="stable")
         columns = (*np.divmod(points[order], width), *np.divmod(posts[order], width))
         self._rows: NDArray[np.int32] = np.ascontiguousarray(np.stack(columns, axis=1).astype(np.int32))
-        # Kernels index grids by them, without asking whether they lie within.
+        # Kernels index grids by them and do not check bounds.
         self.rows = self._rows.view()
         self.rows.flags.writeable = False
         self.gap = int(np.abs(self.rows[:, 0] - self.rows[:, 2]).max(initial=0))
         self._post_row = np.ascontiguousarray(self.rows[:, 2])
 
     def between(self, first: int, last: int) -> NDArray[np.int32]:
-        """The entries whose post lies in rows ``first`` to ``last``, inclusive."""
+        """The entries of `rows` whose post lies in a range of rows.
+
+        Args:
+            first: First row of the range.
+            last: Last row of the range, inclusive.
+
+        Returns:
+            int32 (k, 4).
+        """
         low, high = np.searchsorted(self._post_row, [first, last + 1])
         return self._rows[low:high]

@@ -1,7 +1,7 @@
 """Bodies: how a robot gets where its policy wants it to be.
 
-`BODIES` has the body of each model. Whoever adds a model adds its command to `patrol.pose`, its motion to
-`patrol.ground.swept_path`, a file here and a line below.
+`BODIES` maps each model to its body. To add a model, add its command to `patrol.pose`, its motion to
+`patrol.ground.swept_path`, a module here and an entry in `BODIES`.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,4 +12,4 @@ from agent.bodies.setup import BodySetup
 from agent.ports import Body
 
 BODIES: Mapping[str, Callable[[BodySetup], Body]] = {"car": CarBody, "holonomic": HolonomicBody}
-"""The body of each model, by the scenario's word for it."""
+"""The body of each model, by the model's name in the scenario."""

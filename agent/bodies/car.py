@@ -26,7 +26,7 @@ class CarBody(BodyBase):
         self._parking = max(self.stride, 2.0 * setup.spec.turning_radius)
 
     def obey(self, intent: Intent, view: View) -> Choice:
-        """The command that carries an intent out best (`agent.ports.Body.obey`)."""
+        """The command that best carries out an intent (`agent.ports.Body.obey`)."""
         match intent:
             case Bearing():
                 return self._bear(intent, view)
@@ -49,8 +49,8 @@ class CarBody(BodyBase):
         """The strongest direction that leads at least half a step, and its goal; the strongest of all if none does.
 
         The paper's forces act along first steps of paths, which are free by construction. A bearing rounded to its
-        sector's bisector may point into a wall right beside the robot; where it leads into one again and again, a car,
-        whose moves know no chance, would never get away. It then takes the bearing of the strongest force as it is.
+        sector's bisector may point into a wall right beside the robot. Where it does so again and again, a car would
+        never get away, because its moves are not random. It then takes the exact bearing of the strongest force.
         """
         start = view.start
         if start is None or not intent.bearings:
@@ -67,7 +67,7 @@ class CarBody(BodyBase):
         return bearings[0], self.goals.along(bearings[0], *start)
 
     def _approach(self, place: Place, view: View) -> Choice:
-        """The way to a place, and a parking there."""
+        """The way to a place, and parking there."""
         found = way_of(place, view)
         if found is None:
             return self._drive(view, None, None, place.state)

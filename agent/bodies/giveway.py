@@ -1,9 +1,9 @@
 """Giving way: how robots that block each other come free, from positions alone.
 
-The paper's robots block each other until random moves part them, which in a doorway takes for ever. Here, of two
-robots that bumped, the one with the higher number gives way: for a while it takes the other for an obstacle, so that
-whatever pulled it through the other now pulls it round or elsewhere. Who has been blocked for long gives way in any
-case, for the other may have nowhere to go.
+The paper's robots block each other until random moves part them, which takes very long in a doorway. Here, of two
+robots that bumped, the one with the higher number gives way: for a while it treats the other as an obstacle, so that
+the force that pulled it through the other now pulls it round, or elsewhere. A robot that has been blocked for long
+gives way in any case, because the other may have nowhere to go.
 """
 
 from __future__ import annotations
@@ -17,17 +17,25 @@ from patrol.random import Purpose, draw
 
 SHORTEST_S = 3.0
 LONGEST_S = 10.0
-"""How long a robot gives way, s; drawn between the two, so that pairs do not meet again in step."""
+"""Bounds of how long a robot gives way, s; the time is random, so that a pair does not get stuck in step."""
 
 PATIENCE = 8
-"""Bumps in a row after which a robot gives way to a higher number too."""
+"""Number of bumps in a row after which a robot gives way to a higher number too."""
 
 
 class GiveWay:
-    """To whom one robot gives way, and until when."""
+    """The robots to which one robot gives way, and until when."""
 
     def __init__(self, seed: int, number: int, incarnation: int, radii: dict[int, float], step: float) -> None:
-        """radii: m, by robot number. step: s per tick."""
+        """Start without giving way.
+
+        Args:
+            seed: The scenario's random seed.
+            number: The robot's number.
+            incarnation: The robot's incarnation.
+            radii: Radius in m of each robot, by number.
+            step: s per tick.
+        """
         self._step = step
         self._identity = (seed, Purpose.GIVE_WAY, number, incarnation)
         self._number = number
@@ -36,7 +44,15 @@ class GiveWay:
         self._bumps = 0
 
     def update(self, tick: int, pose: Pose, bumped: bool, peers: dict[int, Peer], near: float) -> None:
-        """Take in whether the last move was cancelled; peers within ``near`` m of touching may be the cause."""
+        """Take in whether the last move was cancelled.
+
+        Args:
+            tick: Now.
+            pose: The robot's own.
+            bumped: Whether its last move was cancelled.
+            peers: The robots heard so far, by number.
+            near: The nearest peer counts as the cause when its body is at most this far away, m.
+        """
         if not bumped:
             self._bumps = 0
             return
@@ -51,7 +67,17 @@ class GiveWay:
             self._until[other] = tick + round(spell / self._step)
 
     def discs(self, tick: int, pose: Pose, peers: dict[int, Peer], point: float) -> list[Disc]:
-        """The peers that are obstacles at ``tick``: as wide as both bodies, but never over the robot's own point."""
+        """The peers that are obstacles now.
+
+        Args:
+            tick: Now.
+            pose: The robot's own.
+            peers: The robots heard so far, by number.
+            point: Side of the terrain's points, m.
+
+        Returns:
+            Discs (x, y, radius) in m, as wide as both bodies together, but never over the robot's own point.
+        """
         found = []
         for other, until in sorted(self._until.items()):
             peer = peers[other].pose

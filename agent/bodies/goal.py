@@ -14,15 +14,21 @@ from patrol.scenario import PatrolSpec
 
 
 class GoalFinder:
-    """The goal along a direction: the last free point of the ray up to the goal distance, then the refinement.
+    """Finds the goal along a direction: the last free point of the ray up to the goal distance, then refined.
 
-    Refinement takes the point with the lowest psi in a square around the goal, among those that a straight line reaches
-    both from the goal and from the robot, for neither leg may cross a wall, and that lie roughly in the chosen
-    direction.
+    Refinement takes the point with the lowest psi in a square around the goal (paper, "goal refinement"). Candidates
+    are the points roughly in the chosen direction that a straight line reaches both from the goal and from the robot,
+    since neither leg may cross a wall.
     """
 
     def __init__(self, patrol: PatrolSpec, ground: Ground, psi: NDArray[np.float32] | None) -> None:
-        """psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement."""
+        """Convert the distances to points.
+
+        Args:
+            patrol: The scenario's section `patrol`, with the goal distance and the side of the square in m.
+            ground: Where the robot's centre may be.
+            psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement.
+        """
         self._ground = ground
         self._psi = psi
         self._point = ground.terrain.point
@@ -30,7 +36,16 @@ class GoalFinder:
         self._side = round(0.5 * patrol.refine_side / self._point)
 
     def along(self, bearing: float, row: int, col: int) -> Goal:
-        """The goal in direction ``bearing`` (rad) for a robot on the open element (row, col) of the ground."""
+        """The goal in a direction.
+
+        Args:
+            bearing: The direction, rad.
+            row: Row of the robot's open element in `Ground.state`.
+            col: Column of the same element.
+
+        Returns:
+            The goal before and after refinement.
+        """
         state = self._ground.state
         up, across = math.sin(bearing), math.cos(bearing)
         run = float(free_run(state, row + 0.5, col + 0.5, up, across, self._distance))

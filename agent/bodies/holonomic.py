@@ -13,7 +13,7 @@ from patrol.pose import TAU, Command, Pose, Velocity, halted
 from patrol.random import Purpose
 
 BLOCKED_SHARE = 0.1
-"""A robot that can make less than this share of a step in any direction is in a dead end."""
+"""A robot that can make less than this share of a step in every direction is in a dead end."""
 
 AFTER_BUMP = 0.5
 """Probability that a robot that bumped on its way to a place takes a random step."""
@@ -27,7 +27,7 @@ class HolonomicBody(BodyBase):
         self._steering = HolonomicSteering(setup.spec, setup.ground.terrain, setup.step)
 
     def obey(self, intent: Intent, view: View) -> Choice:
-        """The command that carries an intent out best (`agent.ports.Body.obey`)."""
+        """The command that best carries out an intent (`agent.ports.Body.obey`)."""
         match intent:
             case Bearing():
                 return self._bear(intent, view)
@@ -60,16 +60,16 @@ class HolonomicBody(BodyBase):
         return Choice(velocity, State.DEAD_END if blocked else intent.state, bearing, goal)
 
     def _stop_at(self, near: Spot, view: View, start: tuple[int, int]) -> Velocity | None:
-        """The step towards a place close by; None when there is none to be made."""
+        """The step towards a place close by; None when no such step is possible."""
         pose = view.pose
         velocity, way = self._steering.towards(pose, near)
         if way < CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), near)):
-            # Free from the centre of its own point, but not quite from where the robot stands on it.
+            # The way is free from the centre of the robot's point, but not quite from where it stands on it.
             velocity, way = self._steering.towards(pose, view.ground.centre(*start))
         return velocity if way > BARELY else None
 
     def _approach(self, place: Place, view: View) -> Choice:
-        """A step towards a place, yielding to others on the way but not on the last step."""
+        """A step towards a place. The body yields to others on the way, but not on the last step."""
         pose, start, found = view.pose, view.start, way_of(place, view)
         if found is None or start is None:
             return Choice(Velocity(0.0, 0.0), State.HOLDING)

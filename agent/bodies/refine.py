@@ -10,14 +10,20 @@ from numpy.typing import NDArray
 from patrol.ground.terrain import Terrain
 
 ROUNDING = 1e-7
-"""Psi is rounded to this, far below one obstacle's share at 100 points, so that equal stays equal in the transform."""
+"""Psi is rounded to multiples of this, far below one obstacle's share at 100 points, so equal values stay equal."""
 
 
 def psi_field(terrain: Terrain, reach_m: float) -> NDArray[np.float32]:
-    """Psi of every point: the sum of 1 / rho^2 over the obstacle points less than ``reach_m`` away along x and along y.
+    """Psi of every point: the sum of 1 / rho^2 over the obstacle points near it (paper, "goal refinement").
 
-    rho is in points. Points beyond the terrain's edge count as obstacles, as far as twice its longer side. Returns
-    float32 (h, w), infinity on obstacles. One convolution for the whole terrain, by Fourier transform.
+    Computed for the whole terrain in one convolution, by Fourier transform.
+
+    Args:
+        terrain: The map. Points beyond its edge count as obstacles, up to twice its longer side.
+        reach_m: Obstacle points less than this far away along x and along y count, m; rho is in points.
+
+    Returns:
+        float32 (h, w), infinity on obstacles.
     """
     reach = min(math.ceil(reach_m / terrain.point - 1e-9) - 1, 2 * max(terrain.shape))
     offsets = np.arange(-reach, reach + 1, dtype=np.float64)

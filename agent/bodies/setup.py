@@ -1,4 +1,4 @@
-"""What every body is made from, and what all of them share: the goal along a bearing, and giving way."""
+"""The setup of every body, and what all bodies share: the goal along a bearing, and giving way."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from patrol.scenario import PatrolSpec, RobotSpec
 
 CLEAR_SHARE = 0.5
-"""A direction in which a robot can make at least this share of a step is good enough to take."""
+"""A direction is good enough when the robot can make at least this share of a step in it."""
 
 BARELY = 1e-3
-"""A move shorter than this is none, m."""
+"""A move shorter than this counts as none, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodySetup:
-    """What a body is made from.
+    """The inputs from which a body is built.
 
     Attributes:
         spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
-        radii: Of all robots of the fleet, by number, m.
+        radii: Radius in m of each robot of the fleet, by number.
         identity: The scenario's seed, the robot's number and its incarnation, for repeatable draws.
         step: s per tick.
         patrol: The scenario's section `patrol`.
@@ -54,7 +54,13 @@ class BodySetup:
 
 
 class BodyBase:
-    """What bodies share. stride: how far it drives in a step at top speed, m."""
+    """What all bodies share.
+
+    Attributes:
+        spec: The robot's model and limits.
+        stride: Longest way in one step, m.
+        goals: Finds the goal along a bearing.
+    """
 
     def __init__(self, setup: BodySetup) -> None:
         self.spec = setup.spec
@@ -74,9 +80,14 @@ class BodyBase:
 
 
 def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:
-    """Where a place is and where the way there first bends, x and y in m; None for a robot that is off the ground.
+    """The target of a `Place` intent, and where the way there first bends.
 
-    A place that no way leads to stands for the nearest one that can be reached.
+    Args:
+        place: The intent. A place that no way leads to is replaced by the nearest reachable one.
+        view: Of this tick.
+
+    Returns:
+        Target and first bend, each x and y in m; None for a robot that is off the ground.
     """
     if view.start is None:
         return None

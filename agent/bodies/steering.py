@@ -1,7 +1,7 @@
-"""From a goal to a command, for both kinds of robots.
+"""From a goal to a command, for both models of robots.
 
-A mind predicts one step of its own motion against the walls it knows, with the same swept-motion code that the world
-moves bodies by; it never bumps into a wall knowingly.
+A mind predicts one step of its own motion against the walls it knows, with the same swept-motion code by which the
+world moves bodies. It never knowingly bumps into a wall.
 """
 
 from __future__ import annotations
@@ -15,17 +15,21 @@ from patrol.scenario import RobotSpec
 
 PARKING_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0)
 PARKING_SPEEDS = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125)
-"""Shares of the tightest turn and of the full speed that a parking car tries."""
+"""Shares of the tightest turn and of the full speed that a car tries while it parks."""
 
 WORTH_IT = 0.05
-"""A parking car that can come nearer to its place by no more than this in a step stays where it is, m."""
+"""A car that parks stays where it is unless a step brings it nearer to its place by more than this, m."""
 
 TOUCH = 1e-6
-"""Left between a body and the wall it stops at, m."""
+"""Gap left between a body and the wall at which it stops, m."""
 
 
 class HolonomicSteering:
-    """A robot that moves in any direction at once."""
+    """Steering of a robot that moves in any direction at once.
+
+    Attributes:
+        stride: Longest way in one step, m.
+    """
 
     def __init__(self, spec: RobotSpec, terrain: Terrain, step: float) -> None:
         self._spec = spec
@@ -34,7 +38,15 @@ class HolonomicSteering:
         self.stride = spec.speed * step
 
     def towards(self, pose: Pose, target: tuple[float, float]) -> tuple[Velocity, float]:
-        """Straight towards ``target`` (m) as far as the body is free; the command, and the way it makes in m."""
+        """A step straight towards a target, as far as the body is free.
+
+        Args:
+            pose: The robot's own.
+            target: x and y in m.
+
+        Returns:
+            The command, and the length of its way in m.
+        """
         across, up = target[0] - pose.x, target[1] - pose.y
         distance = math.hypot(across, up)
         if distance == 0.0:
@@ -48,21 +60,37 @@ class HolonomicSteering:
         return Velocity(way * across / self._step, way * up / self._step), way
 
     def along(self, pose: Pose, wanted: Velocity) -> Velocity:
-        """As much of a step at this velocity as the body is free for."""
+        """A step at a given velocity, as far as the body is free.
+
+        Args:
+            pose: The robot's own.
+            wanted: The velocity, within the robot's limits.
+        """
         end = (pose.x + wanted.vx * self._step, pose.y + wanted.vy * self._step)
         return self.towards(pose, end)[0]
 
     def heading(self, pose: Pose, bearing: float) -> tuple[Velocity, float]:
-        """A full step in direction ``bearing`` (rad), as far as the body is free."""
+        """A full step in a direction, as far as the body is free.
+
+        Args:
+            pose: The robot's own.
+            bearing: The direction, rad.
+
+        Returns:
+            The command, and the length of its way in m.
+        """
         target = (pose.x + self.stride * math.cos(bearing), pose.y + self.stride * math.sin(bearing))
         return self.towards(pose, target)
 
 
 class CarSteering:
-    """A robot that drives arcs of at least its turning radius.
+    """Steering of a robot that drives arcs of at least its turning radius.
 
-    It turns its wheels and drives forward so that it is oriented as it should be as soon as possible (paper,
+    It drives forward and turns its wheels so that it faces the desired direction as soon as possible (paper,
     "nonholonomic robots").
+
+    Attributes:
+        stride: Longest way in one step, m.
     """
 
     def __init__(self, spec: RobotSpec, terrain: Terrain, step: float) -> None:
@@ -72,18 +100,37 @@ class CarSteering:
         self.stride = spec.speed * step
 
     def towards(self, pose: Pose, target: tuple[float, float]) -> Drive:
-        """Forward at full speed, turning towards ``target`` (m) as tightly as needed and possible."""
+        """Forward at full speed, turning towards a target as tightly as needed and possible.
+
+        Args:
+            pose: The robot's own.
+            target: x and y in m.
+        """
         bearing = math.atan2(target[1] - pose.y, target[0] - pose.x)
         return self.turning(pose, bearing, self._spec.speed)
 
     def turning(self, pose: Pose, heading: float, speed: float) -> Drive:
-        """Drive at ``speed`` (m/s, negative: reverse), turning so that the robot comes to face ``heading`` (rad)."""
+        """Drive and turn until the robot faces a heading.
+
+        Args:
+            pose: The robot's own.
+            heading: The desired heading, rad.
+            speed: m/s; negative for reverse.
+        """
         tightest = 1.0 / self._spec.turning_radius
         curvature = wrap(heading - pose.heading) / (speed * self._step)
         return Drive(speed, max(-tightest, min(tightest, curvature)))
 
     def park(self, pose: Pose, place: tuple[float, float]) -> Drive:
-        """The step, forward or back, that ends nearest to ``place`` (m); none where no step brings the car nearer."""
+        """The step, forward or in reverse, that ends nearest to a place.
+
+        Args:
+            pose: The robot's own.
+            place: x and y in m.
+
+        Returns:
+            Zero speed where no step brings the car nearer.
+        """
         best, least = Drive(0.0, 0.0), math.dist((pose.x, pose.y), place) - WORTH_IT
         for speed in PARKING_SPEEDS:
             for turn in PARKING_TURNS:

@@ -1,4 +1,4 @@
-"""The unstuck algorithm: how a car leaves a dead end (paper, five steps)."""
+"""The unstuck algorithm: how a car leaves a dead end (paper, "unstuck", five steps)."""
 
 from __future__ import annotations
 
@@ -9,44 +9,51 @@ from agent.bodies.steering import CarSteering
 from patrol.pose import TAU, Drive, Pose, wrap
 
 ORIENTED = math.pi / 8
-"""How near to the desired orientation counts as oriented, rad: half of one of eight sectors."""
+"""Largest deviation from the desired heading that counts as oriented, rad: half of one of eight sectors."""
 
 CALM_S = 10.0
-"""Time between two dead ends that makes the second one a new one, s."""
+"""A dead end that begins later than this after the last one counts as a new one, s."""
 
 LONGEST_RETREAT = 6
-"""Most steps that a robot must back before it tries again."""
+"""Upper bound of the number of steps that a robot backs before it tries again."""
 
 AT_A_LOSS = 4
-"""Dead ends in a row from which on the next direction is left to chance."""
+"""Number of dead ends in a row from which on the next direction is random."""
 
 HOPELESS_S = 10.0
-"""Time in one dead end after which another direction is left to chance, s."""
+"""Time in one dead end after which the robot takes another, random direction, s."""
 
 YIELDS = 0.5
-"""Probability that a robot that bumped stands still for a step, so that of two that block each other one may go."""
+"""Probability that a robot that bumped stands still for a step, so that of two that block each other one can go."""
 
 EASIER = (1.0, 0.5, 0.25, 0.125)
-"""Shares of the full speed that are tried in turn where a full step does not fit."""
+"""Shares of the full speed, tried in turn where a full step does not fit."""
 
 
 class Unstuck:
-    """Back out, turning towards the direction in which most forces pulled when the robot got stuck.
+    """Backs out of a dead end, turning towards the direction in which most forces pulled when the robot got stuck.
 
-    Where it cannot go on backing it drives forward, still turning; where it cannot go on driving forward it backs
-    again; and it is done as soon as it faces the desired direction. The paper stops there; a robot whose nose is
-    against a wall right in that direction would be done at once and stuck again, for ever. So it backs at least one
-    step, and one more for each time that it gets stuck again within `CALM_S`.
+    Where the robot can back no further it drives forward, still turning; where it can drive forward no further it backs
+    again; and it stops as soon as it faces the desired direction. So far the paper. A robot whose nose is against a
+    wall right in that direction would stop at once and be stuck again, for ever. So it backs at least one step, and one
+    more for each time that it gets stuck again within `CALM_S`.
 
-    A car's moves know no chance, so what leads it into the same dead end again does so for ever, and two cars that
-    block each other never part. So whoever bumps stands still now and then, and after `AT_A_LOSS` dead ends in a row,
-    or `HOPELESS_S` in one, a robot leaves it to chance which way it wants to face. From then on each bump makes the
-    next move shorter, and each move that succeeds the next one longer: between a wall and a wreck, of which steering
-    knows nothing, there may be room for a short step where a full one always bumps.
+    A car's moves are not random, so what leads it into a dead end once does so again for ever, and two cars that block
+    each other never part. So a robot that bumped sometimes stands still, and after `AT_A_LOSS` dead ends in a row, or
+    `HOPELESS_S` in one, it chooses a random direction to face. From then on each bump makes the next move shorter, and
+    each successful move makes the next one longer: between a wall and a wreck, which steering does not see, there may
+    be room for a short step where a full one always bumps.
     """
 
     def __init__(self, steering: CarSteering, speed: float, step: float, chance: Callable[[int, int], float]) -> None:
-        """speed: m/s. step: s per tick. chance: what chance says at a tick, in [0, 1), on its question 0 or 1."""
+        """Start outside of any dead end.
+
+        Args:
+            steering: Of this car.
+            speed: Top speed, m/s.
+            step: s per tick.
+            chance: Called with a tick and 0 or 1 for the purpose of the draw; returns a repeatable draw from [0, 1).
+        """
         self._calm = round(CALM_S / step)
         self._hopeless = max(round(HOPELESS_S / step), 1)
         self._chance = chance
@@ -72,7 +79,12 @@ class Unstuck:
         return self._in_a_row > 1 and tick - self._ended <= self._calm
 
     def begin(self, tick: int, desired: float) -> None:
-        """The robot is stuck at ``tick`` and wants to leave facing ``desired`` (rad)."""
+        """Start to leave a dead end.
+
+        Args:
+            tick: Now.
+            desired: The heading that the robot wants to leave with, rad.
+        """
         again = tick - self._ended <= self._calm
         self._in_a_row = min(self._in_a_row + 1, LONGEST_RETREAT) if again else 1
         self._retreat = self._in_a_row
@@ -84,7 +96,16 @@ class Unstuck:
         self._stood = True
 
     def step(self, tick: int, pose: Pose, bumped: bool) -> Drive | None:
-        """The next command, or None when the robot has left the dead end. ``bumped``: its last move was cancelled."""
+        """The next command on the way out.
+
+        Args:
+            tick: Now.
+            pose: The robot's own.
+            bumped: Whether its last move was cancelled.
+
+        Returns:
+            None when the robot has left the dead end.
+        """
         if self._desired is None:
             return None
         if self._wedged and not self._stood:

@@ -1,8 +1,8 @@
 """A direct radio: robots hear each other over a network, and no world carries or counts their frames.
 
-Frames go out under the sender's own key and are dropped where a queue is full: a position is worth nothing late. What
-arrives between two decisions is heard at the second of them; where more has come from a sender than there is room for,
-its oldest frames have gone. Whether anything in a frame is true is for the mind's inbox to judge.
+Each robot sends under its own key. Frames that find a full queue are dropped, because a late position is worthless.
+Frames that arrive between two decisions are heard at the second of them; where a sender has sent more than fits, its
+oldest frames are dropped. The mind's inbox judges whether a frame is true.
 """
 
 from __future__ import annotations
@@ -17,16 +17,26 @@ from patrol.net.telemetry import Traffic
 from patrol.radio.message import MAX_FRAME, MAX_FRAMES
 
 ROOM = 4 * MAX_FRAMES
-"""Frames of one sender that wait: what it sends in four ticks."""
+"""Number of waiting frames per sender: what a robot sends in four ticks."""
 
 
 class DirectRadio:
     """Radio of one robot of a fleet that talks directly (`agent.ports.Radio`).
 
-    numbers: of the others, by the key that each sends under. clock: says when it is time to decide.
+    Attributes:
+        sent: Frames sent so far.
+        heard: Frames heard so far, by the sender's key.
     """
 
     def __init__(self, mailbox: Mailbox[bytes], post: Post, numbers: Mapping[str, int], clock: FleetClock) -> None:
+        """Start with nothing sent or heard; `tune_in` connects everything.
+
+        Args:
+            mailbox: Frames from the others.
+            post: Sends a frame under the robot's own key.
+            numbers: The others' numbers, by the key under which each sends.
+            clock: Waits until it is time to decide.
+        """
         self.sent = 0
         self.heard: Counter[str] = Counter()
         self._mailbox = mailbox
@@ -41,7 +51,11 @@ class DirectRadio:
             self.sent += 1
 
     def hear(self) -> list[bytes] | None:
-        """The frames that have arrived since the last decision, by sender and in the order of their arrival."""
+        """The frames that have arrived since the last decision.
+
+        Returns:
+            By sender, and in the order of arrival; None when there is nothing to decide.
+        """
         if not self._clock.decide():
             return None
         arrived: list[tuple[str, bytes]] = []
@@ -51,18 +65,38 @@ class DirectRadio:
         return [frame for _, frame in sorted(arrived, key=lambda news: self._numbers[news[0]])]
 
     def overhear(self, wait_s: float) -> bytes | None:
-        """The next frame that arrives within ``wait_s``, which nobody will hear again; None when there is none."""
+        """The next frame, which `hear` will not return again.
+
+        Args:
+            wait_s: How long to wait for it, s.
+
+        Returns:
+            None when no frame arrives in time.
+        """
         news = self._mailbox.get(wait_s)
         return None if news is None else news[1]
 
     def traffic(self, incarnation: int, *, final: bool) -> Traffic:
-        """What has been sent and heard so far."""
+        """What has been sent and heard so far.
+
+        Args:
+            incarnation: Of this robot.
+            final: Whether this is the last report.
+        """
         heard = {robot_of(key): self.heard[key] for key in self._numbers}
         return Traffic(incarnation, self.sent, heard, self._mailbox.refused.total(), final)
 
 
 def tune_in(air: Air, keys: FleetKeys, own: str, numbers: Mapping[str, int], clock: FleetClock) -> DirectRadio:
-    """Put a robot on the air. numbers: of all robots of the fleet by name; clock: as for `DirectRadio`."""
+    """Connect a robot to the direct radio.
+
+    Args:
+        air: The network on which the robots hear each other.
+        keys: Of the fleet.
+        own: Name of this robot.
+        numbers: Numbers of all robots of the fleet, by name.
+        clock: Waits until it is time to decide.
+    """
     others = {keys.position(name): number for name, number in numbers.items() if name != own}
     mailbox: Mailbox[bytes] = Mailbox(others, bytes, MAX_FRAME, ROOM)
     radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, clock)

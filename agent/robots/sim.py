@@ -1,11 +1,12 @@
-"""A robot of the world simulator: the world stands in for its body and its radio, over Zenoh.
+"""A robot of the world simulator, over Zenoh: the world simulates its body and carries its radio.
 
-Each tick the world sends phase A (the robot's pose), takes the robot's frame, sends phase B (what it hears) and takes
-its command. In lockstep the world waits, and repeats itself when it has waited long: a repeat is answered from the last
-answer, so that nothing is decided twice. At any other pace the world waits for nobody: a robot that comes late goes on
-with the newest tick, and decides on everything it has heard since its last decision.
+Each tick the world sends phase A (the robot's pose), receives the robot's frames, sends phase B (what the robot hears)
+and receives its command. In lockstep the world waits for the answers, and repeats a message when it has waited long; a
+repeated message gets the same answer again, so that nothing is decided twice. At any other pace the world does not
+wait: a robot that is late continues with the newest tick, and decides on everything it has heard since its last
+decision.
 
-Messages for another process of this robot (another incarnation or instance) are not for us and are counted.
+Messages for another process of this robot (another incarnation or instance) are counted and ignored.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ from patrol.pose import Command, halted
 from patrol.process.lifeline import Ending
 
 SILENCE_S = 5.0
-"""A robot that the world does not speak to for so long asks whether it is still part of the run."""
+"""Silence of the world after which a robot asks whether it is still part of the run, s."""
 
 UNGREETED_S = 1.0
-"""A robot that the world has not greeted asks for it."""
+"""Interval at which a robot asks for a greeting until the world has greeted it, s."""
 
 _POLL_S = 0.2
 _PAUSE_S = 2.0
@@ -52,7 +53,14 @@ _BACKLOG = 256
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Which process this is. instance: random, above 0. scenario: its hash."""
+    """What identifies a robot's process.
+
+    Attributes:
+        name: The robot's name.
+        incarnation: Counts the robot's processes, from 1.
+        instance: Random number of this process, above 0.
+        scenario: The scenario's hash.
+    """
 
     name: str
     incarnation: int
@@ -63,9 +71,9 @@ class Identity:
 class SimRobot:
     """Robot, radio, fleet clock and telemetry of one simulated robot (`agent.ports`).
 
-    patience_s: how long it does without a world before it leaves. blind_s: how long it drives on without a new pose
-    before it stops; where the world waits for it there is no need to. waiting: called now and then with the seconds
-    that it has waited for a world. Afterwards `farewell` says why it left and `orderly` whether that was in order.
+    Attributes:
+        farewell: Why the robot left; empty until then.
+        orderly: Whether it left because the run is over.
     """
 
     def __init__(
@@ -81,6 +89,20 @@ class SimRobot:
         waiting: Callable[[float], None] = lambda _waited: None,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
+        """Join a run; `join` connects everything.
+
+        Args:
+            mailbox: Messages from the world, and whether it is present.
+            post: Sends a message to the world.
+            identity: Of this process.
+            ending: Whether this process has to leave.
+            patience_s: Time without a world after which the robot leaves, s.
+            model: Body model, for the command that stops it.
+            blind_s: Time without a new pose after which the robot stops, s. Infinite in lockstep, where the world
+                waits.
+            waiting: Called at intervals with the time that the robot has waited for a world, s.
+            now: Monotonic clock, s.
+        """
         self.farewell = ""
         self.orderly = False
         self._mailbox = mailbox
@@ -93,11 +115,11 @@ class SimRobot:
         self._now = now
         self._posed = now()
         self._model = model
-        self._answer: ReplyB | None = None  # the last one, unless it has been taken back
-        self._decision: Reply | None = None  # what the answer to come says besides the command
+        self._answer: ReplyB | None = None  # the last one, unless withdrawn
+        self._decision: Reply | None = None  # diagnostics for the next answer
         self._run: int | None = None
         self._world_present = False
-        self._unbroken = True  # no token has gone since our own world spoke
+        self._unbroken = True  # no token has disappeared since our own world's last message
         self._own_news = now()
         self._last_news = self._last_said = self._checked = now()
         self._tell_at = now() + TELL_S[0]
@@ -112,7 +134,7 @@ class SimRobot:
     # --- Robot and Radio ---------------------------------------------------------------------------------------------
 
     def tick(self) -> int | None:
-        """Wait for phase A of a new tick, the newest there is; None when it is time to leave."""
+        """Wait for phase A of a new tick and return the newest tick there is; None when it is time to leave."""
         while self._next is None:
             if not self._receive():
                 return None
@@ -126,7 +148,7 @@ class SimRobot:
         return phase.k
 
     def sense(self) -> Sensed | None:
-        """What the world says that the robot senses in a new tick; None when it is time to leave."""
+        """What the robot senses in a new tick, as the world reports it; None when it is time to leave."""
         return None if self.tick() is None else self._sensed
 
     def decide(self) -> bool:
@@ -140,7 +162,11 @@ class SimRobot:
         self._post(payload)
 
     def hear(self) -> list[bytes] | None:
-        """Wait for phase B; all frames since the last decision, or None when there is nothing to decide."""
+        """Wait for phase B.
+
+        Returns:
+            All frames since the last decision, or None when there is nothing to decide.
+        """
         while self._heard_k < self._k:
             if self._next is not None or not self._receive():
                 return None
@@ -148,7 +174,13 @@ class SimRobot:
         return heard
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """Keep the diagnostics for the answer that carries the command."""
+        """Keep the diagnostics for the answer that carries the command.
+
+        Args:
+            sensed: Not used: the world knows it.
+            decision: The mind's decision.
+            decision_ms: Wall time of the decision, ms.
+        """
         del sensed
         rejected = decision.rejected + self.refused
         self._decision = Reply(decision.command, str(decision.state), decision.refined, decision_ms, rejected)
@@ -165,18 +197,22 @@ class SimRobot:
         self._post(payload)
 
     def stop(self, reason: str) -> None:
-        """Answer phase B, and everything after it, with the news that the mind cannot go on."""
+        """Report to the world that the mind cannot go on.
+
+        Args:
+            reason: Why, in one line.
+        """
         self._post(encode(Failed(self._identity.incarnation, self._identity.instance, max(self._k, 0), reason)))
 
     @property
     def refused(self) -> int:
-        """Messages dropped before anybody looked at what they say."""
+        """Number of messages dropped unread."""
         return self._mailbox.refused.total()
 
     # --- receiving ---------------------------------------------------------------------------------------------------
 
     def _receive(self) -> bool:
-        """Wait for one message and take it in; False when it is time to leave."""
+        """Wait for one message and process it; False when it is time to leave."""
         self._checked = self._now()
         while not self._ending and not self.farewell:
             self._mind_the_silence()  # each time: messages that are not for us break no silence
@@ -241,9 +277,9 @@ class SimRobot:
         self._post(encode(HelloReply(me.incarnation, me.instance, max(self._k, 0), run, me.scenario)))
 
     def _mind_the_silence(self) -> None:
-        """Where nothing has come for a while, ask whether we still belong to the run, or give up on a lost world.
+        """After a silence, ask whether this robot still belongs to the run, or leave when the world is lost.
 
-        A pause of this process, between two of these checks, is nobody's silence.
+        A pause of this process itself, between two of these checks, does not count as silence.
         """
         now = self._now()
         if now - self._checked > _PAUSE_S:
@@ -261,7 +297,7 @@ class SimRobot:
                 self._waiting(silent_s)
 
     def _halt_if_blind(self, now: float) -> None:
-        """Take back the last command where no pose has come for long; whoever still hears it stops the body."""
+        """Withdraw the last command when no pose has come for long, so that the world stops the body if it can hear."""
         if self._answer is not None and now - self._posed > self._blind_s:
             still = replace(self._answer.reply, command=halted(self._model), state=State.HOLDING.value, goal=None)
             self._post(encode(replace(self._answer, reply=still)))
@@ -284,7 +320,21 @@ def join(
     blind_s: float = math.inf,
     model: str = "holonomic",
 ) -> SimRobot:
-    """Take a robot's place in a fleet of so many. Ticks are listened to before the token says that somebody is here."""
+    """Take a robot's place in a fleet.
+
+    Subscribes to ticks before the token announces this robot, so that no tick is missed.
+
+    Args:
+        link: To the fleet's router.
+        keys: Of the fleet.
+        identity: Of this process.
+        robots: Number of robots in the fleet.
+        ending: Whether this process has to leave.
+        patience_s: Time without a world after which the robot leaves, s.
+        waiting: Called at intervals with the time that the robot has waited for a world, s.
+        blind_s: Time without a new pose after which the robot stops, s.
+        model: Body model.
+    """
     mailbox: Mailbox[ToRobot | Presence] = Mailbox(
         (keys.tick(identity.name), keys.alive(WORLD)), decode_to_robot, max_to_robot(robots)
     )

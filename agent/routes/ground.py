@@ -1,4 +1,4 @@
-"""The ground as one robot's planning sees it: where its centre may be, and what is in the way just now."""
+"""The ground as one robot's planning sees it: where its centre may be, and what is in the way at this tick."""
 
 from __future__ import annotations
 
@@ -23,12 +23,16 @@ class Area:
     """A part of the ground that can be closed as a whole.
 
     Attributes:
-        box: Rows and columns of `Ground.state`, each from and to before, that hold it.
-        mask: bool, its points within the box.
+        box: Its bounds in `Ground.state`: first row, end row, first column, end column; ends are exclusive.
+        mask: bool, the area's points within the box.
     """
 
     def __init__(self, area: NDArray[np.bool_]) -> None:
-        """Cut an area out of a grid, bool (h, w) of the terrain."""
+        """Cut an area out of a grid.
+
+        Args:
+            area: bool (h, w), the terrain's points that belong to the area.
+        """
         rows, cols = np.flatnonzero(area.any(axis=1)), np.flatnonzero(area.any(axis=0))
         top, bottom = (int(rows[0]), int(rows[-1]) + 1) if rows.size else (0, 0)
         left, right = (int(cols[0]), int(cols[-1]) + 1) if cols.size else (0, 0)
@@ -37,17 +41,17 @@ class Area:
 
 
 class Ground:
-    """The points on which a robot's centre may be, less what is in the way just now.
+    """The points on which a robot's centre may be, minus what is in the way at this tick.
 
-    What is in the way for the robot's body is said anew each tick by `begin`; a policy may `close` more for that tick,
-    to its own routes and to the body alike. Elements are numbered like those of `state`.
+    `begin` sets the obstacles of the robot's body each tick. A policy may `close` more for that tick, which affects its
+    own routes and the body alike. Elements are numbered like those of `state`.
     """
 
     def __init__(self, terrain: Terrain, reach: NDArray[np.bool_]) -> None:
-        """Open a ground.
+        """Start with nothing closed.
 
         Args:
-            terrain: Where it lies.
+            terrain: The map.
             reach: bool (h, w), the points on which the robot's centre may be.
         """
         self.terrain = terrain
@@ -57,7 +61,7 @@ class Ground:
         height, width = terrain.shape
         self._state: NDArray[np.uint8] = np.zeros((height + 2, width + 2), dtype=np.uint8)
         self._shown = self._state.view()
-        self._shown.flags.writeable = False  # kernels trust its frame, and policies can reach it
+        self._shown.flags.writeable = False  # kernels rely on its frame, and policies have access to it
         self._encode((0, height + 2, 0, width + 2))
         self._closed: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
         self._static: Ground | None = None
@@ -75,7 +79,7 @@ class Ground:
 
     @property
     def open_now(self) -> NDArray[np.bool_]:
-        """bool (h, w), read-only: the terrain's points on which the robot's centre may be now."""
+        """The terrain's points on which the robot's centre may be now: bool (h, w), read-only."""
         self._apply()
         is_open = self._is_open[1:-1, 1:-1]
         is_open.flags.writeable = False
@@ -83,7 +87,7 @@ class Ground:
 
     @property
     def static(self) -> Ground:
-        """The same ground with nothing closed: this one as long as nothing is, made when first needed otherwise."""
+        """The same ground with nothing closed; while something is closed, a copy made on first use."""
         if self._wanted == ((), ()):
             return self
         if self._static is None:
@@ -91,11 +95,19 @@ class Ground:
         return self._static
 
     def begin(self, discs: Sequence[Disc]) -> None:
-        """A tick begins: what was closed is open again, but for the points whose centres lie within these discs."""
+        """Begin a tick: open everything again, then close the points whose centres lie within some discs.
+
+        Args:
+            discs: x, y and radius in m.
+        """
         self._wanted = tuple(discs), ()
 
     def close(self, discs: Sequence[Disc] = (), areas: Sequence[Area] = ()) -> None:
-        """Close more for this tick: the points whose centres lie within these discs, and whole areas.
+        """Close more for this tick.
+
+        Args:
+            discs: x, y and radius in m; the points whose centres lie within them close.
+            areas: Areas that close as a whole.
 
         Raises:
             ValueError: A number of a disc is not finite.
@@ -124,9 +136,15 @@ class Ground:
             self._encode(box)
 
     def join(self, x: float, y: float) -> tuple[int, int] | None:
-        """The open element (row, col) of `state` through which a body at (x, y) in m joins the reachable points.
+        """The open element of `state` through which a body joins the reachable points.
 
-        Its own point, or where that is not open one next to it that a straight line leads to; None if there is none.
+        Args:
+            x: Of the body's centre, m.
+            y: Of the body's centre, m.
+
+        Returns:
+            (row, col) of the body's own point, or, where that is not open, of a neighbouring point that a straight line
+            leads to; None if there is none.
         """
         self._apply()
         row, col = self.terrain.point_at(x, y)
@@ -136,7 +154,7 @@ class Ground:
         return None if beside is None else (beside[0] + 1, beside[1] + 1)
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
-        """(x, y) in m of the centre of element (row, col) of `state`."""
+        """The centre (x, y) in m of element (row, col) of `state`."""
         return self.terrain.centre(row - 1, col - 1)
 
     def _place(self, disc: Disc) -> tuple[float, float, float]:
@@ -147,7 +165,7 @@ class Ground:
         return (y - oy) / point + 1.0, (x - ox) / point + 1.0, radius / point
 
     def _box(self, disc: Disc) -> tuple[int, int, int, int]:
-        """The rows and columns, each from and to before, that hold a disc."""
+        """A disc's bounds in `state`: first row, end row, first column, end column; ends are exclusive."""
         row, col, radius = self._place(disc)
         rows, cols = self._state.shape
         top, bottom = _within(math.floor(row - radius), math.ceil(row + radius) + 1, rows)
@@ -177,6 +195,6 @@ class Ground:
 
 
 def _within(first: int, end: int, size: int) -> tuple[int, int]:
-    """The part of the range from ``first`` to before ``end`` that lies within 0 to ``size``; perhaps empty."""
+    """Clip the range from ``first`` to before ``end`` to 0 to ``size``; the result may be empty."""
     low = min(max(0, first), size)
     return low, min(max(low, end), size)

@@ -1,4 +1,4 @@
-"""What every path method fills in: state, length and first bend of the paths, over a window of the ground."""
+"""The result of every path method: state, length and first bend of the paths, over a window of the ground."""
 
 from __future__ import annotations
 
@@ -12,26 +12,38 @@ from agent.routes.ground import Ground
 from agent.routes.kernels.wave import SETTLED, STATUS
 
 FAR = 2**31 - 1
-"""The length of a path that is not known."""
+"""The length of an unknown path."""
 
 Place = tuple[int, int]
 Lengths = NDArray[np.int32]
 
 
 class PathWindow(ABC):
-    """Paths from one start, to a growing length.
+    """Paths from one start, up to a growing length.
 
-    The window holds all that lies within ``span`` points of the start, and a blocked frame. Its arrays are reused from
-    one start to the next, and may be shared by minds that never think at the same time.
+    The window holds everything within ``span`` points of the start, and a blocked frame. Its arrays are reused from one
+    start to the next, and minds that never think at the same time may share them.
 
-    state: uint8 (m, n), `agent.routes.kernels.wave.SETTLED` in the low bits where a path is known. length: int32 (m,
-    n), in
-    hundredths of a point. bend: int32 (m, n), flat index into the window of the path's first bend, or of the point
-    itself. row0, col0: the terrain's point under element (0, 0). start_row, start_col: the start's element.
+    Attributes:
+        span: How far the window reaches from the start, in points.
+        state: uint8 (m, n), `agent.routes.kernels.wave.SETTLED` in the two low bits where a path is known.
+        length: int32 (m, n), path lengths in hundredths of a point.
+        bend: int32 (m, n), flat index into the window of the path's first bend, or of the point itself where the path
+            has none.
+        row0: Row of the terrain's point under element (0, 0).
+        col0: Column of the same point.
+        start_row: The start's row in the window.
+        start_col: The start's column in the window.
     """
 
     def __init__(self, height: int, width: int, span: int) -> None:
-        """height, width: the terrain's, in points."""
+        """Allocate the window.
+
+        Args:
+            height: Of the terrain, in points.
+            width: Of the terrain, in points.
+            span: How far the window reaches from the start, in points.
+        """
         self.span = span
         rows, cols = min(height, 2 * span + 1) + 2, min(width, 2 * span + 1) + 2
         self.state = np.zeros((rows, cols), dtype=np.uint8)
@@ -40,16 +52,31 @@ class PathWindow(ABC):
         self.row0 = self.col0 = self.start_row = self.start_col = 0
 
     def begin(self, ground: Ground, row: int, col: int) -> None:
-        """Start from the open element (row, col) of the ground's state."""
+        """Start from an open element of the ground.
+
+        Args:
+            ground: As it is now.
+            row: Row of the element in `Ground.state`.
+            col: Column of the element in `Ground.state`.
+        """
         self._place(ground, row, col)
         self.start_row, self.start_col = row - self.row0 - 1, col - self.col0 - 1
         self._begin()
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
-        """Path lengths from the nearest of several starts, int32 (m, n); `FAR` beyond ``limit`` hundredths of a point.
+        """Path lengths from the nearest of several starts.
 
-        The window lies as it does for a robot on (row, col), and starts outside it are left out. What `begin` and
-        `extend` computed is lost.
+        Results of earlier calls of `begin` and `extend` are lost.
+
+        Args:
+            ground: As it is now.
+            row: Row of `Ground.state` around which the window lies.
+            col: Column of `Ground.state` around which the window lies.
+            starts: Open elements (row, col) of `Ground.state`; those outside the window are left out.
+            limit: Longest path to follow, in hundredths of a point.
+
+        Returns:
+            int32 (m, n), in hundredths of a point; `FAR` where the path is longer than the limit or does not exist.
         """
         nearest = np.full(self.state.shape, FAR, dtype=np.int32)
         for start_row, start_col in starts:
@@ -62,7 +89,7 @@ class PathWindow(ABC):
         return nearest
 
     def _place(self, ground: Ground, row: int, col: int) -> None:
-        """Lay the window around (row, col) of the ground's state, with no path known."""
+        """Lay the window around (row, col) of the ground's state, with all paths unknown."""
         rows, cols = self.state.shape
         top = min(max(0, row - 1 - self.span), ground.state.shape[0] - rows)
         left = min(max(0, col - 1 - self.span), ground.state.shape[1] - cols)
@@ -79,4 +106,8 @@ class PathWindow(ABC):
 
     @abstractmethod
     def extend(self, limit: int) -> None:
-        """Settle every path of at most ``limit`` hundredths of a point (at most 100 * span)."""
+        """Settle every path up to a length.
+
+        Args:
+            limit: In hundredths of a point, at most 100 * span.
+        """

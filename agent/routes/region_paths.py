@@ -1,4 +1,4 @@
-"""The region method: straight within a region, and from one to the next over connecting points (paper)."""
+"""The region method: straight within a region, and through connecting points from one region to the next (paper)."""
 
 from __future__ import annotations
 
@@ -20,13 +20,22 @@ Ints = NDArray[np.int32]
 
 
 class Regions(PathWindow):
-    """Paths of length L(R, T) = rho(R, CP_1) + rho(CP_1, CP_2) + ... + rho(CP_n, T), the shortest there are.
+    """Shortest paths through connecting points.
 
-    The first bend is the first connecting point, or the target where none is needed, so that directions are
-    continuous. Who stands on a connecting point is in both its regions.
+    Their length is L(R, T) = rho(R, CP_1) + rho(CP_1, CP_2) + ... + rho(CP_n, T). The first bend is the first
+    connecting point, or the target where the path needs none, so that directions are continuous. A robot on a
+    connecting point is in both of its regions.
     """
 
     def __init__(self, height: int, width: int, span: int, split: RegionSplit) -> None:
+        """Allocate the window and build the graph of connections.
+
+        Args:
+            height: Of the terrain, in points.
+            width: Of the terrain, in points.
+            span: How far the window reaches from the start, in points.
+            split: The terrain's regions, their parts and connections.
+        """
         super().__init__(height, width, span)
         links = split.connections
         self._parts = split.parts
@@ -37,7 +46,7 @@ class Regions(PathWindow):
         self._route([(self.start_row, self.start_col)])
 
     def extend(self, limit: int) -> None:
-        """Settle every path of at most ``limit`` hundredths of a point."""
+        """Settle every path up to ``limit`` hundredths of a point."""
         span = min(self.span, -(-limit // 100))
         rows, cols = self.state.shape
         top, bottom = max(0, self.start_row - span), min(rows, self.start_row + span + 1)
@@ -53,7 +62,7 @@ class Regions(PathWindow):
         return np.where(self.state & STATUS == SETTLED, self.length, FAR)
 
     def _route(self, starts: Sequence[Place]) -> None:
-        """Find the ways from the nearest of some elements of the window to all connections."""
+        """Find the shortest ways from the nearest of some elements of the window to all connections."""
         graph = self._graph
         placed = []
         for row, col in ((row + self.row0, col + self.col0) for row, col in starts):
@@ -86,7 +95,13 @@ class _Graph(NamedTuple):
 
     @staticmethod
     def of(points: Sequence[int], joined: Sequence[tuple[int, int]], parts: Ints) -> _Graph:
-        """points: flat indices of the connections' points. joined: the parts that each connects."""
+        """Build the graph.
+
+        Args:
+            points: Flat indices of the connections' points.
+            joined: The two parts that each connection joins.
+            parts: int32 (h, w), each point's part, -1 for none.
+        """
         places = np.stack(np.divmod(np.array(points, dtype=np.int32), parts.shape[1]), axis=1)
         ends = np.array(joined, dtype=np.int32).reshape(-1, 2)
         members = np.argsort(ends.reshape(-1), kind="stable") // 2
@@ -96,7 +111,7 @@ class _Graph(NamedTuple):
 
 
 class _Sources(NamedTuple):
-    """Where last legs begin: see `agent.routes.kernels.region_paths.route`."""
+    """Where the last legs begin: see `agent.routes.kernels.region_paths.route`."""
 
     begin: Ints
     row: Ints
@@ -106,7 +121,7 @@ class _Sources(NamedTuple):
 
     @staticmethod
     def room(graph: _Graph, starts: int) -> _Sources:
-        """Room for all there can be."""
+        """Allocate room for the largest possible number of sources."""
         count = 2 * len(graph.places) + starts
         row, col, lead = (np.empty(count, dtype=np.int32) for _ in range(3))
         return _Sources(np.zeros(len(graph.first), dtype=np.int32), row, col, np.empty(count), lead)

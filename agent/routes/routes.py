@@ -1,4 +1,4 @@
-"""Routes: how long the shortest ways are and where they first bend, for whoever asks, over the ground as it is now."""
+"""Routes: lengths and first bends of the shortest ways over the ground as it is now."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from agent.routes.path_window import FAR, PathWindow
 from agent.routes.wave import Wave
 
 LONGEST = 2**26
-"""Hundredths of a point: no path is longer."""
+"""Upper bound of all path lengths, in hundredths of a point."""
 
 Element = tuple[int, int]
-"""Row and column of the ground's state, one more than those of the terrain's point."""
+"""Row and column in `Ground.state`: one more than those of the terrain's point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +25,8 @@ class Way:
     """The shortest way to a place.
 
     Attributes:
-        place: Where it leads, x and y in m: the centre of the point that was asked for, or of the nearest reachable.
-        bend: Where it first bends, x and y in m; the place itself when nothing is in between.
+        place: Where it ends, x and y in m: the centre of the target point, or of the nearest reachable one.
+        bend: Where it first bends, x and y in m; the place itself when the way is straight.
     """
 
     place: Spot
@@ -34,32 +34,32 @@ class Way:
 
 
 class Routes:
-    """Shortest ways over one robot's ground, worked out when asked for.
+    """Shortest ways over one robot's ground, computed on demand.
 
     A way runs from point to neighbouring point (8 neighbours; a straight step counts 1, a diagonal one 1.41 points) and
     cuts no corner (paper, "The wave").
     """
 
     def __init__(self, ground: Ground, scratch: dict[str, PathWindow]) -> None:
-        """Make the routes of a ground.
+        """Compute nothing yet.
 
         Args:
-            ground: Of one robot.
+            ground: The ground of one robot.
             scratch: Windows shared by minds of one process that never think at the same time.
         """
         self._ground = ground
         self._scratch = scratch
 
     def lengths(self, place: Spot, within: float | None = None) -> NDArray[np.float64]:
-        """How long the ways from a place to all points are.
+        """Lengths of the ways from a place to all points.
 
         Args:
-            place: x and y in m: the robot's own, another robot's, or any other. Robots stand on the ground as it is
-                without what is closed for now.
-            within: m, beyond which no way is followed, which takes less time; None for no limit.
+            place: x and y in m: the robot's own place, another robot's, or any other. A place that is closed at this
+                tick starts from the ground with nothing closed, since robots do stand there.
+            within: Longest way to follow, m; a limit saves time. None for no limit.
 
         Returns:
-            float64 (height, width) in m; infinity where no way leads, or none of that length.
+            float64 (height, width) in m; infinity where no way leads, or only a longer one.
         """
         terrain = self._ground.terrain
         if not all(map(math.isfinite, place)) or (within is not None and not within >= 0.0):
@@ -83,11 +83,11 @@ class Routes:
         Args:
             start: An open element.
             target: Any element inside the frame.
-            expected: How long the way may well be, hundredths of a point; farther is looked only where that is not
-                enough.
+            expected: Likely upper bound of the way's length, in hundredths of a point. The search goes beyond it only
+                if needed.
 
         Returns:
-            The way to the target, or to the nearest place that a way leads to.
+            The way to the target, or to the reachable place nearest to it.
         """
         here = self._ground.centre(*target)
         if start == target:
@@ -107,7 +107,7 @@ class Routes:
         return Way(centre(row + window.row0, col + window.col0), centre(bend_row + window.row0, bend_col + window.col0))
 
     def window(self) -> Wave:
-        """A wave over the whole terrain; made when first needed."""
+        """A wave over the whole terrain, made on first use."""
         height, width = self._ground.terrain.shape
         key = f"whole {height} {width}"
         if key not in self._scratch:

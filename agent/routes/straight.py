@@ -11,13 +11,14 @@ from agent.routes.path_window import PathWindow
 
 
 class Straight(PathWindow):
-    """The path to every patrolled point is the line to it, whatever lies between, and whether or not a body fits there.
+    """The path to every patrolled point is the straight line to it.
 
-    Nothing else has a path: an obstacle has no age, so it must not pull.
+    It runs through obstacles, and leads also to points on which no body fits. Other points have no path: an obstacle
+    has no age, so it must not pull.
     """
 
     def __init__(self, height: int, width: int, span: int, patrolled: NDArray[np.bool_]) -> None:
-        """Make room for paths over a terrain.
+        """Allocate the window.
 
         Args:
             height: Of the terrain, in points.
@@ -30,12 +31,12 @@ class Straight(PathWindow):
         self._open = np.where(patrolled, np.uint8(OPEN), np.uint8(0))
 
     def _begin(self) -> None:
-        """Open the patrolled points. Nothing is kept between calls: a longer limit simply overwrites."""
+        """Open the patrolled points. Nothing is kept between calls: a longer limit overwrites."""
         rows, cols = self.state.shape
         top, left = self.row0 + 1, self.col0 + 1
         self.state[1:-1, 1:-1] |= self._open[top : top + rows - 2, left : left + cols - 2]
 
     def extend(self, limit: int) -> None:
-        """Settle every path of at most ``limit`` hundredths of a point."""
+        """Settle every path up to ``limit`` hundredths of a point."""
         span = min(self.span, -(-limit // 100))
         rays(self.state, self.length, self.bend, self.start_row, self.start_col, span, limit)

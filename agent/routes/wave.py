@@ -13,7 +13,7 @@ from patrol.ground.kernels.footprint import cast
 
 
 class Wave(PathWindow):
-    """Shortest 8-connected paths; straight steps count 1, diagonal ones 1.41, and none cuts a corner."""
+    """Shortest 8-connected paths: straight steps count 1, diagonal ones 1.41 points, and no path cuts a corner."""
 
     def __init__(self, height: int, width: int, span: int) -> None:
         super().__init__(height, width, span)
@@ -45,7 +45,7 @@ class Wave(PathWindow):
         self._marks[:] = (0, len(starts), 0, 0)
 
     def extend(self, limit: int) -> None:
-        """Settle every path of at most ``limit`` hundredths of a point."""
+        """Settle every path up to ``limit`` hundredths of a point."""
         advance(
             self.state.reshape(-1),
             self._sight.reshape(-1),

@@ -1,4 +1,4 @@
-"""Where a command takes a body, and whether the way there is free: wrappers of the swept-motion kernels.
+"""The path of a body that obeys a command, and whether that path is free: wrappers of the swept-motion kernels.
 
 The world moves bodies by these functions and a mind predicts with them, so both agree to the last bit.
 """
@@ -19,9 +19,15 @@ if TYPE_CHECKING:
 
 
 def advance(pose: Pose, command: Command, step: float) -> Pose:
-    """The pose after obeying `command` for `step` seconds with nothing in the way.
+    """The pose after one step with nothing in the way.
 
-    A holonomic robot faces the way it moves and keeps its heading when it stands; a car follows an exact arc.
+    A holonomic robot faces the direction in which it moves, and keeps its heading when it stands; a car follows an
+    exact arc.
+
+    Args:
+        pose: Where the step begins.
+        command: What the body obeys.
+        step: s.
     """
     match command:
         case Velocity(vx, vy):
@@ -35,7 +41,15 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
 
 
 def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, radius: float) -> bool:
-    """Whether a disc of `radius` (m) can obey `command` for `step` seconds; touching a wall is free."""
+    """Whether a body can obey a command for one step; touching a wall is free.
+
+    Args:
+        terrain: The map.
+        pose: Where the step begins.
+        command: What the body obeys.
+        step: s.
+        radius: Of the body, a disc, m.
+    """
     match command:
         case Velocity():
             return free_fraction(terrain, pose, advance(pose, command, step), radius) >= 1.0
@@ -48,7 +62,12 @@ def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, ra
 
 
 def chords(command: Command, step: float) -> int:
-    """How many chords stand for the path of one step (`lay_path`)."""
+    """How many chords represent the path of one step in `lay_path`.
+
+    Args:
+        command: What the body obeys.
+        step: s.
+    """
     match command:
         case Velocity():
             return 1
@@ -59,7 +78,7 @@ def chords(command: Command, step: float) -> int:
 
 
 def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: float) -> None:
-    """Fill in where a body would be at equal steps of time, arcs as chords.
+    """Fill in where a body would be at equal steps of time, with chords for arcs.
 
     Args:
         path: float64 (m + 1, 2), x and y in m after each share of the step; filled in.
@@ -80,7 +99,17 @@ def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: floa
 
 
 def free_fraction(terrain: Terrain, pose: Pose, target: Pose, radius: float) -> float:
-    """Largest fraction in [0, 1] of the line from `pose` to `target` free for a disc of `radius` (m)."""
+    """The largest fraction of a line that is free.
+
+    Args:
+        terrain: The map.
+        pose: Where the line begins.
+        target: Where it ends.
+        radius: Of the body, a disc, m.
+
+    Returns:
+        A fraction in [0, 1].
+    """
     x, y = terrain.origin
     line = (pose.x, pose.y, target.x, target.y)
     return float(kernels.free_fraction_line(terrain.blocked, terrain.point, x, y, *line, radius))

@@ -3,11 +3,11 @@
     world to robot     Hello      who is there?              robot to world   HelloReply
                        PhaseA     your pose at tick k                         ReplyA    its frames: position, contacts
                        PhaseB     what you hear at tick k                     ReplyB    the command
-                       Stop       leave, and why                           Failed     I cannot go on, and why
+                       Stop       leave, and why                              Failed    I cannot go on, and why
 
 Every message is one msgpack array ``[kind, incarnation, instance, k, ...]``. The incarnation counts a robot's processes
-(1 for the first); the instance is a random number of one process, by which a second process under the same name is told
-from the first; k is the tick. Decoding is strict and pure: any bytes at all give a message or raise `Malformed`.
+(1 for the first). The instance is a random number of one process, which distinguishes it from a second process under
+the same name. k is the tick. Decoding is strict and pure: all bytes either give a message or raise `Malformed`.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 PROTOCOL = 4
 FIRST_INCARNATION = 1
 ANYONE = 0
-"""The instance in a message that is meant for whoever listens."""
+"""The instance in a message to all processes of a robot."""
 
 PHASE_B_SHARE = 0.2
 """The share of a step after which phase B begins: a position that takes no longer is heard in its own tick."""
 
 NO_RUN = 0
-"""The run in the answer of a robot that no world has greeted yet: it asks to be."""
+"""The run in the answer of a robot that no world has greeted yet; the robot thereby asks for a greeting."""
 
 MAX_REPLY = 2048
-"""Bytes of the longest message from a robot."""
+"""Size of the longest message from a robot, bytes."""
 
 _MAX_COUNT = 2**31 - 1
 _MAX_ID = 2**63 - 1
@@ -48,12 +48,18 @@ _FAILED = 3
 
 
 class Malformed(ValueError):
-    """Bytes that are no message of this protocol."""
+    """Bytes that are not a message of this protocol."""
 
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What every message begins with."""
+    """The first fields of every message.
+
+    Attributes:
+        incarnation: Counts the robot's processes, from 1.
+        instance: Random number of one process, or `ANYONE`.
+        k: The tick.
+    """
 
     incarnation: int
     instance: int
@@ -62,28 +68,45 @@ class Head:
 
 @dataclass(frozen=True, slots=True)
 class Hello(Head):
-    """The world, of run `run`, asks who is there."""
+    """The world asks which robots are there.
+
+    Attributes:
+        run: Random number of the run.
+    """
 
     run: int
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseA(Head):
-    """What the robot senses at tick k, which `sensed` says too."""
+    """What the robot senses at tick k.
+
+    Attributes:
+        sensed: Of the same tick.
+    """
 
     sensed: Sensed
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseB(Head):
-    """The frames that reach the robot in tick k, by sender and sequence."""
+    """The frames that reach the robot in tick k.
+
+    Attributes:
+        frames: By sender and sequence.
+    """
 
     frames: tuple[bytes, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Stop(Head):
-    """Leave. orderly: the run is over; otherwise this process is not, or no longer, part of it."""
+    """The world asks the robot to leave.
+
+    Attributes:
+        orderly: Whether the run is over; otherwise this process is not, or no longer, part of the run.
+        reason: Why, in one line.
+    """
 
     orderly: bool
     reason: str
@@ -91,7 +114,13 @@ class Stop(Head):
 
 @dataclass(frozen=True, slots=True)
 class HelloReply(Head):
-    """Here I am. run: which the robot answers. scenario: its hash, by which the world knows that both mean the same."""
+    """The robot reports that it is there.
+
+    Attributes:
+        run: The run that the robot answers, or `NO_RUN`.
+        scenario: The scenario's hash, by which the world checks that both use the same one.
+        protocol: Version of this protocol.
+    """
 
     run: int
     scenario: str
@@ -100,21 +129,33 @@ class HelloReply(Head):
 
 @dataclass(frozen=True, slots=True)
 class ReplyA(Head):
-    """What the robot sends in tick k: its position frame, then those of its contacts; or nothing at all."""
+    """What the robot sends in tick k.
+
+    Attributes:
+        frames: Its position frame, then those of its contacts; none for a robot that stays silent.
+    """
 
     frames: tuple[bytes, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ReplyB(Head):
-    """What the robot's mind replies at tick k."""
+    """The reply of the robot's mind at tick k.
+
+    Attributes:
+        reply: The command, and diagnostics.
+    """
 
     reply: Reply
 
 
 @dataclass(frozen=True, slots=True)
 class Failed(Head):
-    """The robot's mind cannot go on after tick k."""
+    """The robot's mind cannot go on after tick k.
+
+    Attributes:
+        reason: Why, in one line.
+    """
 
     reason: str
 
@@ -124,25 +165,37 @@ ToWorld = HelloReply | ReplyA | ReplyB | Failed
 
 
 def max_to_robot(robots: int) -> int:
-    """Bytes of the longest message to a robot in a fleet of so many."""
+    """Size of the longest message to a robot, in bytes, in a fleet of ``robots``."""
     return MAX_REPLY + robots * MAX_FRAMES * (MAX_FRAME + 2)
 
 
 def encode(message: ToRobot | ToWorld) -> bytes:
-    """A message as bytes; raises ValueError for one that could not be decoded."""
+    """A message as bytes.
+
+    Raises:
+        ValueError: The message could not be decoded.
+    """
     kind, body = _body(message)
     packed: bytes = msgpack.packb([kind, message.incarnation, message.instance, message.k, *body])
     return packed
 
 
 def decode_to_robot(payload: bytes) -> ToRobot:
-    """A message from the world. Raises Malformed, and nothing else, for any bytes at all."""
+    """A message from the world.
+
+    Raises:
+        Malformed: The bytes are not a message to a robot. No other exception is raised, whatever the bytes.
+    """
     message: ToRobot = _decode(payload, _TO_ROBOT)
     return message
 
 
 def decode_to_world(payload: bytes) -> ToWorld:
-    """A message from a robot. Raises Malformed, and nothing else, for any bytes at all."""
+    """A message from a robot.
+
+    Raises:
+        Malformed: The bytes are not a message to the world. No other exception is raised, whatever the bytes.
+    """
     if len(payload) > MAX_REPLY:
         raise Malformed(f"{len(payload)} bytes, at most {MAX_REPLY} are allowed")
     message: ToWorld = _decode(payload, _TO_WORLD)
@@ -227,7 +280,7 @@ def _phase_a(values: list[Any]) -> PhaseA:
 
 
 def _reply_a(values: list[Any]) -> ReplyA:
-    # A frame that is too long is the ether's to drop and count, so that it fares the same without a wire in between.
+    # The ether drops and counts frames that are too long, so that the result is the same without a wire.
     frames = values[3]
     if type(frames) is not list or len(frames) > MAX_FRAMES or any(type(frame) is not bytes for frame in frames):
         raise Malformed(f"frames are an array of at most {MAX_FRAMES} times bytes")
@@ -256,7 +309,7 @@ def _reply_b(values: list[Any]) -> ReplyB:
 
 
 def _command_in(model: object, first: float, second: float) -> Command:
-    # A command that is not finite is the world's to refuse, so that it fares the same without a wire in between.
+    # The world refuses commands that are not finite, so that the result is the same without a wire.
     try:
         return unpack_command(_whole(model, _MAX_COUNT), first, second)
     except ValueError:

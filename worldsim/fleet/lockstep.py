@@ -1,4 +1,4 @@
-"""A fleet of processes in lockstep: the world waits in each phase for exactly the robots that are living."""
+"""A fleet of processes in lockstep: in each phase the world waits for all living robots."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from worldsim.fleet.sessions import POLL_S, Sessions
 
 DEADLINE_S = 10.0
 FIRST_DEADLINE_S = 60.0
-"""For the first tick, in which robots may still load what they need."""
+"""The deadline of the first tick, in which robots may still load what they need."""
 RESEND_S = 1.0
 _DRAINED = 16
 
 T = TypeVar("T", ReplyA, ReplyB)
 Make = Callable[[int, int], ToRobot]
-"""Builds a message for an incarnation and instance."""
+"""Builds a message for an incarnation and an instance."""
 
 
 class LockstepFleet:
     """A `worldsim.fleet.loop.Fleet` of processes.
 
     A phase's messages are sent again every `RESEND_S` to robots that have not answered. A robot that has not answered
-    within the deadline, or whose process is gone, is lost. Waiting is counted in the slices that were spent on it, so
-    that a pause of the world's own process (a suspended machine) loses no robot.
+    within the deadline, or whose process is gone, is lost. Waiting time is summed over short slices of bounded length,
+    so that a pause of the world's own process (a suspended machine) loses no robot.
     """
 
     def __init__(self, sessions: Sessions, deadline_s: float = DEADLINE_S) -> None:
         """Drive the robots that have sessions.
 
         Args:
-            sessions: Theirs.
+            sessions: Of the robots.
             deadline_s: Wall time for an answer, s; in the first tick at least `FIRST_DEADLINE_S`.
         """
         self._sessions = sessions
@@ -41,29 +41,45 @@ class LockstepFleet:
         self._lost: list[tuple[int, Status, str]] = []
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
-        """The frames of those that answer in time."""
+        """Send phase A and collect the answers.
+
+        Args:
+            k: The tick.
+            reports: What each living robot senses, by number.
+
+        Returns:
+            The frames of the robots that answer in time, by number.
+        """
         answers = self._ask(k, "A", {number: tell(k, report) for number, report in reports.items()}, ReplyA)
         return {number: answer.frames for number, answer in answers.items()}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
-        """The replies of those that answer in time."""
+        """Send phase B and collect the answers.
+
+        Args:
+            k: The tick.
+            heard: The frames that each robot hears, by number.
+
+        Returns:
+            The replies of the robots that answer in time, by number.
+        """
         asked = {number: pass_on(k, frames) for number, frames in heard.items()}
         return {number: answer.reply for number, answer in self._ask(k, "B", asked, ReplyB).items()}
 
     def lost(self) -> list[tuple[int, Status, str]]:
-        """The robots lost in this tick, and how that was noticed."""
+        """The robots lost since the last call: number, status and reason."""
         lost, self._lost = self._lost, []
         return lost
 
     def rest(self) -> None:
-        """Deal with messages that arrive while no tick is due."""
+        """Handle messages that arrive while no tick is due."""
         drain(self._sessions)
 
     def set_step(self, _step_s: float) -> None:
-        """Do nothing: the next tick begins when the world says so."""
+        """Do nothing: the world alone decides when the next tick begins."""
 
     def finish(self, k: int) -> None:
-        """Dismiss all robots."""
+        """Dismiss all robots after tick k."""
         self._sessions.close(k, "the run is over")
 
     def notes(self) -> dict[str, Any]:
@@ -115,16 +131,16 @@ class LockstepFleet:
 
 
 def drain(sessions: Sessions) -> None:
-    """Deal with messages that arrived between two ticks, when no answer is due."""
+    """Handle messages that arrived between two ticks, when no answer is due."""
     for _ in range(_DRAINED):
         sessions.take(0.0)
 
 
 def tell(k: int, sensed: Sensed) -> Make:
-    """Phase A for one robot."""
+    """Build phase A of tick k for one robot."""
     return lambda incarnation, instance: PhaseA(incarnation, instance, k, sensed)
 
 
 def pass_on(k: int, frames: list[bytes]) -> Make:
-    """Phase B for one robot."""
+    """Build phase B of tick k for one robot."""
     return lambda incarnation, instance: PhaseB(incarnation, instance, k, tuple(frames))

@@ -1,4 +1,4 @@
-"""Which moves are cancelled because two bodies would meet: all bodies swept at once, in closed form."""
+"""Kernel of collisions: cancels the moves by which bodies would meet, all bodies swept at once, in closed form."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit, types
 
 TOLERANCE = 1e-9
-"""How much nearer than the sum of their radii (m) two bodies may be and still only touch."""
+"""Two bodies nearer than the sum of their radii by no more than this (m) still only touch."""
 
 _PATHS = types.Array(types.float64, 3, "C", readonly=True)
 _RADII = types.Array(types.float64, 1, "C", readonly=True)
@@ -18,9 +18,9 @@ _F = types.float64
 
 @njit(types.boolean(_F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _meet(ax, ay, bx, by, limit):
-    """Whether a body moving from (ax, ay) to (bx, by) relative to another comes nearer to it than `limit` (m).
+    """Whether a body comes nearer to another than `limit`, moving from (ax, ay) to (bx, by) relative to it, m.
 
-    Two that are nearer than that from the start meet unless they move apart.
+    Two bodies that are nearer from the start meet unless they move apart.
     """
     dx, dy = bx - ax, by - ay
     along = ax * dx + ay * dy
@@ -36,11 +36,14 @@ def _meet(ax, ay, bx, by, limit):
 
 @njit(types.void(_PATHS, _RADII, _FLAGS), cache=True, nogil=True, error_model="numpy")
 def cancel_meeting(paths, radii, stands):
-    """Let every body that would meet another stand still, again and again until nobody meets anybody.
+    """Stop every body that would meet another, repeatedly, until none would meet another.
 
-    paths: float64 (n, m + 1, 2), where each body would be at m + 1 equal steps of time. radii: float64 (n,), m.
-    stands: uint8 (n,), 1 for a body that stays at the start of its path; changed in place. All pairs are judged
-    before any of them is stopped, so the outcome does not depend on the order of the bodies.
+    All pairs are judged before any body is stopped, so the result does not depend on the order of the bodies.
+
+    Args:
+        paths: float64 (n, m + 1, 2), where each body would be at m + 1 equal steps of time, m.
+        radii: float64 (n,), m.
+        stands: uint8 (n,), 1 for a body that stays at the start of its path; changed in place.
     """
     count, places = paths.shape[0], paths.shape[1]
     spread = np.empty(count, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The summary of a run, as `summary.json` has it: from the journal's records, the verdict and the wall time alone."""
+"""The summary of a run, as in `summary.json`: computed from the journal's records, the verdict and the wall time."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ if TYPE_CHECKING:
     from worldsim.verdict.judge import Verdict
 
 STAY_M = 1.0
-"""A robot that keeps within this distance of a place stays there."""
+"""A robot that keeps within this distance of a place stays there, m."""
 
 
 @dataclass(slots=True)
 class _Robot:
-    """What one robot's rows add up to; sent, delivered and dropped are of its own frames, counted per receiver.
+    """The totals of one robot's rows.
 
-    Copies that a fault makes count as sent.
+    sent, delivered and dropped refer to the robot's own frames, counted per receiver; copies made by a fault count as
+    sent.
     """
 
     model: str
@@ -81,7 +82,7 @@ class _Robot:
             self.longest_stay = max(self.longest_stay, self.stayed)
 
     def facts(self, step: float) -> dict[str, Any]:
-        """This robot's part of the summary; step: of the run, s."""
+        """This robot's part of the summary; ``step`` in s."""
         decisions = len(self.decision_ms)
         return {
             "status": self.status.name.lower(),
@@ -103,10 +104,15 @@ class _Robot:
 
 
 class Totals:
-    """What a run's ticks add up to, one by one; see `summarise`."""
+    """The running totals of a run; see `summarise`."""
 
     def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
-        """events: those of the whole run, where operators may have added faults."""
+        """Start before the first tick.
+
+        Args:
+            header: Of the journal.
+            events: All events of the run, which may include faults added by operators.
+        """
         self._header = header
         self._step = float(header.scenario["step"])
         self._robots = {robot.number: _Robot(robot.model) for robot in header.robots}
@@ -117,7 +123,7 @@ class Totals:
         self._traffic = Traffic(header, events)
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick."""
+        """Add the next tick."""
         self._mfow.append(record.mfow)
         self._fog.append(record.fog_mean)
         self._seen = record.seen
@@ -126,7 +132,16 @@ class Totals:
         _take(self._robots, record, self._step)
 
     def summary(self, journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
-        """The run's summary, once all ticks are in and the journal has ended; the journal's ticks are not looked at."""
+        """The run's summary after its last tick, when the journal has ended; does not read the journal's ticks.
+
+        Args:
+            journal: The run's records.
+            verdict: Of the run.
+            wall_s: Wall time of the ticks, s; None when unknown.
+
+        Returns:
+            See `summarise`.
+        """
         header, step, mfow = self._header, self._step, self._mfow
         ticks = len(mfow)
         for event in journal.events:
@@ -170,23 +185,30 @@ class Totals:
 def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
     """The run's summary, ready for JSON.
 
-    Times are simulated seconds unless the name says wall; means are over all ticks, beginning with the first, and
-    `mfow_late_mean_s` over those of the second half.
+    Times are in simulated seconds unless the name says wall. Means are over all ticks from the first on;
+    `mfow_late_mean_s` is over those of the second half.
 
     A message is counted once per receiver, and so are the copies that faults make: sent = delivered + dropped + in
-    flight. `frames` counts it once, and `bytes` are those of these frames. What is forged is counted apart: as `forged`
-    frames, and in `links` under the sender `forger`. `links`: by sender and receiver, for fleets of at most
-    `worldsim.output.traffic.MOST_ROBOTS`. `faults`: by id, the frames on a fault's links while it was active, and what
-    it did
-    to them. `bytes_per_robot_s`: bytes that a living robot sends per second.
+    flight. `frames` counts it once, and `bytes` is the size of these frames. Forged frames are counted apart: as
+    `forged`, and in `links` under the sender `forger`.
 
-    `longest_stay_s`: the longest that a living robot kept within `STAY_M` of one place.
-    `missed`: ticks in which no command came in time. `refused_commands`:
-    those that made no sense. wall_s: wall time of the ticks, s, or None when unknown. For a fleet of processes,
-    `refused`: messages that the world dropped unread, by reason;
-    at the pace of the clock also `deadlines`: frames and commands that were not there in time by robot, how
-    many of the frames came after all (`too_late`; they reach nobody and are not among the sent), and how far the world
-    itself fell behind (wall s). For direct radio see `worldsim.output.direct_radio.as_measured`.
+    - `links`: by sender and receiver, for fleets of at most `worldsim.output.traffic.MOST_ROBOTS`.
+    - `faults`: by id, the frames on a fault's links while it was active, and its effects on them.
+    - `bytes_per_robot_s`: bytes that a living robot sends per second.
+    - `longest_stay_s`: the longest time that a living robot kept within `STAY_M` of one place.
+    - `missed`: ticks in which no command came in time.
+    - `refused_commands`: invalid commands.
+    - `refused`, for a fleet of processes: messages that the world dropped unread, by reason.
+    - `deadlines`, for processes at the pace of the clock: late frames and commands by robot; `too_late`, those of the
+      frames that came after all (they reach no robot and are not among the sent); and how far the world itself fell
+      behind, in wall seconds.
+
+    For direct radio see `worldsim.output.direct_radio.as_measured`.
+
+    Args:
+        journal: The run's records.
+        verdict: Of the run.
+        wall_s: Wall time of the ticks, s; None when unknown.
     """
     totals = Totals(journal.header, journal.events)
     for record in journal.ticks:
@@ -195,7 +217,7 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
 
 
 def _of_processes(journal: RunRecord) -> dict[str, Any]:
-    """What the journal's end notes of a fleet of processes; nothing for a fleet in one."""
+    """The facts about a fleet of processes in the journal's end; none for a fleet in one process."""
     notes = journal.end.notes if journal.end else {}
     facts = {"refused": notes["refused"]} if "refused" in notes else {}
     if "late_commands" in notes:

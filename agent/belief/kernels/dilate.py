@@ -92,9 +92,19 @@ def _slide(value, scratch, rows, cols, reach):
 def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col, last_col, reach, tick):
     """Recompute ``dilated`` over a box: the oldest last-seen tick within each passable point's window.
 
-    last_seen: int32 (h, w), -1 for never. source: uint8 (h, w), the points whose age counts. passable: uint8 (h, w).
-    dilated: int32 (h, w), written at the passable points of the box (inclusive bounds); 2**31 - 1 where the window
-    holds no source. reach: in points. Ages above 65534 ticks count as 65534.
+    Ages above 65534 ticks count as 65534.
+
+    Args:
+        last_seen: int32 (h, w), the tick at which each point was last seen, -1 for never.
+        source: uint8 (h, w), 1 for the points whose age counts.
+        passable: uint8 (h, w), 1 for the points over which staleness spreads.
+        dilated: int32 (h, w), filled in at the passable points of the box; 2**31 - 1 where the window holds no source.
+        first_row: First row of the box.
+        last_row: Last row of the box, inclusive.
+        first_col: First column of the box.
+        last_col: Last column of the box, inclusive.
+        reach: Half-width of the window, in points.
+        tick: Now.
     """
     height, width = last_seen.shape
     top = max(0, first_row - reach)
@@ -143,11 +153,15 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
 
 @njit(types.void(ROWS, TICKS, TICKS, BOX), cache=True, nogil=True)
 def carry(posts, last_seen, carried, box):
-    """Bring the ticks that posts carry up to date: the oldest of their own and of the points they see.
+    """Update the tick of each post: the oldest of its own and those of the points seen from it.
 
-    posts: int32 (n, 4), row and column of a point and of its post, the entries of one post in a row (a part of all
-    entries may be passed). last_seen, carried: int32 (h, w). box: int64 (4,), first and last row and column (inclusive)
-    of what has changed; widened to hold the posts that changed.
+    Args:
+        posts: int32 (n, 4), row and column of a point and of its post, all or a part of the entries of
+            `agent.belief.posts.Posts`; entries of the same post are adjacent.
+        last_seen: int32 (h, w), the tick at which each point was last seen.
+        carried: int32 (h, w), the ticks with those of the posts; changed in place.
+        box: int64 (4,), first and last row, first and last column (inclusive) of what has changed; extended in place to
+            hold the posts that changed.
     """
     index = 0
     while index < posts.shape[0]:

@@ -1,4 +1,4 @@
-"""Kernels of the goal: how far a direction is free, and the goal's refinement away from obstacles."""
+"""Kernels of the goal: how far a direction is free, and how the goal moves away from obstacles."""
 
 from __future__ import annotations
 
@@ -14,10 +14,20 @@ float64 = types.float64
 
 @njit(float64(STATE, float64, float64, float64, float64, float64), cache=True, nogil=True)
 def free_run(state, row, col, up, across, distance):
-    """How far, in points, the ray from (row, col) along the unit vector (up, across) stays on open points.
+    """How far a ray stays on open points.
 
-    row, col: the ray's beginning in points, point (i, j) covering [i, i + 1) x [j, j + 1). state: uint8, 0 in the two
-    low bits is blocked. The ray is sampled every quarter point; the last free sample counts.
+    The ray is sampled every quarter point, and the last free sample counts.
+
+    Args:
+        state: uint8 (m, n), 0 in the two low bits is blocked.
+        row: Where the ray begins, in points; point (i, j) covers [i, i + 1) x [j, j + 1).
+        col: Where the ray begins, in points.
+        up: Row component of the ray's unit vector.
+        across: Column component of the ray's unit vector.
+        distance: Longest run, in points.
+
+    Returns:
+        The free run in points.
     """
     rows, cols = state.shape
     steps = math.ceil(4.0 * distance)
@@ -46,13 +56,25 @@ def _reaches(state, row, col, to_row, to_col):
 
 @njit(int64(STATE, PSI, int64, int64, float64, float64, float64, float64, int64), cache=True, nogil=True)
 def refine(state, psi, goal_row, goal_col, from_row, from_col, up, across, side):
-    """The flat index of the point with the lowest psi within ``side`` rows and columns of the goal (paper, psi).
+    """The point with the lowest psi in a square around the goal (paper, psi).
 
-    Only open points are taken that a straight line from the goal and one from the robot at (from_row, from_col), in
-    points, both reach, and whose bearing from the robot is within 45 degrees of its direction, the unit vector (up,
-    across): near a wall the square would otherwise turn it round. Of several as good the one nearest the goal is
-    taken, of those the first row by row. state: uint8 (h + 2, w + 2), blocked frame, 0 in the low bits is blocked;
-    rows and columns count from its corner. psi: float32 (h, w), without the frame.
+    A candidate is open, within reach of a straight line both from the goal and from the robot, and at a bearing within
+    45 degrees of the robot's direction: near a wall the square would otherwise turn the robot round. Of equally good
+    points the one nearest to the goal is taken, and of those the first, row by row.
+
+    Args:
+        state: uint8 (h + 2, w + 2) with a blocked frame, 0 in the two low bits is blocked.
+        psi: float32 (h, w), without the frame.
+        goal_row: Row of the goal in ``state``.
+        goal_col: Column of the goal in ``state``.
+        from_row: The robot's place in ``state``, in points.
+        from_col: The robot's place in ``state``, in points.
+        up: Row component of the direction's unit vector.
+        across: Column component of the direction's unit vector.
+        side: Half the side of the square, in points.
+
+    Returns:
+        Flat index of the point in ``state``.
     """
     rows, cols = state.shape
     best_row, best_col = goal_row, goal_col

@@ -1,9 +1,8 @@
-"""Claims: a point pulls mainly the robot that is nearest to it.
+"""Claims: a point mainly pulls the robot that is nearest to it.
 
-The paper leaves open that two robots drift onto the same path, and found repulsion harmful. Positions alone are
-enough to do better: the force of each point is scaled by 1 / (1 + exp((d - d') / s)), where d is this robot's way to
-it, d' the way of the nearest other robot, and s a width. Nothing more is sent, and with no communication the factor
-is 1.
+The paper leaves open that two robots drift onto the same path, and found repulsion harmful. Positions alone allow
+better: the force of each point is scaled by 1 / (1 + exp((d - d') / s)), where d is this robot's way to the point, d'
+the way of the nearest other robot, and s a width. Nothing more is sent, and without communication the factor is 1.
 """
 
 from __future__ import annotations
@@ -12,13 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 WIDTHS = 40.0
-"""Widths beyond which a claim is as good as settled; e^-40 of the force is left, so that something always pulls."""
+"""Number of widths beyond which a claim is decided; e^-40 of the force is left, so that there is always some pull."""
 
 
 def share_table(width_m: float, point: float) -> NDArray[np.float64]:
-    """What is left of a force, float64 (2 m + 1,), by how much farther off the robot is than its nearest rival.
+    """The share that is left of a force, by how much farther away the robot is than its nearest rival.
 
-    The index is the difference of their path lengths in hundredths of a point, plus m. width_m, point: m.
+    Args:
+        width_m: s, m.
+        point: Side of the terrain's points, m.
+
+    Returns:
+        float64 (2 m + 1,). The index is the difference of the path lengths, d - d', in hundredths of a point, plus m.
     """
     width = 100.0 * width_m / point
     reach = round(WIDTHS * width)

@@ -11,9 +11,16 @@ from patrol.pose import TAU, wrap
 
 
 def sector_table(sectors: int, reach: int) -> NDArray[np.uint16]:
-    """The sector of every bearing, uint16 (2 * reach + 1, same), by offset in rows and columns plus ``reach``.
+    """The sector of every bearing, by offset in rows and columns.
 
-    Sector s is centred on the bearing s * 2 pi / sectors; a bearing on the border belongs to the later one.
+    Sector s is centred on the bearing s * 2 pi / sectors; a bearing on the border belongs to the later sector.
+
+    Args:
+        sectors: Number of sectors.
+        reach: Largest offset, in points.
+
+    Returns:
+        uint16 (2 * reach + 1, 2 * reach + 1), indexed by the offsets plus ``reach``.
     """
     up, across = np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64)
     table: NDArray[np.uint16] = (np.floor(np.arctan2(up, across) / (TAU / sectors) + 0.5) % sectors).astype(np.uint16)
@@ -21,15 +28,30 @@ def sector_table(sectors: int, reach: int) -> NDArray[np.uint16]:
 
 
 def bearings_by_force(sums: NDArray[np.float64]) -> list[float]:
-    """Mode: the bisectors of the sectors that exert force, rad, strongest first (of equals the lowest sector)."""
+    """Mode method: the bisectors of the sectors that exert force, strongest first.
+
+    Args:
+        sums: float64 (sectors,), the sum of moduli in each sector.
+
+    Returns:
+        Bearings in rad; of equally strong sectors the lowest comes first.
+    """
     order = np.argsort(-sums, kind="stable")
     return [wrap(int(sector) * TAU / sums.size) for sector in order if sums[sector] > 0.0]
 
 
 def bearings_by_vector(x: float, y: float, turns: int) -> list[float]:
-    """Vector sum: its bearing, rad, then alternatives turned ever further to either side, ``turns`` in all.
+    """Vector-sum method: the bearing of the sum, then alternatives turned ever further to either side.
 
-    The alternatives are for a robot that cannot move where the sum points. Empty when the sum is zero.
+    The alternatives are for a robot that cannot move in the direction of the sum.
+
+    Args:
+        x: x component of the sum.
+        y: y component of the sum.
+        turns: Number of bearings.
+
+    Returns:
+        Bearings in rad; none when the sum is zero.
     """
     if x == 0.0 and y == 0.0:
         return []

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
 
 FIRST_LOOK = 20.0
-"""Path length in m up to which forces are summed before the horizon is drawn from them."""
+"""Path length in m of the first round, whose forces determine the horizon of the second."""
 
 CLOSE_ENOUGH = 0.5
-"""Share of the strongest force from which on a place close by is worth stopping at."""
+"""A place close by is worth a stop when it pulls with at least this share of the strongest force."""
 
 UNCLAIMED = np.zeros(0)
 
@@ -39,10 +39,12 @@ UNCLAIMED = np.zeros(0)
 class Pull:
     """The forces on a robot.
 
-    sums: float64 (sectors,), the sum of moduli in each sector; for the vector method (3,): the sum's x and y, and the
-    sum of moduli. near: the open element (row, col) of the ground, in sight of the robot, where it should stop when
-    something close by pulls about as hard as anything (see `Field.pull`), else None. bend: the element where the path
-    to the strongest single force first bends, None without any.
+    Attributes:
+        sums: float64 (sectors,), the sum of moduli in each sector; for the vector method float64 (3,), the sum's x and
+            y, and the sum of moduli.
+        near: The open element (row, col) of the ground, in sight of the robot, where it should stop because a place
+            close by pulls about as hard as any other (see `Field.pull`); None for none.
+        bend: The element where the path to the strongest single force first bends; None without any force.
     """
 
     sums: NDArray[np.float64]
@@ -51,10 +53,14 @@ class Pull:
 
 
 class Field:
-    """Sums the forces on a robot over sectors (mode) or as a vector.
+    """Sums the forces on a robot over sectors (mode) or as a vector (paper, steps 4 and 5).
 
-    Paths are followed in two rounds: the near ones first, and from what they exert the horizon up to which farther
+    Paths are followed in two rounds: first the near ones; their forces then determine the horizon up to which farther
     ones can still change the result (see `ForceLaw`).
+
+    Attributes:
+        law: f and g as tables, and the horizon.
+        paths: The window of the path method.
     """
 
     def __init__(
@@ -66,10 +72,15 @@ class Field:
         scratch: dict[str, PathWindow],
         regions: RegionSplit | None = None,
     ) -> None:
-        """See the class.
+        """Tabulate the law and allocate the window of the paths.
 
-        point: m. scratch: windows shared by minds of one process that never think at the same time. regions: for paths
-        through regions, otherwise unused.
+        Args:
+            patrol: The scenario's section `patrol`.
+            fields: The terrain's static fields.
+            posts: The points on which no body fits, and where to see them from.
+            point: Side of the terrain's points, m.
+            scratch: Windows shared by minds of one process that never think at the same time.
+            regions: The terrain's regions, for paths through regions; otherwise unused.
         """
         height, width = fields.reach.shape
         sources = int(np.count_nonzero(fields.patrolled))
@@ -96,15 +107,23 @@ class Field:
         rivals: Sequence[Place] = (),
         looked: NDArray[np.int32] | None = None,
     ) -> Pull:
-        """The forces on a robot on the open element (row, col) of the ground.
+        """The forces on a robot.
 
-        seen, dilated: int32 (h, w), last-seen ticks before and after dilatation. mfow: ticks. rivals: the
-        elements of the static ground where other robots stand; they matter with claims only. looked: int32 (h, w), the
-        tick at which each point was last in view, where a look may leave some of a point's age; `seen` unless given.
+        Dilatation attracts a robot to a small stale place, and close to it pulls equally from all sides. So where a
+        path of at most the goal distance leads to a place that pulls, without dilatation, at least `CLOSE_ENOUGH` times
+        as hard as the strongest one does with it, the result also names that place, or the first bend on the way to it.
 
-        Dilatation brings a robot near a small stale place, and there pulls equally from all sides. So where a path of
-        at most the goal distance leads to a place that pulls, without dilatation, at least `CLOSE_ENOUGH` times as
-        hard as the strongest does with it, that place is given too, or the first bend on the way to it.
+        Args:
+            ground: As it is now.
+            row: Row of the robot's open element in `Ground.state`.
+            col: Column of the same element.
+            seen: int32 (h, w), last-seen ticks before dilatation.
+            dilated: int32 (h, w), last-seen ticks after dilatation.
+            tick: Now.
+            mfow: Age of the stalest point, ticks.
+            rivals: The elements of the static ground where other robots stand; used with claims only.
+            looked: int32 (h, w), the tick at which each point was last in view, where a look may leave some of a
+                point's age; ``seen`` unless given.
         """
         by_age = self.law.pull(mfow)
         self._claim(ground, row, col, rivals)
@@ -122,16 +141,16 @@ class Field:
         return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces))
 
     def _bend(self, forces: _Forces) -> tuple[int, int] | None:
-        """Where the path to the strongest of some forces first bends, as an element of the ground."""
+        """The element of the ground where the path to the strongest of some forces first bends."""
         if forces.strongest[0] <= 0.0:
             return None
         up, across = divmod(int(self.paths.bend.reshape(-1)[forces.source[0]]), self.paths.state.shape[1])
         return up + self.paths.row0 + 1, across + self.paths.col0 + 1
 
     def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
-        """Note how near the rivals are to every point, before the window is used for the robot's own paths.
+        """Compute how near the rivals are to every point, before the window is used for the robot's own paths.
 
-        What is closed to this robot, a disc around the rival above all, is not in the rival's own way.
+        The rivals' paths ignore what is closed to this robot, above all a disc around the rival itself.
         """
         self._contest = _Contest(self.paths.length, UNCLAIMED)
         if self._share.size and rivals:
@@ -154,9 +173,16 @@ class Field:
     ) -> None:
         """Add the forces along paths longer than ``first`` and at most ``last`` hundredths of a point.
 
-        standing, beyond: last-seen ticks of the points where the body fits, and of those where it does not. The
-        latter are never dilated: a place that looks stale because its neighbour is would send the robot to the wrong
-        post.
+        Args:
+            first: Exclusive lower bound of the path length.
+            last: Inclusive upper bound of the path length.
+            standing: int32 (h, w), last-seen ticks of the points where the body fits.
+            beyond: int32 (h, w), last-seen ticks of the points where it does not. These are never dilated: a point that
+                looks stale because its neighbour is would attract the robot to the wrong post.
+            tick: Now.
+            by_age: float64, f by age in ticks.
+            forces: Where the forces are added.
+            looked: As in `pull`.
         """
         paths = self.paths
         paths.extend(last)
@@ -177,10 +203,21 @@ def _window(
     patrolled: NDArray[np.bool_],
     regions: RegionSplit | None,
 ) -> PathWindow:
-    """The window for a path method, the terrain's height and width and a span, in points; shared where it can be."""
+    """The window of a path method, shared where possible.
+
+    Args:
+        paths: Name of the path method.
+        sizes: The terrain's height and width, and the window's span, in points.
+        scratch: Windows made so far.
+        patrolled: bool (h, w), for straight paths.
+        regions: For paths through regions.
+
+    Raises:
+        ValueError: Paths through regions without regions.
+    """
     key = f"{paths} {sizes}"
     make: Callable[[], PathWindow] = partial(Wave, *sizes)
-    # A window holds what its key identifies, so that nothing else gets that identity.
+    # A window holds a reference to the object whose id is in its key, so no other object can get that id.
     if paths == "regions":
         if regions is None:
             raise ValueError("paths through regions need a split")
@@ -193,7 +230,7 @@ def _window(
 
 
 class _Contest(NamedTuple):
-    """How near others are, and what they leave: see `agent.policies.potential_field.kernels.force.gather`."""
+    """How near the rivals are, and what they leave: see `agent.policies.potential_field.kernels.force.gather`."""
 
     rival: NDArray[np.int32]
     share: NDArray[np.float64]

@@ -1,6 +1,7 @@
-"""The law of attraction: how hard a point pulls, by its fog and by the way to it (paper, Table 1 and formula (1)).
+"""The law of attraction: how hard a point pulls, by its fog and its path length (paper, Table 1 and formula (1)).
 
-Lengths are in points of 0.1 m, whatever the grid's point is: with metres the paper's constants do not patrol at all.
+Lengths are in points of 0.1 m, whatever the size of the grid's points: in metres the paper's constants give no usable
+patrol.
 """
 
 from __future__ import annotations
@@ -13,13 +14,22 @@ from numpy.typing import NDArray
 from patrol.scenario import PatrolSpec
 
 PAPER_POINT = 0.1
-"""Side in m of the paper's points, in which alpha, beta and l are given."""
+"""Side in m of the paper's points; alpha, beta and l refer to it."""
 
 FloatArray = NDArray[np.float64]
 
 
 def fow_force(name: str, fow: FloatArray, alpha: float) -> FloatArray:
-    """f1 to f5 of the normalised fog of war in [0, 1]."""
+    """f1 to f5 (paper, Table 1).
+
+    Args:
+        name: ``f1`` to ``f5``.
+        fow: Normalised fog of war in [0, 1].
+        alpha: The exponent's factor in f3 to f5.
+
+    Raises:
+        ValueError: There is no such function.
+    """
     match name:
         case "f1":
             return fow
@@ -36,7 +46,17 @@ def fow_force(name: str, fow: FloatArray, alpha: float) -> FloatArray:
 
 
 def distance_force(name: str, length: FloatArray, beta: float, size: float) -> FloatArray:
-    """g1 to g5 of path lengths above 0 in points of 0.1 m; ``size`` is the l of g3 and g5."""
+    """g1 to g5 (paper, Table 1).
+
+    Args:
+        name: ``g1`` to ``g5``.
+        length: Path lengths above 0, in points of 0.1 m.
+        beta: The exponent's divisor in g3 to g5.
+        size: l of g3 and g5.
+
+    Raises:
+        ValueError: There is no such function.
+    """
     match name:
         case "g1":
             return 1.0 / length
@@ -55,18 +75,24 @@ def distance_force(name: str, length: FloatArray, beta: float, size: float) -> F
 class ForceLaw:
     """f and g as tables, and the horizon beyond which no point can change a decision.
 
-    With N points, all that is farther than L adds at most N f(1) g(L) to the force. Once that is below ``tolerance``
-    times what nearer points exert, it is left out; with f3 to f5, where even a fresh point exerts f(0) = 1, this
-    bounds L before anything is known of the fog. g1 and g2 fall so slowly that in practice nothing is left out.
+    With N points, those farther than L add at most N f(1) g(L) to the force. They are left out once that is below
+    ``tolerance`` times what nearer points exert. With f3 to f5, where even a fresh point exerts f(0) = 1, this bounds L
+    before the fog is known. g1 and g2 fall so slowly that in practice nothing is left out.
 
-    limit: longest path that can matter, in hundredths of a point. decay: float64 (limit + 1,), g by length in
-    hundredths of a point; 0 at length 0, for the robot's own point exerts no force.
+    Attributes:
+        limit: Longest path that can matter, in hundredths of a point.
+        decay: float64 (limit + 1,), g by length in hundredths of a point; 0 at length 0, because the robot's own point
+            exerts no force.
     """
 
     def __init__(self, patrol: PatrolSpec, point: float, points: int, longest: int) -> None:
-        """Tabulate.
+        """Tabulate g.
 
-        point: m. points: N. longest: hundredths of a point, beyond which no path is followed in any case.
+        Args:
+            patrol: The scenario's section `patrol`, with the functions' names and constants.
+            point: Side of the terrain's points, m.
+            points: N.
+            longest: Upper bound of the path length in any case, in hundredths of a point.
         """
         self._patrol = patrol
         self._points = points
@@ -82,14 +108,26 @@ class ForceLaw:
         self._rising = self._rising[: self.limit]
 
     def pull(self, mfow: int) -> FloatArray:
-        """f by age in ticks, float64 (mfow + 1,), when the stalest point's age is ``mfow`` ticks."""
+        """f by age.
+
+        Args:
+            mfow: Age of the stalest point, ticks.
+
+        Returns:
+            float64 (mfow + 1,), indexed by age in ticks.
+        """
         fow = np.arange(mfow + 1, dtype=np.float64) / max(mfow, 1)
         return fow_force(self._patrol.fow, fow, self._patrol.alpha)
 
     def horizon(self, exerted: float, stalest: float) -> int:
-        """Longest path that can still matter, in hundredths of a point.
+        """The longest path that can still matter.
 
-        exerted: sum of the moduli of the forces known so far. stalest: the largest f there is.
+        Args:
+            exerted: Sum of the moduli of the forces known so far.
+            stalest: Largest value of f.
+
+        Returns:
+            Length in hundredths of a point.
         """
         threshold = self._patrol.tolerance * exerted / (self._points * stalest) if stalest > 0.0 else math.inf
         return min(self.limit, int(np.searchsorted(self._rising, -threshold)) + 1)

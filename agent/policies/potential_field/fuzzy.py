@@ -14,11 +14,18 @@ from patrol.ground.terrain import Terrain
 class FuzzySectors:
     """Scales each sector's sum by min(1, R_c / R_0), R_c being the distance to the closest obstacle in the sector.
 
-    Distances run from the centre of the robot's point to those of obstacle points; beyond the terrain all is obstacle.
+    Distances run from the centre of the robot's point to the centres of obstacle points. Everything beyond the terrain
+    is an obstacle.
     """
 
     def __init__(self, terrain: Terrain, sectors: int, distance: float) -> None:
-        """distance: R_0 in m."""
+        """Tabulate the distances and sectors of the points around a robot.
+
+        Args:
+            terrain: The map.
+            sectors: Number of sectors.
+            distance: R_0, m.
+        """
         reach = math.ceil(distance / terrain.point)
         self._distance = distance
         self._reach = reach
@@ -33,7 +40,15 @@ class FuzzySectors:
         self._sectors = sectors
 
     def coefficients(self, row: int, col: int) -> NDArray[np.float64]:
-        """c_x of every sector, float64 (sectors,), for a robot on the terrain's point (row, col)."""
+        """c_x of every sector.
+
+        Args:
+            row: Row of the robot's point in the terrain.
+            col: Column of the same point.
+
+        Returns:
+            float64 (sectors,), in [0, 1].
+        """
         side = 2 * self._reach + 1
         blocked = self._blocked[row : row + side, col : col + side].reshape(-1)[self._near] != 0
         closest = np.full(self._sectors, self._distance)

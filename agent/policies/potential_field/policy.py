@@ -1,7 +1,7 @@
-"""The paper's policy: what is stale pulls, near things more than far ones, and the strongest direction wins.
+"""The paper's policy: stale points pull, near ones more than far ones, and the strongest direction wins.
 
-Belief and goal apart, this is the paper's "Final algorithm": forces along paths (steps 4 and 5), the direction (step
-6), and what keeps robots apart.
+Except for belief and goal, this is the paper's "Final algorithm": forces along paths (steps 4 and 5), the direction
+(step 6), and the methods that keep robots apart.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PotentialField:
     """One robot's social potential field (paper, "Final algorithm")."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Tabulate the law of attraction and find what separates robots."""
+        """Tabulate the law of attraction and find the critical areas."""
         patrol, terrain = setup.patrol, setup.terrain
         self._patrol = patrol
         self._point = terrain.point
@@ -47,7 +47,7 @@ class PotentialField:
     def decide(self, view: View) -> Intent:
         """The strongest direction, and now and then a random one."""
         if not view.contacts:
-            # While there is an intruder, places near each other are wanted.
+            # Robots that surround an intruder have to stand near each other.
             self._keep_apart(view)
         start = view.start
         pull = Pull(np.zeros(0), None) if start is None else self._pull(view, start)
@@ -76,7 +76,7 @@ class PotentialField:
             view.ground.close(discs, areas)
 
     def _pull(self, view: View, start: tuple[int, int]) -> Pull:
-        """The forces at this tick, with what other robots and close obstacles make of them."""
+        """The forces at this tick, modified by other robots and by close obstacles."""
         rivals = []
         if "claims" in self._separations:
             static = view.ground.static

@@ -22,7 +22,17 @@ from patrol.scenario import PatrolSpec
 
 
 def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, point: float) -> list[Disc]:
-    """A virtual obstacle of ``radius`` m at each peer, made small enough not to cover the robot's own point."""
+    """A virtual obstacle at each peer, small enough not to cover the robot's own point (paper, "Artificial Obstacles").
+
+    Args:
+        pose: The robot's own.
+        peers: The robots heard so far, by number.
+        radius: Of the obstacles, m.
+        point: Side of the terrain's points, m.
+
+    Returns:
+        Discs (x, y, radius) in m.
+    """
     discs = []
     for _, peer in sorted(peers.items()):
         apart = math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y) - point
@@ -32,16 +42,32 @@ def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, p
 
 
 def critical_areas(patrol: PatrolSpec, terrain: Terrain, reach: BoolGrid) -> list[BoolGrid]:
-    """The semaphores' areas, bool (h, w): the scenario's polygons, or narrow passages where it gives none."""
+    """The semaphores' areas: the scenario's polygons, or the narrow passages where it gives none (paper, "Semaphores").
+
+    Args:
+        patrol: The scenario's section `patrol`.
+        terrain: The map.
+        reach: bool (h, w), the points on which the robot's centre may be.
+
+    Returns:
+        bool (h, w) for each area.
+    """
     if patrol.critical_areas is None:
         return narrow_passages(terrain, reach, patrol.critical_width)
     return [cover(polygon, terrain.shape, terrain.point, terrain.origin) for polygon in patrol.critical_areas]
 
 
 def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers: Mapping[int, Peer]) -> list[int]:
-    """The critical areas that some peer is in and this robot is not, ascending.
+    """The critical areas that a peer is in and this robot is not.
 
-    areas: int32 (h, w), the number of the critical area that a point belongs to, 0 for none.
+    Args:
+        areas: int32 (h, w), the number of each point's critical area, 0 for none.
+        terrain: The map.
+        pose: The robot's own.
+        peers: The robots heard so far, by number.
+
+    Returns:
+        The areas' numbers, ascending.
     """
     own = _area_at(areas, terrain, pose)
     taken = {_area_at(areas, terrain, peer.pose) for peer in peers.values()}
@@ -49,10 +75,16 @@ def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers
 
 
 def repel(sums: NDArray[np.float64], pose: Pose, peers: Mapping[int, Peer], patrol: PatrolSpec) -> None:
-    """Add repulsive forces from the peers to the sums of a `agent.policies.potential_field.field.Pull`.
+    """Add repulsive forces from the peers.
 
-    Each pushes straight away with ``repulsion`` times the sum of all attraction, times exp(-(d / repulsion_reach)^2).
-    The paper gives no formula; this one compares with the attraction whatever its scale.
+    Each peer pushes straight away with ``repulsion`` times the sum of all attraction, times exp(-(d /
+    repulsion_reach)^2). The paper gives no formula; this one is relative to the attraction, whatever its scale.
+
+    Args:
+        sums: The sums of an `agent.policies.potential_field.field.Pull`; changed in place.
+        pose: The robot's own.
+        peers: The robots heard so far, by number.
+        patrol: The scenario's section `patrol`.
     """
     as_vector = patrol.direction == "vector"
     total = float(sums[2] if as_vector else sums.sum())
@@ -75,7 +107,15 @@ def _area_at(areas: NDArray[np.int32], terrain: Terrain, pose: Pose) -> int:
 
 
 def numbered(areas: list[BoolGrid], shape: tuple[int, int]) -> NDArray[np.int32]:
-    """Critical areas as one grid of numbers from 1, int32 (h, w); where two overlap the later one counts."""
+    """Critical areas as one grid of numbers.
+
+    Args:
+        areas: bool (h, w) for each area.
+        shape: (h, w).
+
+    Returns:
+        int32 (h, w), numbers from 1, 0 for no area; where two areas overlap the later one counts.
+    """
     grid = np.zeros(shape, dtype=np.int32)
     for number, area in enumerate(areas, start=1):
         grid[area] = number

@@ -1,4 +1,4 @@
-"""Who takes which place, so that the sum of costs is least."""
+"""Assignment of robots to places with the least sum of costs."""
 
 from __future__ import annotations
 
@@ -6,10 +6,16 @@ from collections.abc import Sequence
 
 
 def assign(costs: Sequence[Sequence[int]]) -> list[int]:
-    """The column of each row, no two alike, with the least sum of costs.
+    """The assignment of rows to columns with the least sum of costs.
 
-    costs: whole numbers, at most as many rows as columns. The Hungarian method by shortest augmenting paths; sums are
-    exact, so all who know the same costs find the same answer.
+    Uses the Hungarian method by shortest augmenting paths. Sums are exact, so all robots that know the same costs find
+    the same assignment.
+
+    Args:
+        costs: Whole numbers, one row after the other; at most as many rows as columns.
+
+    Returns:
+        The column of each row, all different.
     """
     rows, cols = len(costs), len(costs[0]) if costs else 0
     by_row, by_col = [0] * (rows + 1), [0] * (cols + 1)

@@ -14,19 +14,27 @@ from patrol.ground.terrain import BoolGrid
 from patrol.pose import TAU, Pose
 
 BEARINGS = 120
-"""Bearings as seen from the intruder among which places are chosen."""
+"""Number of bearings from the intruder for which a place is considered."""
 
 NEAREST = 0.25
 FARTHEST = 1.25
-"""How near to the intruder and how far from it a place may be where a wall forbids the ring, in ring radii."""
+"""Smallest and largest distance of a place from the intruder where a wall prevents the ring itself, in ring radii."""
 
 FINE = math.radians(0.1)
-"""How well the widest gap is found, rad."""
+"""Precision of the widest gap, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """A place to stand. row, col: of the terrain. x, y: of its centre, m. bearing: from the intruder, 0 to 2 pi rad."""
+    """A place to stand.
+
+    Attributes:
+        bearing: From the intruder, 0 to 2 pi rad.
+        row: Row of the point in the terrain.
+        col: Column of the point in the terrain.
+        x: Of the point's centre, m.
+        y: Of the point's centre, m.
+    """
 
     bearing: float
     row: int
@@ -36,9 +44,17 @@ class Stand:
 
 
 def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: float) -> list[Stand]:
-    """For each of `BEARINGS` bearings from (x, y) the place nearest to the ring of ``radius`` m, by bearing.
+    """For each of `BEARINGS` bearings from an intruder, the place nearest to the ring.
 
-    Only points of ``reach``, bool (h, w), in sight of (x, y) count; a bearing may have none.
+    Args:
+        sight: What can be seen from the intruder; only points in sight of it count.
+        reach: bool (h, w), the points on which a robot's centre may be; only these count.
+        x: Of the intruder, m.
+        y: Of the intruder, m.
+        radius: Of the ring, m.
+
+    Returns:
+        At most one place for each bearing, by bearing.
     """
     view = sight.visible(Pose(x, y, 0.0))
     terrain = sight.terrain
@@ -63,9 +79,15 @@ def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: 
 
 
 def spread(spots: Sequence[Stand], count: int, spacing: float) -> list[Stand]:
-    """At most ``count`` of the spots, so that the least gap between their bearings is as wide as can be.
+    """The choice of spots that makes the smallest gap between their bearings as wide as possible.
 
-    spots: by bearing. spacing: m between two of them. Fewer where not so many fit.
+    Args:
+        spots: By bearing.
+        count: Largest number of spots to choose.
+        spacing: Smallest distance between two of them, m.
+
+    Returns:
+        ``count`` spots, or as many as fit.
     """
     count = min(count, len(spots))
     while count > 0 and not (chosen := _with_gap(spots, count, 0.0, spacing)):
@@ -85,7 +107,7 @@ def spread(spots: Sequence[Stand], count: int, spacing: float) -> list[Stand]:
 
 
 def _with_gap(spots: Sequence[Stand], count: int, gap: float, spacing: float) -> list[Stand]:
-    """The first ``count`` spots that keep ``gap`` rad and ``spacing`` m from each other, or none."""
+    """The first ``count`` spots that keep ``gap`` rad and ``spacing`` m from each other; none if there are fewer."""
     bearings = [spot.bearing for spot in spots]
     for start in range(len(spots)):
         chosen = [spots[start]]

@@ -1,18 +1,18 @@
-"""Surrounding an intruder: robots stand around it, spread, for as long as somebody reports it.
+"""Surrounding an intruder: robots spread around it for as long as any robot reports it.
 
 The paper: "we create the attraction force exerted on every robot from the intruder; we nullify forces exerted on robots
 by observed territory and introduce relatively weak forces repelling robots from each other, so that they surround the
 intruder". On open ground that ends with the robots equally spaced on the circle where attraction ends. Among walls such
-forces have other equilibria as well: two robots on one side of a wall push each other along it and leave the other
-side empty. So every robot computes where the repulsion should leave the fleet, instead of waiting for it: places in
-sight of the intruder, near the circle, that lie as far apart in bearing as the walls allow. Which of them is whose
-makes the sum of the squares of all ways least, so that nobody has to pass another who stands on the way, but takes
-over its place. Positions are all that needs, so all robots find the same; and since every step along a way lowers that
-sum, and so does every exchange of places, they settle. Each is attracted to its place along the wave's paths, and
-pushed a little by others close by on the way there.
+forces have other equilibria too: two robots on one side of a wall push each other along it and leave the other side
+empty. So every robot computes where the repulsion should leave the fleet: places in sight of the intruder, near the
+circle, as far apart in bearing as the walls allow. The places are assigned so that the sum of the squared path lengths
+is least. Then no robot has to pass another one that stands in its way; it takes over that robot's place. This needs
+only positions, so all robots find the same assignment. Every step along a way lowers the sum, and so does every
+exchange of places, so the robots settle. Each is attracted to its place along the wave's paths and, on the way, pushed
+aside a little by others close by.
 
-A robot for which no place is left, because the ring is full or cannot be reached, patrols on. Of several intruders each
-robot takes the nearest.
+A robot for which no place is left, because the ring is full or out of reach, continues to patrol. With several
+intruders each robot takes the nearest.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ if TYPE_CHECKING:
     from agent.view import View
 
 SPARE = 1.0
-"""Room between two bodies that stand around an intruder, m."""
+"""Gap between two bodies that stand around an intruder, m."""
 
 
 class Surround:
-    """A policy for whoever knows of an intruder: its part in surrounding it. Another policy decides otherwise."""
+    """A policy that takes part in surrounding an intruder, and otherwise leaves the decision to another policy."""
 
     def __init__(self, setup: PolicySetup, otherwise: Policy) -> None:
         """Join a patrol.
 
         Args:
             setup: As for every policy.
-            otherwise: What the robot does when nothing is to be surrounded, or no place is left for it.
+            otherwise: Decides when there is no intruder, or no place for this robot.
         """
         self._otherwise = otherwise
         self._number = setup.spec.number
@@ -64,7 +64,7 @@ class Surround:
         self._ring: _Ring | None = None
 
     def decide(self, view: View) -> Intent:
-        """Take a place around the nearest intruder, or do what is done otherwise."""
+        """Take a place around the nearest intruder, or let the other policy decide."""
         start = view.start
         way = None
         if view.contacts and start is not None:
@@ -86,14 +86,14 @@ class Surround:
         """The way to the robot's own place around the nearest intruder.
 
         Args:
-            pose: Its own, as others hear it.
-            peers: Those heard from lately, by number.
+            pose: The robot's own, as others hear it.
+            peers: Those heard lately, by number.
             contacts: The intruders, x and y in m.
             routes: Over the ground as it is now.
             start: The open element (row, col) of the ground on which the robot stands.
 
         Returns:
-            None when no place is left for it.
+            None when no place is left for this robot.
         """
         places = {self._number: (pose.x, pose.y)} | {n: (peer.pose.x, peer.pose.y) for n, peer in peers.items()}
         target = {number: _nearest(place, contacts) for number, place in places.items()}
@@ -110,7 +110,16 @@ class Surround:
         return None
 
     def pushed(self, pose: Pose, peers: Mapping[int, Peer], bend: Spot) -> Spot:
-        """The point as far off as ``bend`` (m) in the direction that others close by leave of the way there."""
+        """The next bend, shifted by the repulsion of peers close by.
+
+        Args:
+            pose: The robot's own.
+            peers: Those heard lately, by number.
+            bend: Where the way first bends, x and y in m.
+
+        Returns:
+            The point (x, y) in m, as far away as ``bend``, in the direction that the repulsion leaves.
+        """
         across, up = bend[0] - pose.x, bend[1] - pose.y
         distance = math.hypot(across, up)
         if distance == 0.0:
@@ -126,7 +135,7 @@ class Surround:
         return (pose.x + distance * x / length, pose.y + distance * y / length) if length > 0.0 else bend
 
     def _ring_of(self, intruder: Spot, count: int, routes: Routes) -> _Ring:
-        """The places around an intruder for so many robots, computed when one of the two changes."""
+        """The places around an intruder for ``count`` robots; recomputed when the intruder or the number changes."""
         if self._ring is None or (self._ring.intruder, self._ring.count) != (intruder, count):
             ground = self._ring.ground if self._ring is not None else Ground(self._terrain, self._reach)
             stands = spread(spots_around(self._sight, self._reach, *intruder, self._radius), count, self._spacing)
@@ -140,7 +149,15 @@ class Surround:
 
 @dataclass(frozen=True, slots=True)
 class _Ring:
-    """The places around an intruder for so many robots; lengths: of the paths from each, int32 (h + 2, w + 2)."""
+    """The places around an intruder for ``count`` robots.
+
+    Attributes:
+        intruder: x and y in m.
+        count: Number of robots.
+        ground: The terrain with nothing closed.
+        stands: The places, by bearing.
+        lengths: For each place, int32 (h + 2, w + 2), path lengths from it in hundredths of a point.
+    """
 
     intruder: Spot
     count: int

@@ -1,7 +1,7 @@
-"""Kernels of the region method: paths are straight within a region and pass from one to the next at connections.
+"""Kernels of the region method: paths are straight within a region and pass to the next one at connections.
 
-Regions enter as their parts (see `patrol.regions.RegionSplit`): in each a body may go straight from anywhere to
-anywhere, and each connection joins two of them. Places are rows and columns of the terrain's points.
+Regions are given by their parts (see `patrol.regions.RegionSplit`): within a part a body can go straight from any point
+to any other, and each connection joins two parts. Places are rows and columns of the terrain's points.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ void = types.void
 
 @njit(void(INTS, INTS, REALS, int64, int64), cache=True, nogil=True)
 def _rise(heap, at, away, slot, connection):
-    """Move a connection up a heap from a slot; nearer ones are above, and of equal ones the lower numbers."""
+    """Move a connection up a heap from a slot: nearer ones are above, and among equals the lower numbers."""
     while slot > 0:
         above = (slot - 1) // 2
         other = heap[above]
@@ -39,7 +39,7 @@ def _rise(heap, at, away, slot, connection):
 
 @njit(int64(INTS, INTS, REALS, int64), cache=True, nogil=True)
 def _pop(heap, at, away, size):
-    """Take the nearest connection off a heap of `size`."""
+    """Remove and return the nearest connection of a heap of `size`."""
     nearest = heap[0]
     last = heap[size - 1]
     slot = 0
@@ -76,17 +76,29 @@ def route(
 ):
     """Shortest ways from the nearest of some starts to all connections, and where the last legs of paths begin.
 
-    start_row, start_col, start_part: int32 (k,), a start and a part that it lies in; a start in several parts is listed
-    for each. places: int32 (n, 2), row and column of each connection. joined: int32 (n, 2), the parts that it joins.
-    first: int32 (p + 1,), members: int32 (2 n,): members[first[i] : first[i + 1]] are the connections of part i.
-    limit: points, beyond which no way is followed.
+    Args:
+        start_row: int32 (k,), the starts' rows; a start in several parts appears once for each.
+        start_col: int32 (k,), their columns.
+        start_part: int32 (k,), a part that contains each start.
+        places: int32 (n, 2), row and column of each connection.
+        joined: int32 (n, 2), the parts that each connection joins.
+        first: int32 (p + 1,), where each part's entries in ``members`` begin.
+        members: int32 (2 n,); members[first[i] : first[i + 1]] are the connections of part i.
+        limit: Longest way to follow, in points.
+        away: float64 (n,), scratch: length of the way to each connection, in points.
+        lead: int32 (n,), scratch: first connection of each way.
+        came: int32 (n,), scratch: part of the last leg of each way.
+        heap: int32 (n,), scratch: a heap of connections.
+        at: int32 (n,), scratch: where in the heap each connection is.
+        begin: int32 (p + 1,), overwritten: sources begin[i] to begin[i + 1] belong to part i. A source is a place where
+            a path's last leg may begin.
+        source_row: int32 (2 n + k,), the first entries overwritten: the sources' rows.
+        source_col: int32 (2 n + k,), likewise: their columns.
+        source_away: float64 (2 n + k,), likewise: lengths of the ways to them, in points.
+        source_lead: int32 (2 n + k,), likewise: first connection of the path, or -1 where the source is a start.
 
-    away: float64 (n,), lead, came, heap, at: int32 (n,), scratch: each way's length in points, its first connection,
-    the part of its last leg; a heap of connections, and where in it each is.
-    begin: int32 (p + 1,), overwritten: begin[i] to begin[i + 1] are the sources of part i, places where a path's last
-    leg may begin. source_row, source_col, source_lead: int32 (2 n + k,), source_away: float64 (2 n + k,), their heads
-    are overwritten: row and column, the path's first connection, or -1 where the source is a start, and the length of
-    the way to the source. Returns how many sources there are.
+    Returns:
+        The number of sources.
     """
     away[:] = math.inf
     at[:] = -1
@@ -96,7 +108,7 @@ def route(
         for index in range(first[part], first[part + 1]):
             c = members[index]
             far = math.hypot(places[c, 0] - start_row[k], places[c, 1] - start_col[k])
-            # Who stands on a connection is in both its parts, and need not go there.
+            # A start on a connection is in both its parts and needs no way to it.
             if far == 0.0 or far > limit or far >= away[c]:
                 continue
             away[c], lead[c], came[c] = far, c, part
@@ -107,7 +119,7 @@ def route(
     while size > 0:
         c = _pop(heap, at, away, size)
         size -= 1
-        # On in the other part: within the same one the straight way is no longer.
+        # Go on in the other part: within the same part the direct way is never longer.
         part = joined[c, 0] + joined[c, 1] - came[c]
         for index in range(first[part], first[part + 1]):
             d = members[index]
@@ -151,12 +163,28 @@ def last_legs(
     state, length, bend, parts, places, row0, col0, top, bottom, left, right, limit,
     begin, source_row, source_col, source_away, source_lead,
 ):
-    """Settle every open point in a box of the window whose path is at most ``limit`` hundredths of a point long.
+    """Settle every open point in a box of the window whose path is short enough.
 
-    Grids as in `agent.routes.kernels.wave.advance`, in two dimensions, over the terrain's point (row0, col0); lengths
-    are
-    rounded to the nearest hundredth. parts: int32 (h, w), each point's part, -1 none. places, begin and what follows:
-    as `route` left it. Of equally long paths that through the first source is taken.
+    Of equally long paths the one through the first source is taken.
+
+    Args:
+        state: uint8 (m, n), as in `agent.routes.kernels.wave.advance`, in two dimensions; changed in place.
+        length: int32 (m, n), path lengths rounded to the nearest hundredth of a point; filled in.
+        bend: int32 (m, n), flat index into the window of each path's first bend; filled in.
+        parts: int32 (h, w), each point's part, -1 for none.
+        places: int32 (n, 2), as in `route`.
+        row0: Row of the terrain's point under element (0, 0) of the window.
+        col0: Column of the same point.
+        top: First row of the box in the window.
+        bottom: End row of the box, exclusive.
+        left: First column of the box.
+        right: End column of the box, exclusive.
+        limit: Longest path to settle, in hundredths of a point.
+        begin: As `route` left it, like all that follow.
+        source_row: See `route`.
+        source_col: See `route`.
+        source_away: See `route`.
+        source_lead: See `route`.
     """
     cols = state.shape[1]
     shortest = np.empty(cols)
@@ -164,7 +192,7 @@ def last_legs(
     for row in range(max(top, -row0), min(bottom, parts.shape[0] - row0)):
         stop = max(left, -col0)
         while stop < min(right, parts.shape[1] - col0):
-            # A run of points of one part at a time: its inner loops are simple enough to be vectorised.
+            # One run of points of the same part at a time keeps the inner loops simple enough to be vectorised.
             start = stop
             part = parts[row0 + row, col0 + start]
             while stop < min(right, parts.shape[1] - col0) and parts[row0 + row, col0 + stop] == part:

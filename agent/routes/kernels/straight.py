@@ -16,11 +16,16 @@ GRID = types.Array(types.int32, 2, "C")
     nogil=True,
 )
 def rays(state, length, bend, start_row, start_col, span, limit):
-    """Settle every open point whose straight line from the start is at most ``limit`` hundredths of a point long.
+    """Settle every open point whose straight line from the start is short enough; lines pass through obstacles.
 
-    Lines run through whatever is in their way. Grids as in `agent.routes.kernels.wave.advance`, in two dimensions;
-    only points
-    within ``span`` rows and columns of the start are looked at. Lengths are rounded to the nearest hundredth.
+    Args:
+        state: uint8 (m, n), as in `agent.routes.kernels.wave.advance`, in two dimensions; changed in place.
+        length: int32 (m, n), path lengths rounded to the nearest hundredth of a point; filled in.
+        bend: int32 (m, n), the flat index of the point itself; filled in.
+        start_row: The start's row in the window.
+        start_col: The start's column in the window.
+        span: Largest distance from the start, in rows and in columns.
+        limit: Longest path to settle, in hundredths of a point.
     """
     rows, cols = state.shape
     for row in range(max(0, start_row - span), min(rows, start_row + span + 1)):

@@ -27,7 +27,7 @@ HEMMED = 4
 """A point's state: its status in the two low bits, and HEMMED when one of its eight neighbours is blocked."""
 
 BEGINNING = 8
-"""The direction in which a wave comes to its start."""
+"""The direction stored for the start of a wave, which no step leads to."""
 
 
 @njit(
@@ -36,19 +36,29 @@ BEGINNING = 8
     nogil=True,
 )
 def advance(state, sight, length, bend, straight, diagonal, place, start, stride, limit):
-    """Settle every point whose path is at most ``limit`` hundredths of a point long; return how many that adds.
+    """Settle every point whose path is at most ``limit`` long.
 
     All grids are flat over a window of ``stride`` columns whose outermost points are blocked. A wave begins with the
-    start's status QUEUED, its length 0, ``place`` zero but for place[1] = 1, and straight[0] = start * 16 + BEGINNING.
-    Called again with a larger limit it goes on from there. Several starts, each queued so, give the length from the
+    start's status QUEUED, its length 0, ``place`` zero except place[1] = 1, and straight[0] = start * 16 + BEGINNING. A
+    later call with a larger limit continues from there. Several starts, each queued like this, give the length from the
     nearest of them; ``sight`` is then all 0.
 
-    state: uint8, see HEMMED. sight: uint8, 1 where the straight line from the start is free.
-    length: int32, path length in hundredths of a point.
-    bend: int32, where the path first bends: the last point on it that is in sight of the start and no farther than
-    without obstacles; the point itself where no detour is needed.
-    straight, diagonal: int64, the queues; an entry is length * 2**36 + index * 16 + direction of the last step.
-    place: int64 (4,), heads and tails of the two queues.
+    Args:
+        state: uint8, see HEMMED; changed in place.
+        sight: uint8, 1 where the straight line from the start is free.
+        length: int32, path lengths in hundredths of a point; filled in.
+        bend: int32, where each path first bends: the last point on it that is in sight of the start and no farther than
+            without obstacles; the point itself where no detour is needed. Filled in.
+        straight: int64, the queue of straight steps; an entry is length * 2**36 + index * 16 + direction of the last
+            step.
+        diagonal: int64, the queue of diagonal steps, likewise.
+        place: int64 (4,), head and tail of the straight queue, then of the diagonal one; changed in place.
+        start: Flat index of the start.
+        stride: Columns of the window.
+        limit: Longest path to settle, in hundredths of a point.
+
+    Returns:
+        The number of points that this call settled.
     """
     # Directions 0 to 3 run along rows and columns, 4 to 7 diagonally between side_a and side_b.
     step = (1, stride, -1, -stride, stride + 1, stride - 1, -stride - 1, -stride + 1)

@@ -39,26 +39,38 @@ def gather(
     posts, state, length, bend, first, last, span, start_row, start_col, row0, col0,
     seen, looked, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
 ):
-    """Add to ``sums`` the forces of points the way to which is longer than ``first`` and at most ``last``.
+    """Add the forces of the points whose path is longer than ``first`` and at most ``last`` (paper, formula (1)).
 
-    posts: None for the points that a body can stand on, at most ``span`` rows and columns from the robot. Or patrolled
-    points on which no body fits: such a point pulls from its post, the nearest reachable point that sees it, for going
-    there is all it takes. int32 (n, 4), row and column of each point and of its post, as in
-    `agent.belief.posts.Posts`; those
-    that can be near.
-    state, length, bend: the wave's grids over its window, whose element (0, 0) lies over the terrain's point
-    (row0, col0); what is not settled, and the robot's own point (start_row, start_col) in it, exert no force. Lengths
-    in hundredths of a point.
-    seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above ``tick``
-    means that nothing there has an age.
-    looked: int32 (h, w), the tick at which each point was last in view; ``seen`` where a look makes a point fresh.
-    pull: float64, f by age in ticks. decay: float64, g by length in hundredths of a point.
-    share: float64 (2 m + 1,), what others leave of a force: by how much farther off the robot is than its nearest
-    rival, in hundredths of a point plus m; of size 0 where nobody claims anything. rival: int32, the rivals' grid of
-    lengths. sector: uint16 (2 m + 1, same), the sector of a bearing by its offset in rows and columns plus m. sums:
-    float64, the sum of moduli in each sector; with ``as_vector`` the vector sum's x and y and the sum of moduli.
-    strongest: float64 (1,), the largest single force met so far of a point that is not in view just now. source: int64
-    (1,), the window's flat index of the point to stand on for it.
+    Args:
+        posts: None for the points on which a body can stand, at most ``span`` rows and columns from the robot.
+            Otherwise int32 (n, 4) of `agent.belief.posts.Posts`: patrolled points on which no body fits, row and column
+            of each and of its post, as far as they may be near. Such a point pulls from its post, the nearest reachable
+            point that sees it, because the robot only needs to go there.
+        state: uint8 (m, n), the wave's grid over its window; points that are not settled exert no force.
+        length: int32 (m, n), path lengths in hundredths of a point.
+        bend: int32 (m, n), flat index into the window of each path's first bend.
+        first: Exclusive lower bound of the path length, in hundredths of a point.
+        last: Inclusive upper bound of the path length, in hundredths of a point.
+        span: Largest distance from the robot, in rows and in columns.
+        start_row: The robot's row in the window; its own point exerts no force.
+        start_col: The robot's column in the window.
+        row0: Row of the terrain's point under element (0, 0) of the window.
+        col0: Column of the same point.
+        seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above
+            ``tick`` means that the point has no age.
+        looked: int32 (h, w), the tick at which each point was last in view; ``seen`` where a look makes a point fresh.
+        tick: Now.
+        pull: float64 (mfow + 1,), f by age in ticks.
+        decay: float64 (limit + 1,), g by length in hundredths of a point.
+        rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point.
+        share: float64 (2 s + 1,), the share of a force that claims leave, by how much farther away the robot is than
+            its nearest rival, in hundredths of a point plus s; size 0 without claims.
+        sector: uint16 (2 r + 1, 2 r + 1), the sector of a bearing by its offset in rows and columns plus r.
+        as_vector: Whether to sum a vector instead of sectors.
+        sums: float64 (sectors,), the sum of moduli in each sector; with ``as_vector`` float64 (3,), the vector sum's x
+            and y and the sum of moduli. Added to in place.
+        strongest: float64 (1,), the largest single force so far of a point that is not in view now; updated in place.
+        source: int64 (1,), the window's flat index of the point to stand on for that force; updated in place.
     """
     rows, cols = state.shape
     middle = sector.shape[0] // 2
