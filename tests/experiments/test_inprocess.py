@@ -207,8 +207,8 @@ def failing(folder: Path, **options: str) -> Scenario:
 @pytest.mark.parametrize(
     ("how", "says"),
     [
-        ("raise", "its policy failed at tick 4: raised RuntimeError: no idea"),
-        ("rubbish", "its policy failed at tick 4: returned str and not Bearing, Place, Stay or Steer"),
+        ("raise", "its policy failed at tick 4: raised RuntimeError: no idea (failing.py:20)"),
+        ("rubbish", "its policy failed at tick 4: returned str; return Bearing, Place, Stay or Steer"),
         ("hang", "its policy failed at tick 4: took longer than 0.3 s to decide"),
     ],
 )
