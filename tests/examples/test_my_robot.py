@@ -24,7 +24,7 @@ GUEST = EXAMPLES / "my_robot.py"
 def fleet(tmp_path: Path) -> Iterator[Hand]:
     hand = Hand(tmp_path)
     scenario = yaml.safe_load((EXAMPLES / "own-robot.yaml").read_text(encoding="utf-8"))
-    hand.write({**scenario, "point": 1.0, "duration": 60, "pace": 2})
+    hand.write({**scenario, "point": 1.0, "duration": 60, "pace": 4})
     yield hand
     for process in hand.processes.values():
         process.kill()
