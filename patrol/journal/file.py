@@ -25,26 +25,6 @@ import msgpack
 
 from patrol.errors import BadInput
 from patrol.journal.records import End, Event, Header, Record, RobotFacts, RobotTick, Status, TerrainFacts, TickRecord
-from patrol.journal.trace import TraceHash, trace_hash
-
-__all__ = [
-    "End",
-    "Event",
-    "Header",
-    "Journal",
-    "JournalWriter",
-    "Record",
-    "RobotFacts",
-    "RobotTick",
-    "Status",
-    "TerrainFacts",
-    "TickRecord",
-    "TraceHash",
-    "pack",
-    "read_journal",
-    "trace_hash",
-    "unpack",
-]
 
 _KIND = b"fogwatch journal "
 MAGIC = _KIND + b"1\n"

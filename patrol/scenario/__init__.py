@@ -1,17 +1,6 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
 from patrol.scenario.load import (
-    BUILTINS,
-    MAX_ROBOTS,
-    IntruderSpec,
-    PatrolSpec,
-    RadioSpec,
-    RobotEntry,
-    RobotGroup,
-    RobotSpec,
-    Scenario,
-    SensorSpec,
-    TerrainSpec,
     as_mapping,
     dump_scenario,
     load_scenario,
@@ -22,6 +11,18 @@ from patrol.scenario.load import (
     scenario_schema,
     with_spares,
 )
+from patrol.scenario.model import (
+    IntruderSpec,
+    PatrolSpec,
+    RadioSpec,
+    RobotEntry,
+    RobotGroup,
+    RobotSpec,
+    Scenario,
+    SensorSpec,
+    TerrainSpec,
+)
+from patrol.values.types import BUILTINS, MAX_ROBOTS
 
 __all__ = [
     "BUILTINS",

@@ -24,43 +24,15 @@ from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.dump import dump_section
 from patrol.scenario.explain import one_line
 from patrol.scenario.model import (
-    IntruderSpec,
-    PatrolSpec,
-    RadioSpec,
     RobotEntry,
     RobotGroup,
     RobotSpec,
     Scenario,
-    SensorSpec,
-    TerrainSpec,
 )
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.policy_file import policy_digest, policy_file
-from patrol.values.types import BUILTINS, MAX_ROBOTS
+from patrol.values.types import BUILTINS
 from patrol.yaml_text import line_of, parse_yaml, read_text
-
-__all__ = [
-    "BUILTINS",
-    "MAX_ROBOTS",
-    "IntruderSpec",
-    "PatrolSpec",
-    "RadioSpec",
-    "RobotEntry",
-    "RobotGroup",
-    "RobotSpec",
-    "Scenario",
-    "SensorSpec",
-    "TerrainSpec",
-    "as_mapping",
-    "dump_scenario",
-    "load_scenario",
-    "map_digest",
-    "open_scenario",
-    "parse_overrides",
-    "scenario_hash",
-    "scenario_schema",
-    "with_spares",
-]
 
 Overrides = Mapping[str, object]
 
