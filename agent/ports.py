@@ -94,6 +94,7 @@ class Place:
         y: m. A place that no way leads to stands for the nearest one that can be reached.
         bend: Where the way there first bends, x and y in m; the body looks for the way itself where this is None.
         lean: A point to head for in place of the bend as long as that leads on, such as one pushed aside by others.
+        wander: A direction, rad, to be taken for this one step instead where the body can; None for none.
         state: What the robot is doing while it obeys.
         figures: For telemetry.
     """
@@ -102,6 +103,7 @@ class Place:
     y: float
     bend: Spot | None = None
     lean: Spot | None = None
+    wander: float | None = None
     state: str = State.PATROLLING
     figures: Figures = field(default_factory=dict)
 
@@ -251,8 +253,9 @@ def _numbers(intent: Intent) -> list[tuple[str, object]]:
         case Bearing(bearings, near, bend, wander):
             alone = [] if wander is None else [("wander", wander)]
             return [*_several("bearings", bearings), *alone, *_pair("near", near), *_pair("bend", bend)]
-        case Place(x, y, bend, lean):
-            return [("x", x), ("y", y), *_pair("bend", bend), *_pair("lean", lean)]
+        case Place(x, y, bend, lean, wander):
+            alone = [] if wander is None else [("wander", wander)]
+            return [("x", x), ("y", y), *_pair("bend", bend), *_pair("lean", lean), *alone]
         case Stay():
             return []
         case Steer(command):

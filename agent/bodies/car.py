@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 
+from agent.bodies.manoeuvre import Manoeuvres
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import CarSteering
-from agent.bodies.unstuck import Unstuck
+from agent.bodies.unstuck import YIELDS, Unstuck
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.view import View
 from patrol.pose import Drive, halted
 from patrol.random import Purpose
+
+OFTEN = 4
+"""Number of bumps in a row from which on a car does not search for a manoeuvre but gets itself unstuck."""
 
 
 class CarBody(BodyBase):
@@ -24,6 +28,11 @@ class CarBody(BodyBase):
             self._steering, setup.spec.speed, setup.step, lambda k, index: chance(k, index, Purpose.UNSTUCK)
         )
         self._parking = max(self.stride, 2.0 * setup.spec.turning_radius)
+        self._chance = chance
+        self._bumps = 0
+        self._manoeuvres: Manoeuvres | None = None
+        if setup.patrol.manoeuvres:
+            self._manoeuvres = Manoeuvres(setup.spec, setup.ground.terrain, self._steering, setup.step)
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """The command that best carries out an intent (`agent.ports.Body.obey`)."""
@@ -73,10 +82,24 @@ class CarBody(BodyBase):
             return self._drive(view, None, None, place.state)
         spot, bend = found
         pose = view.pose
+        self._bumps = self._bumps + 1 if view.bumped else 0
+        if place.wander is not None and not view.bumped and not self._unstuck.active:
+            aside = self._steering.turning(pose, place.wander, self.spec.speed)
+            if self._steering.is_free(pose, aside):
+                return Choice(aside, place.state, place.wander)
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
-        near = bend == spot and math.dist((pose.x, pose.y), spot) < self._parking
+        parking = self._parking if self._manoeuvres is None else self._manoeuvres.near
+        near = bend == spot and math.dist((pose.x, pose.y), spot) < parking
         if near and not view.bumped and not self._unstuck.active:
             return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
+        if self._manoeuvres is not None and not self._unstuck.active and self._bumps < OFTEN:
+            if view.bumped:
+                self._manoeuvres.drop()
+                if self._chance(view.tick, 1, Purpose.UNSTUCK) < YIELDS:
+                    return Choice(Drive(0.0, 0.0), place.state, bearing, goal)
+            drive = self._manoeuvres.next(view, spot)
+            if drive is not None:
+                return Choice(drive, place.state, bearing, goal)
         choice = self._drive(view, bearing, goal, place.state)
         return Choice(choice.command, choice.state, bearing, goal)
 

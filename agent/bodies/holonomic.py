@@ -71,6 +71,8 @@ class HolonomicBody(BodyBase):
     def _approach(self, place: Place, view: View) -> Choice:
         """A step towards a place. The body yields to others on the way, but not on the last step."""
         pose, start, found = view.pose, view.start, way_of(place, view)
+        if place.wander is not None:
+            return Choice(self._steering.heading(pose, place.wander)[0], place.state, place.wander)
         if found is None or start is None:
             return Choice(Velocity(0.0, 0.0), State.HOLDING)
         spot, bend = found

@@ -27,10 +27,12 @@ class Way:
     Attributes:
         place: Where it ends, x and y in m: the centre of the target point, or of the nearest reachable one.
         bend: Where it first bends, x and y in m; the place itself when the way is straight.
+        length: m.
     """
 
     place: Spot
     bend: Spot
+    length: float
 
 
 class Routes:
@@ -91,7 +93,7 @@ class Routes:
         """
         here = self._ground.centre(*target)
         if start == target:
-            return Way(here, here)
+            return Way(here, here, 0.0)
         window = self.window()
         window.begin(self._ground, *start)
         row, col = target[0] - 1 - window.row0, target[1] - 1 - window.col0
@@ -104,7 +106,9 @@ class Routes:
             row, col = int(rows[nearest]), int(cols[nearest])
         bend_row, bend_col = divmod(int(window.bend[row, col]), window.state.shape[1])
         centre = self._ground.terrain.centre
-        return Way(centre(row + window.row0, col + window.col0), centre(bend_row + window.row0, bend_col + window.col0))
+        place = centre(row + window.row0, col + window.col0)
+        bend = centre(bend_row + window.row0, bend_col + window.col0)
+        return Way(place, bend, float(window.length[row, col]) * self._ground.terrain.point / 100.0)
 
     def window(self) -> Wave:
         """A wave over the whole terrain, made on first use."""

@@ -308,8 +308,9 @@ def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:
         patrol["policy"] = [digest, patrol["policy"].rpartition(":")[2]]
     if not patrol["options"]:
         del patrol["options"]
-    if patrol["random_move_for"] == "holonomic":
-        del patrol["random_move_for"]
+    for name, older in (("random_move_for", "holonomic"), ("commitment", "none"), ("manoeuvres", False)):
+        if patrol[name] == older:
+            del patrol[name]
 
 
 def _robot_meaning(spec: RobotSpec) -> list[Any]:

@@ -163,12 +163,16 @@ class PatrolSpec(Section):
     )
     separation: Separation = Field("none", description=SEPARATIONS)
     random_move: Probability = Field(
-        0.1, description="probability of a random step, so that patrols stay unpredictable"
+        0.02, description="probability of a random step, so that patrols stay unpredictable"
     )
     random_move_for: Literal["holonomic", "all"] = Field(
         "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
     )
+    commitment: Literal["none", "target"] = Field(
+        "target", description="none (a direction chosen anew at each tick) | target (one place, until it is seen)"
+    )
     give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
+    manoeuvres: Flag = Field(True, description="cars on their way to a place search for three-point turns and reverse")
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     obstacle_radius: Positive = Field(5.0, description="m, of the artificial obstacle at each other robot")
     critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages")

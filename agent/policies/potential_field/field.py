@@ -86,7 +86,7 @@ class Field:
         sources = int(np.count_nonzero(fields.patrolled))
         self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width))
         span = min(max(height, width), -(-self.law.limit // 100))
-        self.paths = _window(patrol.paths, (height, width, span), scratch, fields.patrolled, regions)
+        self.paths = window_of(patrol.paths, (height, width, span), scratch, fields.patrolled, regions)
         self._point = point
         self._nearby = min(self.law.limit, round(100.0 * patrol.goal_distance / point))
         self._posts = posts
@@ -196,7 +196,7 @@ class Field:
             gather(points, *grids, first, last, span, *place, seen, seen if looked is None else looked, *law, *forces)
 
 
-def _window(
+def window_of(
     paths: str,
     sizes: tuple[int, int, int],
     scratch: dict[str, PathWindow],

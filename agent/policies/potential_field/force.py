@@ -72,6 +72,40 @@ def distance_force(name: str, length: FloatArray, beta: float, size: float) -> F
             raise ValueError(f"no function {name}")
 
 
+def log_fow_force(name: str, fow: FloatArray, alpha: float) -> FloatArray:
+    """Natural logarithms of `fow_force`, for fog above 0."""
+    match name:
+        case "f1":
+            return np.log(fow)
+        case "f2":
+            return 2.0 * np.log(fow)
+        case "f3":
+            return alpha * fow
+        case "f4":
+            return alpha * fow**2
+        case "f5":
+            return alpha * fow**4
+        case _:
+            raise ValueError(f"no function {name}")
+
+
+def log_distance_force(name: str, length: FloatArray, beta: float, size: float) -> FloatArray:
+    """Natural logarithms of `distance_force`, which itself becomes 0 for long paths."""
+    match name:
+        case "g1":
+            return -np.log(length)
+        case "g2":
+            return -2.0 * np.log(length)
+        case "g3":
+            return -size * length / beta
+        case "g4":
+            return -(length**2) / beta
+        case "g5":
+            return -(length**4) / (beta * size**2)
+        case _:
+            raise ValueError(f"no function {name}")
+
+
 class ForceLaw:
     """f and g as tables, and the horizon beyond which no point can change a decision.
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from agent.policies.potential_field.commitment import Commitment
 from agent.policies.potential_field.direction import bearings_by_force, bearings_by_vector
-from agent.policies.potential_field.field import Field, Pull
+from agent.policies.potential_field.field import Field, Pull, window_of
 from agent.policies.potential_field.fuzzy import FuzzySectors
 from agent.policies.potential_field.separation import (
     artificial_obstacles,
@@ -41,6 +42,13 @@ class PotentialField:
         self._fuzzy = FuzzySectors(terrain, patrol.sectors, patrol.fuzzy_distance) if fuzzy else None
         self._field = Field(patrol, setup.fields, setup.posts, terrain.point, setup.scratch, setup.regions)
         self._wanders = patrol.random_move_for == "all" or setup.spec.model == "holonomic"
+        self._commitment: Commitment | None = None
+        if patrol.commitment == "target":
+            height, width = terrain.shape
+            sizes = height, width, height + width
+            whole = window_of(patrol.paths, sizes, setup.scratch, setup.fields.patrolled, setup.regions)
+            claims = patrol.claim_width if "claims" in self._separations else 0.0
+            self._commitment = Commitment(setup, whole, claims)
         names = ("x", "y", "total") if patrol.direction == "vector" else (f"sector {i}" for i in range(patrol.sectors))
         self._names = tuple(names)
 
@@ -50,11 +58,12 @@ class PotentialField:
             # Robots that surround an intruder have to stand near each other.
             self._keep_apart(view)
         start = view.start
+        if self._commitment is not None and start is not None:
+            intent = self._commitment.decide(view, start, self._rivals(view), self._random_step(view))
+            return Stay() if intent is None else intent
         pull = Pull(np.zeros(0), None) if start is None else self._pull(view, start)
         bearings = self._bearings(pull)
-        wander = None
-        if self._wanders and view.draw(0, Purpose.RANDOM_MOVE) < self._patrol.random_move:
-            wander = TAU * view.draw(1, Purpose.RANDOM_MOVE)
+        wander = self._random_step(view)
         figures = dict(zip(self._names, pull.sums.tolist(), strict=False))
         if start is None or not bearings:
             return Stay(figures=figures) if wander is None else Bearing((), wander=wander, figures=figures)
@@ -62,6 +71,20 @@ class PotentialField:
         near = None if pull.near is None else centre(*pull.near)
         bend = None if pull.bend is None or pull.bend == start else centre(*pull.bend)
         return Bearing(tuple(bearings), near, bend, wander, figures=figures)
+
+    def _random_step(self, view: View) -> float | None:
+        """The direction of a random step in rad, now and then; otherwise None."""
+        if self._wanders and view.draw(0, Purpose.RANDOM_MOVE) < self._patrol.random_move:
+            return TAU * view.draw(1, Purpose.RANDOM_MOVE)
+        return None
+
+    def _rivals(self, view: View) -> list[tuple[int, int]]:
+        """The elements of the static ground where other robots stand, where claims are used."""
+        if "claims" not in self._separations:
+            return []
+        static = view.ground.static
+        joined = [static.join(peer.pose.x, peer.pose.y) for _, peer in sorted(view.peers.items())]
+        return [element for element in joined if element is not None]
 
     def _keep_apart(self, view: View) -> None:
         """Close artificial obstacles and occupied critical areas for this tick."""
@@ -77,11 +100,7 @@ class PotentialField:
 
     def _pull(self, view: View, start: tuple[int, int]) -> Pull:
         """The forces at this tick, modified by other robots and by close obstacles."""
-        rivals = []
-        if "claims" in self._separations:
-            static = view.ground.static
-            joined = [static.join(peer.pose.x, peer.pose.y) for _, peer in sorted(view.peers.items())]
-            rivals = [element for element in joined if element is not None]
+        rivals = self._rivals(view)
         fog = view.fog
         pull = self._field.pull(
             view.ground, *start, fog.last_seen, fog.dilated, view.tick, view.mfow, rivals, fog.looked

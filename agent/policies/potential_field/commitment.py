@@ -1,0 +1,265 @@
+"""Commitment: a robot that has chosen a place goes there until somebody has seen it.
+
+The paper's robot chooses its direction anew at each tick, from sums over directions that may hardly differ. Between two
+rooms with equally stale points it turns round again and again, and sees neither. A committed robot takes the one point
+that pulls hardest, by the same law and with the same claims, and goes the shortest way to the nearest place in sight of
+it. It chooses again once the point has been seen, when no way leads there any more, and when it comes no nearer.
+
+In a large building whatever is stale may lie beyond the reach of the law, where forces are too small to matter. So the
+law's unit of length stretches until the farthest point of the robot's own ground is within reach. Own are the points
+that no other robot has a shorter way to.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
+
+from agent.policies.potential_field.force import PAPER_POINT, log_distance_force, log_fow_force
+from agent.policies.potential_field.kernels.hardest import hardest, own_reach
+from agent.ports import Bearing, Intent, Place
+from agent.routes.kernels.wave import SETTLED, STATUS
+from agent.routes.path_window import FAR
+from agent.routes.routes import LONGEST
+from patrol.ground.footprint import Footprint
+from patrol.pose import Pose
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from agent.ports import PolicySetup
+    from agent.routes.path_window import PathWindow
+    from agent.routes.routes import Element, Way
+    from agent.view import View
+
+NO_NEARER_S = 15.0
+"""A robot that has come no nearer to its target for so long gives it up, s."""
+
+AT_HAND_S = 3.0
+"""The same for a robot that is less than a stride away from where it wanted to be, s."""
+
+SHUNNED_S = 60.0
+"""How long a robot then leaves out the target's surroundings, s; doubled each time that it gives up in a row."""
+
+LONGEST_SHUNNED_S = 960.0
+"""Upper bound of the same, s."""
+
+NEARER = 0.1
+"""Least share of a stride by which a way must get shorter to count as progress."""
+
+STILL_STALE = 0.5
+"""A target counts as seen once its age is below this share of what it was when it was chosen."""
+
+WITHIN_REACH = 0.75
+"""The reach of the law is the way at which the stalest point pulls as hard as one close by with this share of its
+age."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What a robot has committed itself to.
+
+    Attributes:
+        point: The terrain's point (row, col) that is to be seen.
+        stand: The point to go to: the nearest one in sight of it.
+        close: The point to go to where the first did not do: the point itself, or its post.
+        age: Of the point when it was chosen, ticks.
+    """
+
+    point: tuple[int, int]
+    stand: tuple[int, int]
+    close: tuple[int, int]
+    age: int
+
+
+class Commitment:
+    """Chooses a target and keeps to it."""
+
+    def __init__(self, setup: PolicySetup, paths: PathWindow, width_m: float) -> None:
+        """Start without a target.
+
+        Args:
+            setup: As for every policy.
+            paths: The window of the path method, over the whole terrain.
+            width_m: Width of the claims, m; 0 without claims.
+        """
+        self._patrol = setup.patrol
+        self._point = setup.terrain.point
+        self._step = setup.step
+        self._posts = setup.posts
+        self._paths = paths
+        self._width = 100.0 * width_m / self._point
+        self._nearer = NEARER * setup.spec.speed * setup.step
+        sensor = setup.sensor
+        looks_round = sensor.angle >= 360.0 and sensor.quality == 1.0
+        self._sight = Footprint(setup.terrain, sensor.range, 360.0, sensor.line_of_sight) if looks_round else None
+        # A car ends up near the place that it heads for, and not exactly on it.
+        self._slack = math.ceil(setup.spec.speed * setup.step / self._point) if setup.spec.model == "car" else 0
+        self._around = 2.0 * max(setup.spec.radius, self._point)
+        self._reach = _reach(setup)
+        self._target: Target | None = None
+        self._expected = 0
+        self._least = math.inf
+        self._least_at = 0
+        self._given_up = 0
+        self._shunned: list[tuple[int, int, int]] = []
+
+    def decide(self, view: View, start: Element, rivals: Sequence[Element], wander: float | None) -> Intent | None:
+        """The way to the target, or to a new one.
+
+        Args:
+            view: Of this tick.
+            start: The element of the ground on which the robot stands.
+            rivals: The elements on which other robots stand, where claims are used.
+            wander: Direction of a random step, rad, or None.
+
+        Returns:
+            None where nothing pulls.
+        """
+        way = self._way(view, start)
+        if way is None:
+            way = self._choose(view, start, rivals)
+        target = self._target
+        if way is None or target is None:
+            return None
+        figures = {"way_m": way.length, "age_s": float(self._age(view, target.point) * self._step)}
+        if way.length == 0.0 and target.stand == target.close:
+            # It stands where it should, so it only has to turn.
+            across, up = (there - here for there, here in zip(view.place_of(target.point), way.place, strict=True))
+            if across != 0.0 or up != 0.0:
+                return Bearing((math.atan2(up, across),), wander=wander, figures=figures)
+        return Place(*way.place, bend=way.bend, wander=wander, figures=figures)
+
+    def _way(self, view: View, start: Element) -> Way | None:
+        """The way to the present target; None without a target, or if it is time for another."""
+        target = self._target
+        if target is None:
+            return None
+        if self._age(view, target.point) < STILL_STALE * target.age:
+            self._given_up = 0
+            return None
+        way = self._way_to(view, start, target.stand)
+        if way is None:
+            return None
+        if way.length < self._least - self._nearer:
+            self._least, self._least_at = way.length, view.tick
+        stood_s = (view.tick - self._least_at) * self._step
+        at_hand = way.length <= view.stride
+        if target.stand != target.close and (way.length == 0.0 or (at_hand and stood_s > AT_HAND_S)):
+            self._target = target = replace(target, stand=target.close)
+            self._least, self._least_at = math.inf, view.tick
+            return self._way_to(view, start, target.stand)
+        if stood_s > (AT_HAND_S if at_hand else NO_NEARER_S):
+            spell = min(SHUNNED_S * 2.0**self._given_up, LONGEST_SHUNNED_S)
+            self._given_up += 1
+            self._shunned.append((*target.point, view.tick + round(spell / self._step)))
+            return None
+        return way
+
+    def _way_to(self, view: View, start: Element, stand: tuple[int, int]) -> Way | None:
+        """The shortest way to a point of the terrain; None if no way leads there now."""
+        way = view.routes.way(start, (stand[0] + 1, stand[1] + 1), self._expected)
+        if way.place != view.place_of(stand):
+            return None
+        self._expected = round(100.0 * (way.length + 2.0 * self._nearer / NEARER) / self._point)
+        return way
+
+    def _choose(self, view: View, start: Element, rivals: Sequence[Element]) -> Way | None:
+        """Commit to the point that pulls hardest, and return the way there; None where nothing pulls."""
+        self._target = None
+        tick = view.tick
+        self._shunned = [shunned for shunned in self._shunned if tick < shunned[2]]
+        paths = self._paths
+        rival = np.full(paths.length.shape, FAR, dtype=np.int32)
+        if self._width > 0.0 and rivals:
+            rival = paths.lengths_from(view.ground.static, *start, rivals, LONGEST)
+        paths.begin(view.ground, *start)
+        paths.extend(LONGEST)
+        settled = paths.state & STATUS == SETTLED
+        longest = int(paths.length[settled].max(initial=1))
+        own = int(own_reach(paths.state, paths.length, rival)) or longest
+        stretch = max(1.0, own / self._reach)
+        unit = self._point / PAPER_POINT / 100.0 / stretch
+        patrol = self._patrol
+        decay = log_distance_force(patrol.distance, np.arange(longest + 1).clip(1) * unit, patrol.beta, patrol.length)
+        fow = np.arange(view.mfow + 1).clip(1) / max(view.mfow, 1)
+        pull = log_fow_force(patrol.fow, fow, patrol.alpha)
+        shunned = np.array([(row, col, self._squared) for row, col, _ in self._shunned], dtype=np.int64).reshape(-1, 3)
+        found = self._hardest(view, pull, decay, rival, shunned)
+        if found is None and self._shunned:
+            self._shunned.clear()
+            found = self._hardest(view, pull, decay, rival, shunned[:0])
+        if found is None:
+            return None
+        point, close = found
+        stand = self._nearest_in_sight(point, settled) or close
+        self._target = Target(point, stand, close, self._age(view, point))
+        self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
+        self._least, self._least_at = math.inf, tick
+        return self._way_to(view, start, stand)
+
+    @property
+    def _squared(self) -> int:
+        """Squared radius of what is left out around a target that was given up, in points."""
+        return math.ceil((self._around / self._point) ** 2)
+
+    def _hardest(
+        self,
+        view: View,
+        pull: NDArray[np.float64],
+        decay: NDArray[np.float64],
+        rival: NDArray[np.int32],
+        shunned: NDArray[np.int64],
+    ) -> tuple[tuple[int, int], tuple[int, int]] | None:
+        """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none."""
+        paths, fog = self._paths, view.fog
+        best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
+        for points in (None, self._posts.rows):
+            grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
+            hardest(points, *grids, view.tick, pull, decay, rival, self._width, shunned, best, place)
+        if best[0] == -np.inf:
+            return None
+        row, col, stand_row, stand_col = (int(number) for number in place)
+        return (row, col), (stand_row, stand_col)
+
+    def _nearest_in_sight(self, point: tuple[int, int], settled: NDArray[np.bool_]) -> tuple[int, int] | None:
+        """The reachable point with the shortest way from which the sensor shows a point; None if it is not known."""
+        if self._sight is None:
+            return None
+        paths, terrain = self._paths, self._sight.terrain
+        seen = self._sight.visible(Pose(*terrain.centre(*point), 0.0))
+        rows, cols = np.nonzero(seen.mask)
+        if self._slack:
+            inner = np.nonzero(minimum_filter(seen.mask, 2 * self._slack + 1, mode="constant"))
+            if inner[0].size:
+                rows, cols = inner
+        rows, cols = rows + seen.row0 - paths.row0, cols + seen.col0 - paths.col0
+        inside = (rows >= 0) & (rows < settled.shape[0]) & (cols >= 0) & (cols < settled.shape[1])
+        rows, cols = rows[inside], cols[inside]
+        known = settled[rows, cols]
+        rows, cols = rows[known], cols[known]
+        if not rows.size:
+            return None
+        nearest = int(np.argmin(paths.length[rows, cols]))
+        return int(rows[nearest]) + paths.row0, int(cols[nearest]) + paths.col0
+
+    @staticmethod
+    def _age(view: View, point: tuple[int, int]) -> int:
+        return view.tick - max(int(view.fog.last_seen[point]), 0)
+
+
+def _reach(setup: PolicySetup) -> float:
+    """The reach of the scenario's law (see `WITHIN_REACH`), in hundredths of a point; at least one point."""
+    patrol, terrain = setup.patrol, setup.terrain
+    weaker, full = log_fow_force(patrol.fow, np.array([WITHIN_REACH, 1.0]), patrol.alpha)
+    lengths = np.arange(1, 4 * sum(terrain.shape) + 1, dtype=np.float64)
+    forces = log_distance_force(
+        patrol.distance, lengths * setup.terrain.point / PAPER_POINT, patrol.beta, patrol.length
+    )
+    within = int(np.count_nonzero(forces - forces[0] >= weaker - full))
+    return 100.0 * max(within, 1)

@@ -1,0 +1,109 @@
+"""Kernels of commitment: the one point that pulls hardest, and how far a robot's own ground reaches."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit, types
+
+GRID = types.Array(types.int32, 2, "C", readonly=True)
+STATE = types.Array(types.uint8, 2, "C", readonly=True)
+TABLE = types.Array(types.float64, 1, "C", readonly=True)
+BEST = types.Array(types.float64, 1, "C")
+PLACES = types.Array(types.int64, 1, "C")
+SHUNNED = types.Array(types.int64, 2, "C", readonly=True)
+ROWS = types.Array(types.int32, 2, "C", readonly=True)
+int64 = types.int64
+float64 = types.float64
+
+
+@njit(types.int64(STATE, GRID, GRID), cache=True, nogil=True)
+def own_reach(state, length, rival):
+    """The longest path to a point that no rival is nearer to.
+
+    Args:
+        state: uint8 (m, n), the wave's grid over its window; only settled points count.
+        length: int32 (m, n), path lengths in hundredths of a point.
+        rival: int32 (m, n), path lengths from the nearest rival.
+
+    Returns:
+        The length in hundredths of a point; 0 without such a point.
+    """
+    rows, cols = state.shape
+    longest = 0
+    for row in range(rows):
+        for col in range(cols):
+            if state[row, col] & 3 == 3 and length[row, col] <= rival[row, col]:
+                longest = max(longest, length[row, col])
+    return longest
+
+
+# fmt: off
+@njit(
+    [
+        types.void(
+            posts, STATE, GRID, int64, int64, GRID, GRID, int64, TABLE, TABLE, GRID, float64, SHUNNED, BEST, PLACES,
+        )
+        for posts in (types.none, ROWS)
+    ],
+    cache=True,
+    nogil=True,
+)
+def hardest(
+    posts, state, length, row0, col0, seen, looked, tick, log_pull, log_decay, rival, width, shunned, best, place,
+):
+    """Find the point with the greatest force, as logarithms: f and g may be too small for a float.
+
+    Args:
+        posts: None for the points on which a body can stand. Otherwise int32 (n, 4) of `agent.belief.posts.Posts`: such
+            a point pulls from its post.
+        state: uint8 (m, n), the wave's grid over its window; points that are not settled exert no force.
+        length: int32 (m, n), path lengths in hundredths of a point.
+        row0: Row of the terrain's point under element (0, 0) of the window.
+        col0: Column of the same point.
+        seen: int32 (h, w), the tick at which each point was last seen; -1 counts as 0, and a value above ``tick`` means
+            that the point has no age.
+        looked: int32 (h, w), the tick at which each point was last in view.
+        tick: Now.
+        log_pull: float64 (mfow + 1,), log f by age in ticks.
+        log_decay: float64, log g by length in hundredths of a point, at least up to the longest settled path.
+        rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point.
+        width: Of the claims, in hundredths of a point; 0 without claims.
+        shunned: int64 (n, 3), row, column and squared radius, in points of the terrain, of what is left out.
+        best: float64 (1,), the greatest logarithm so far; updated in place.
+        place: int64 (4,), row and column in the terrain of the point that exerts it and of the place to stand on;
+            updated in place.
+    """
+    rows, cols = state.shape
+    count = rows * cols if posts is None else posts.shape[0]
+    for i in range(count):
+        if posts is None:
+            row, col = i // cols, i % cols
+            seen_row, seen_col = row0 + row, col0 + col
+        else:
+            row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
+            if row < 0 or row >= rows or col < 0 or col >= cols:
+                continue
+        if state[row, col] & 3 != 3:
+            continue
+        when = max(seen[seen_row, seen_col], 0)
+        if when >= tick or looked[seen_row, seen_col] >= tick:
+            continue
+        far = max(length[row, col], 1)
+        force = log_pull[tick - when] + log_decay[far]
+        if force <= best[0]:
+            continue
+        if width > 0.0:
+            force -= math.log1p(math.exp(min(max((far - rival[row, col]) / width, -40.0), 40.0)))
+            if force <= best[0]:
+                continue
+        away = True
+        for j in range(shunned.shape[0]):
+            up, across = seen_row - shunned[j, 0], seen_col - shunned[j, 1]
+            away = away and up * up + across * across > shunned[j, 2]
+        if away:
+            best[0] = force
+            place[0], place[1], place[2], place[3] = seen_row, seen_col, row0 + row, col0 + col
+
+
+# fmt: on
