@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from patrol.pose import TAU
 from patrol.values.section import wrong
-from patrol.values.types import AUTO, LARGEST
+from patrol.values.types import AUTO, LARGEST, Auto
 
 if TYPE_CHECKING:
-    from patrol.scenario.model import RobotSpec, Scenario
+    from patrol.scenario.model import Scenario
+    from patrol.scenario.robots import RobotSpec
 
 STANDING_GAP = 1.0
 """Gap between two bodies that stand around an intruder, m."""
@@ -173,8 +174,8 @@ def _ring(scenario: Scenario) -> float:
     return _rounded(min(max(8.0 * widest, side_by_side), 0.8 * scenario.sensor.range))
 
 
-def _stated(value: float | Literal["auto"], automatic: float) -> float:
-    return automatic if value == "auto" else value
+def _stated(value: float | Auto, automatic: float) -> float:
+    return automatic if value == AUTO else value
 
 
 def _rounded(length: float) -> float:
