@@ -77,10 +77,13 @@ def test_the_default_algorithm_is_the_same_both_ways(terrain: str, model: str, t
     assert len({trace for _, trace in hashes}) == 2
 
 
-@pytest.mark.parametrize(("terrain", "limit_ms"), [("yards", 25.0), ("site", 60.0)])
-def test_a_decision_at_ten_centimetres_is_quick(terrain: str, limit_ms: float) -> None:
+@pytest.mark.parametrize(
+    ("terrain", "separation", "limit_ms"),
+    [("yards", "none", 25.0), ("site", "none", 60.0), ("yards", "claims", 45.0), ("site", "claims", 60.0)],
+)
+def test_a_decision_at_ten_centimetres_is_quick(terrain: str, separation: str, limit_ms: float) -> None:
     """CPU time of one thread, so that a busy machine is no failure."""
-    prepared = prepare(load_scenario({"terrain": {"builtin": terrain}}))
+    prepared = prepare(load_scenario({"terrain": {"builtin": terrain}, "patrol": {"separation": separation}}))
     minds = make_minds(prepared)
     world = World(prepared)
     spent = []

@@ -16,7 +16,7 @@ from patrol.scenario import PatrolSpec
 PAPER_POINT = 0.1
 """Side in m of the paper's points; alpha, beta and l refer to it."""
 
-PAPER_AREA = 120.0 * 80.0 / 5.0
+PAPER_AREA = 100.0 * 88.0 / 5.0
 """Patrolled ground per robot, m2, to which `patrol.reach: area` refers: the terrain `open` with five robots."""
 
 FloatArray = NDArray[np.float64]
