@@ -141,11 +141,12 @@ def check_lengths(scenario: Scenario) -> None:
             side, because ``auto`` never leads to that.
     """
     each = lengths_by_robot(scenario)
+    mixed = len({lengths.goal_distance for lengths in each.values()}) > 1
     for spec in scenario.roster:
         side, distance = each[spec.number].refine_side, each[spec.number].goal_distance
         if side > 2.0 * distance:
-            whose = f" (auto, for {spec.name})" if scenario.patrol.goal_distance == AUTO else ""
-            limit = f"patrol.goal_distance is {distance:g} m{whose}, so at most {2.0 * distance:g}"
+            how = "" if scenario.patrol.goal_distance != AUTO else f" (auto, for {spec.name})" if mixed else " (auto)"
+            limit = f"patrol.goal_distance is {distance:g} m{how}, so at most {2.0 * distance:g}"
             raise wrong("patrol.refine_side", f"the square must not reach behind the robot: {limit}", side)
 
 

@@ -161,7 +161,7 @@ class PatrolSpec(Section):
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
     sectors: Sectors = Field(8, description="number of sectors that mode chooses from")
     reach: Literal["paper", "area"] = Field(
-        "paper", description="paper | area (g reaches farther on large ground: its lengths scale with area per robot)"
+        "paper", description="paper | area, how far g reaches: as printed, or farther where each robot has more ground"
     )
     dilatation: AutoNotNegative = Field(
         AUTO, description="m, half-width of the window that spreads staleness; 0: none; auto: 5 radii"
@@ -200,7 +200,7 @@ class PatrolSpec(Section):
         AUTO, description="m, reach of the obstacle field psi that refines the goal; auto: 10 radii"
     )
     surround_distance: AutoPositive = Field(
-        AUTO, description="m, from an intruder to the robots that surround it; auto: 8 radii, in view of the intruder"
+        AUTO, description="m, from an intruder to the robots around it; auto: 8 radii, at most 0.8 sensor ranges"
     )
     surround_repulsion: NotNegative = Field(0.3, description="repulsion of a robot nearby, as a share of attraction")
     contact_memory: NotNegative = Field(

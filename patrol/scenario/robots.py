@@ -18,13 +18,13 @@ class RobotSpec:
 
     Attributes:
         number: 1..N.
-        name: unique.
-        model: of its body.
+        name: Unique.
+        model: Of its body.
         speed: m/s, top speed.
         radius: m.
         turning_radius: m.
         start: None for a random one.
-        spare: whether it is absent until it joins.
+        spare: Whether it is absent until it joins.
     """
 
     number: int

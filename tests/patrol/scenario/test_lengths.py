@@ -179,7 +179,7 @@ def test_a_note_names_a_few_robots_of_many() -> None:
     ("robots", "patrol", "expected"),
     [
         ({}, {"refine_side": 12}, "patrol.refine_side = 12: the square must not reach behind the robot: patrol.goal_"),
-        ({}, {"refine_side": 12}, "patrol.goal_distance is 5.5 m (auto, for r1), so at most 11"),
+        ({}, {"refine_side": 12}, "patrol.goal_distance is 5.5 m (auto), so at most 11"),
         ({}, {"refine_side": 3, "goal_distance": 1}, "patrol.refine_side = 3: the square must not reach behind the ro"),
         ({}, {"refine_side": 3, "goal_distance": 1}, "patrol.goal_distance is 1 m, so at most 2"),
         (MIXED["robots"], {"refine_side": 4}, "patrol.goal_distance is 1.65 m (auto, for scout-1), so at most 3.3"),
