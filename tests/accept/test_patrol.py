@@ -49,7 +49,7 @@ def test_three_robots_on_the_open_field_patrol_like_the_papers(sensor_range: flo
 @pytest.mark.skipif(not CUMBERLAND.exists(), reason="the real floor plan lies outside this project")
 def test_a_real_floor_plan_is_patrolled_for_an_hour_by_processes(tmp_path: Path) -> None:
     robots = ["--robots", "4", "--model", "holonomic", "--radius", "0.3", "--speed", "1"]
-    words = [*robots, "--duration", "3600", "--set", "patrol.dilatation=2"]
+    words = [*robots, "--duration", "3600"]
     out = tmp_path / "run"
     command = [sys.executable, "-P", "-m", "fogwatch", "run", str(CUMBERLAND), *words, "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
