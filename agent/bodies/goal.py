@@ -1,4 +1,4 @@
-"""From a direction to a goal: a point ahead, clipped to the free ground and moved away from obstacles (paper, step 7)."""
+"""From a direction to a goal: ahead of the robot, clipped to the free ground, refined (paper, step 7)."""
 
 from __future__ import annotations
 
