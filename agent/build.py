@@ -6,6 +6,7 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -29,6 +30,7 @@ from agent.view import FogView
 from patrol.ground.footprint import Footprint
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.random import Purpose, draw
+from patrol.scenario import lengths_by_robot, lengths_of
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
@@ -37,7 +39,8 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 
-PSI = "psi.npy"
+Psi = Mapping[float, NDArray[np.float32]]
+"""The fields that goals are refined by, float32 (h, w), by their reach in m; empty where no goals are refined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,33 +49,59 @@ class Shared:
 
     Attributes:
         footprint: The scenario's sensor on its terrain.
-        psi: float32 (h, w) of `psi_of`, or None where goals are not refined.
+        psi: Of `psi_of`.
         scratch: Working memory, for minds that never think at the same time; each makes its own otherwise.
     """
 
     footprint: Footprint
-    psi: NDArray[np.float32] | None
+    psi: Psi
     scratch: dict[str, PathWindow] | None = field(default_factory=dict)
 
 
-def psi_of(scenario: Scenario, terrain: Terrain) -> NDArray[np.float32] | None:
-    """The field that goals are refined by, float32 (h, w), or None where the scenario refines none."""
-    if scenario.patrol.avoidance != "goal-refinement":
-        return None
-    return psi_field(terrain, scenario.patrol.refine_reach)
+def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
+    """The fields that a scenario's goals are refined by: one for each reach that its robots have.
+
+    Args:
+        scenario: The scenario.
+        terrain: Its ground.
+    """
+    return {reach: psi_field(terrain, reach) for reach in _reaches(scenario)}
 
 
 def save_psi(prepared: Prepared, folder: Path) -> None:
-    """Write what `load_psi` reads, where the scenario refines goals."""
-    psi = psi_of(prepared.scenario, prepared.terrain)
-    if psi is not None:
-        np.save(folder / PSI, psi)
+    """Write what `load_psi` reads.
+
+    Args:
+        prepared: The scenario with its terrain.
+        folder: An existing one.
+    """
+    for number, psi in enumerate(psi_of(prepared.scenario, prepared.terrain).values(), start=1):
+        np.save(folder / _psi_file(number), psi)
 
 
-def load_psi(scenario: Scenario, folder: Path) -> NDArray[np.float32] | None:
-    """What `save_psi` wrote for a scenario, memory-mapped and read-only; None where it refines no goals."""
-    refined = scenario.patrol.avoidance == "goal-refinement"
-    return np.load(folder / PSI, mmap_mode="r") if refined else None
+def load_psi(scenario: Scenario, folder: Path) -> Psi:
+    """What `save_psi` wrote for a scenario, memory-mapped and read-only.
+
+    Args:
+        scenario: The one that was prepared.
+        folder: The folder that `save_psi` wrote into.
+    """
+    return {
+        reach: np.load(folder / _psi_file(number), mmap_mode="r")
+        for number, reach in enumerate(_reaches(scenario), start=1)
+    }
+
+
+def _reaches(scenario: Scenario) -> list[float]:
+    """The reaches of the fields psi that a scenario's robots refine their goals by, m, ascending."""
+    if scenario.patrol.avoidance != "goal-refinement":
+        return []
+    return sorted({lengths.refine_reach for lengths in lengths_by_robot(scenario).values()})
+
+
+def _psi_file(number: int) -> str:
+    """The file of the field with the number-th smallest reach, from 1 on."""
+    return f"psi-{number}.npy"
 
 
 def shared_by(prepared: Prepared, footprint: Footprint | None = None, *, together: bool = True) -> Shared:
@@ -106,6 +135,7 @@ def build_mind(
     shared = shared or shared_by(prepared)
     scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields[number]
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
+    lengths = lengths_of(scenario, spec)
     radii = MappingProxyType({one.number: one.radius for one in scenario.roster})
     scratch = {} if shared.scratch is None else shared.scratch
 
@@ -116,7 +146,7 @@ def build_mind(
     straight = patrol.paths == "straight"
     posts = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
     # A window of half the terrain's points in every direction already holds all of it.
-    dilatation = min(round(patrol.dilatation / scenario.point), terrain.height + terrain.width)
+    dilatation = min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
     spread = fields.patrolled if straight else fields.reach
     inbox = inbox_of(scenario, number, terrain.bounds, key)
     belief = Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation)
@@ -128,6 +158,8 @@ def build_mind(
         step=scenario.step,
         sensor=scenario.sensor,
         patrol=patrol,
+        lengths=lengths,
+        team=len(scenario.roster) - len(scenario.spares),
         options=kind.options,
         terrain=terrain,
         fields=fields,
@@ -148,8 +180,9 @@ def build_mind(
             identity=(scenario.seed, number, incarnation),
             step=scenario.step,
             patrol=patrol,
+            lengths=lengths,
             ground=ground,
-            psi=shared.psi,
+            psi=shared.psi.get(lengths.refine_reach),
             chance=chance,
         )
     )

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
     from patrol.regions.split import RegionSplit
-    from patrol.scenario import PatrolSpec, RobotSpec, SensorSpec
+    from patrol.scenario import BodyLengths, PatrolSpec, RobotSpec, SensorSpec
 
 Figures = Mapping[str, float]
 """Numbers that a policy wants to have shown, by name."""
@@ -143,7 +143,9 @@ class PolicySetup:
         radii: Of all robots of the fleet, by number, m.
         step: s per tick.
         sensor: What a robot sees.
-        patrol: The scenario's section `patrol`.
+        patrol: The scenario's section `patrol`; its lengths that are ``auto`` are in `lengths`.
+        lengths: The lengths of this robot's patrol, m.
+        team: Number of robots that patrol from the start, the spare ones left out.
         options: What `patrol.options` says, as the policy's own ``Options``; an empty mapping where it has none.
         terrain: The ground, and what blocks the view.
         fields: Where this robot's body fits and gets to, and what it can see from there.
@@ -157,6 +159,8 @@ class PolicySetup:
     step: float
     sensor: SensorSpec
     patrol: PatrolSpec
+    lengths: BodyLengths
+    team: int
     options: Any
     terrain: Terrain
     fields: StaticFields
@@ -210,8 +214,9 @@ def checked(intent: object) -> Intent:
     Raises:
         PolicyFailed: It is no intent, or a number in it is none that a body can compute with.
     """
+    kind = type(intent).__name__
     if not isinstance(intent, Bearing | Place | Stay | Steer):
-        raise PolicyFailed(f"returned {type(intent).__name__}; return Bearing, Place, Stay or Steer")
+        raise PolicyFailed(f"returned {kind}; return Bearing, Place, Stay or Steer")
     if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
         raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
     if not isinstance(intent.figures, Mapping) or not all(isinstance(name, str) for name in intent.figures):
@@ -219,17 +224,14 @@ def checked(intent: object) -> Intent:
     plain = _plain_numbers(intent)
     for name, value in _numbers(plain):
         if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
-            raise PolicyFailed(
-                f"returned {type(intent).__name__} with {name} = {value!r}; give a number from -1e9 to 1e9"
-            )
+            raise PolicyFailed(f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9")
     return plain
 
 
 def _plain_numbers(intent: Intent) -> Intent:
     """The same with Python's numbers in place of numpy's."""
-    given = {
-        entry.name: getattr(intent, entry.name) for entry in fields(intent) if entry.name not in ("state", "figures")
-    }
+    names = [entry.name for entry in fields(intent) if entry.name not in ("state", "figures")]
+    given = {name: getattr(intent, name) for name in names}
     plain = {name: _plain(value) for name, value in given.items()}
     changed = {name: value for name, value in plain.items() if value is not given[name]}
     return replace(intent, **changed) if changed else intent

@@ -1,4 +1,4 @@
-"""From a direction to a goal: 5.5 m ahead, clipped to the free ground and moved away from obstacles (paper, step 7)."""
+"""From a direction to a goal: ahead of the robot, clipped to the free ground, refined (paper, step 7)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from agent.bodies.kernels.goal import free_run, refine
 from agent.ports import Goal
 from agent.routes.ground import Ground
-from patrol.scenario import PatrolSpec
+from patrol.scenario import BodyLengths
 
 
 class GoalFinder:
@@ -21,19 +21,19 @@ class GoalFinder:
     since neither leg may cross a wall.
     """
 
-    def __init__(self, patrol: PatrolSpec, ground: Ground, psi: NDArray[np.float32] | None) -> None:
+    def __init__(self, lengths: BodyLengths, ground: Ground, psi: NDArray[np.float32] | None) -> None:
         """Convert the distances to points.
 
         Args:
-            patrol: The scenario's section `patrol`, with the goal distance and the side of the square in m.
+            lengths: The goal distance and the side of the square, m (the paper's: 5.5 and 2).
             ground: Where the robot's centre may be.
             psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement.
         """
         self._ground = ground
         self._psi = psi
         self._point = ground.terrain.point
-        self._distance = patrol.goal_distance / self._point
-        self._side = round(0.5 * patrol.refine_side / self._point)
+        self._distance = lengths.goal_distance / self._point
+        self._side = round(0.5 * lengths.refine_side / self._point)
 
     def along(self, bearing: float, row: int, col: int) -> Goal:
         """The goal in a direction.

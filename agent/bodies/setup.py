@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from agent.view import Draw, View
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
-    from patrol.scenario import PatrolSpec, RobotSpec
+    from patrol.scenario import BodyLengths, PatrolSpec, RobotSpec
 
 CLEAR_SHARE = 0.5
 """A direction is good enough when the robot can make at least this share of a step in it."""
@@ -38,6 +38,7 @@ class BodySetup:
         identity: The scenario's seed, the robot's number and its incarnation, for repeatable draws.
         step: s per tick.
         patrol: The scenario's section `patrol`.
+        lengths: The lengths of the robot's patrol, m.
         ground: Where the robot's centre may be.
         psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement of goals.
         chance: Repeatable draws.
@@ -48,6 +49,7 @@ class BodySetup:
     identity: tuple[int, int, int]
     step: float
     patrol: PatrolSpec
+    lengths: BodyLengths
     ground: Ground
     psi: NDArray[np.float32] | None
     chance: Draw
@@ -65,7 +67,7 @@ class BodyBase:
     def __init__(self, setup: BodySetup) -> None:
         self.spec = setup.spec
         self.stride = setup.spec.speed * setup.step
-        self.goals = GoalFinder(setup.patrol, setup.ground, setup.psi)
+        self.goals = GoalFinder(setup.lengths, setup.ground, setup.psi)
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way
         self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None

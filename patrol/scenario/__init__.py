@@ -1,5 +1,6 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
+from patrol.scenario.lengths import BodyLengths, lengths_by_robot, lengths_of
 from patrol.scenario.load import (
     as_mapping,
     dump_scenario,
@@ -17,16 +18,17 @@ from patrol.scenario.model import (
     RadioSpec,
     RobotEntry,
     RobotGroup,
-    RobotSpec,
     Scenario,
     SensorSpec,
     TerrainSpec,
 )
+from patrol.scenario.robots import RobotSpec
 from patrol.values.types import BUILTINS, MAX_ROBOTS
 
 __all__ = [
     "BUILTINS",
     "MAX_ROBOTS",
+    "BodyLengths",
     "IntruderSpec",
     "PatrolSpec",
     "RadioSpec",
@@ -38,6 +40,8 @@ __all__ = [
     "TerrainSpec",
     "as_mapping",
     "dump_scenario",
+    "lengths_by_robot",
+    "lengths_of",
     "load_scenario",
     "map_digest",
     "open_scenario",

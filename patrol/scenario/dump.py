@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import yaml
@@ -10,6 +12,7 @@ from patrol.values.section import Section
 from patrol.yaml_text import add_core_rules
 
 _COMMENT_COLUMN = 32
+_NO_NOTES: Mapping[str, str] = MappingProxyType({})
 
 
 class _Dumper(yaml.SafeDumper):
@@ -26,22 +29,24 @@ class _Dumper(yaml.SafeDumper):
 add_core_rules(_Dumper)
 
 
-def dump_section(section: Section, indent: int = 0) -> str:
+def dump_section(section: Section, indent: int = 0, notes: Mapping[str, str] = _NO_NOTES, inside: str = "") -> str:
     """A section as YAML, one field a line, with each field's description beside it; what is None is a comment.
 
     Args:
         section: of a scenario.
         indent: spaces before each line.
+        notes: what to add to a field's description, by dotted field.
+        inside: the dotted name of the section with a full stop behind it; empty for a whole scenario.
     """
     lines = []
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)
         start = f"{' ' * indent}{name}:"
-        note = field.description or ""
+        note = "; ".join(filter(None, (field.description, notes.get(f"{inside}{name}"))))
         if value is None:
             lines.append(_beside(f"{' ' * indent}# {field.alias or name}:", note))
         elif isinstance(value, Section):
-            lines += [_beside(start, note), dump_section(value, indent + 2)]
+            lines += [_beside(start, note), dump_section(value, indent + 2, notes, f"{name}.")]
         elif isinstance(value, tuple) and value and isinstance(value[0], Section):
             entries = [entry.model_dump(mode="json", exclude_none=True) for entry in value]
             lines += [_beside(start, note), *(f"{' ' * indent}  - {_flow(entry)}" for entry in entries)]

@@ -1,8 +1,9 @@
 """The scenario: one file that says everything a run depends on.
 
 `load_scenario` reads a file or a mapping, applies overrides and checks every value; `open_scenario` also takes a map
-or the name of a built-in terrain. A loaded scenario is resolved: defaults are filled in, paths are absolute and a
-nemesis is written out as the faults that it drew, so it dumps to YAML that means the same anywhere on this machine.
+or the name of a built-in terrain. A loaded scenario is resolved: defaults are filled in, lengths that follow the body
+are numbers unless robots differ in them, paths are absolute and a nemesis is written out as the faults that it drew. So
+it dumps to YAML that means the same anywhere on this machine.
 Two scenarios that mean the same have the same `scenario_hash`.
 """
 
@@ -23,14 +24,11 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.dump import dump_section
 from patrol.scenario.explain import one_line
-from patrol.scenario.model import (
-    RobotEntry,
-    RobotGroup,
-    RobotSpec,
-    Scenario,
-)
+from patrol.scenario.lengths import common_lengths, notes_on_lengths
+from patrol.scenario.model import RobotEntry, RobotGroup, Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.policy_file import policy_digest, policy_file
+from patrol.scenario.robots import RobotSpec
 from patrol.values.types import BUILTINS
 from patrol.yaml_text import line_of, parse_yaml, read_text
 
@@ -149,10 +147,13 @@ def as_mapping(scenario: Scenario) -> dict[str, Any]:
 def dump_scenario(scenario: Scenario) -> str:
     """The resolved scenario as commented YAML; loading it gives an equal scenario back.
 
+    Where robots differ in a length that follows the body, the field stays ``auto`` and its comment says what it comes
+    to for each robot.
+
     Args:
         scenario: resolved.
     """
-    return f"{dump_section(scenario)}\n"
+    return f"{dump_section(scenario, notes=notes_on_lengths(scenario))}\n"
 
 
 def scenario_schema() -> dict[str, Any]:
@@ -227,7 +228,8 @@ def _resolve(
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))
     try:
-        return _with_policy_digest(written_out(Scenario.model_validate(raw, context={"base": base})))
+        scenario = written_out(Scenario.model_validate(raw, context={"base": base}))
+        return _with_lengths(_with_policy_digest(scenario))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
@@ -301,6 +303,12 @@ def _with_policy_digest(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"patrol": patrol})
 
 
+def _with_lengths(scenario: Scenario) -> Scenario:
+    """The scenario with a number for each length that follows the body and is the same for all robots."""
+    lengths = common_lengths(scenario)
+    return scenario.model_copy(update={"patrol": scenario.patrol.model_copy(update=lengths)}) if lengths else scenario
+
+
 def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:
     """A policy enters by its file's content; what older versions did not have, only where it differs from theirs."""
     digest = patrol.pop("policy_sha256")
@@ -308,7 +316,8 @@ def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:
         patrol["policy"] = [digest, patrol["policy"].rpartition(":")[2]]
     if not patrol["options"]:
         del patrol["options"]
-    for name, older in (("random_move_for", "holonomic"), ("commitment", "none"), ("manoeuvres", False)):
+    added = (("random_move_for", "holonomic"), ("commitment", "none"), ("manoeuvres", False), ("reach", "paper"))
+    for name, older in added:
         if patrol[name] == older:
             del patrol[name]
 

@@ -6,24 +6,27 @@ other modules import.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.journal.records import MAX_TICKS
-from patrol.pose import Pose, wrap
 from patrol.radio.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.radio.units import cm_to_m, m_to_cm, ms_to_s, s_to_ms
 from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
+from patrol.scenario.lengths import check_lengths
 from patrol.scenario.policy_file import PAPER, policy_file
+from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.values.section import Section, wrong
 from patrol.values.types import (
+    AUTO,
     MAX_ROBOTS,
     SEPARATIONS,
+    AutoNotNegative,
+    AutoPositive,
     Builtin,
     Corner,
     Count,
@@ -157,11 +160,16 @@ class PatrolSpec(Section):
     regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: found automatically")
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
     sectors: Sectors = Field(8, description="number of sectors that mode chooses from")
-    dilatation: NotNegative = Field(5.0, description="m, half-width of the window that spreads staleness; 0: none")
+    reach: Literal["paper", "area"] = Field(
+        "paper", description="paper | area, how far g reaches: as printed, or farther where each robot has more ground"
+    )
+    dilatation: AutoNotNegative = Field(
+        AUTO, description="m, half-width of the window that spreads staleness; 0: none; auto: 5 radii"
+    )
     avoidance: Literal["none", "goal-refinement", "fuzzy"] = Field(
         "goal-refinement", description="none | goal-refinement | fuzzy (mode only)"
     )
-    separation: Separation = Field("none", description=SEPARATIONS)
+    separation: Separation = Field("claims", description=SEPARATIONS)
     random_move: Probability = Field(
         0.02, description="probability of a random step, so that patrols stay unpredictable"
     )
@@ -174,16 +182,30 @@ class PatrolSpec(Section):
     give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
     manoeuvres: Flag = Field(True, description="cars on their way to a place search for three-point turns and reverse")
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
-    obstacle_radius: Positive = Field(5.0, description="m, of the artificial obstacle at each other robot")
+    obstacle_radius: AutoPositive = Field(
+        AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
+    )
     critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages")
-    critical_width: Positive = Field(8.0, description="m, passages narrower than this are critical areas")
+    critical_width: AutoPositive = Field(
+        AUTO, description="m, passages narrower than this are critical areas; auto: 8 radii"
+    )
     repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
     repulsion_reach: Positive = Field(10.0, description="m, distance over which the repulsion falls")
-    fuzzy_distance: Positive = Field(5.5, description="m, R_0: nearer obstacles weaken their sector")
-    goal_distance: Positive = Field(5.5, description="m, from the robot to its goal")
-    refine_side: Positive = Field(2.0, description="m, side of the square in which the goal is refined")
-    refine_reach: Positive = Field(10.0, description="m, reach of the obstacle field psi that refines the goal")
-    surround_distance: Positive = Field(8.0, description="m, from an intruder to the robots that surround it")
+    fuzzy_distance: AutoPositive = Field(
+        AUTO, description="m, R_0: nearer obstacles weaken their sector; auto: 5.5 radii"
+    )
+    goal_distance: AutoPositive = Field(
+        AUTO, description="m, from the robot to its goal; auto: 2.5 strides, at least 5.5 radii"
+    )
+    refine_side: AutoPositive = Field(
+        AUTO, description="m, side of the square in which the goal is refined; auto: 2 radii"
+    )
+    refine_reach: AutoPositive = Field(
+        AUTO, description="m, reach of the obstacle field psi that refines the goal; auto: 10 radii"
+    )
+    surround_distance: AutoPositive = Field(
+        AUTO, description="m, from an intruder to the robots around it; auto: 8 radii, at most 0.8 sensor ranges"
+    )
     surround_repulsion: NotNegative = Field(0.3, description="repulsion of a robot nearby, as a share of attraction")
     contact_memory: NotNegative = Field(
         5.0, description="s after the last report of an intruder until patrolling resumes"
@@ -212,13 +234,6 @@ class PatrolSpec(Section):
     def _fuzzy_weakens_sectors(self) -> Self:
         if self.avoidance == "fuzzy" and self.direction != "mode":
             raise wrong("avoidance", "fuzzy weakens sectors, and patrol.direction is vector; set it to mode")
-        return self
-
-    @model_validator(mode="after")
-    def _goal_stays_ahead(self) -> Self:
-        if self.refine_side > 2.0 * self.goal_distance:
-            limit = f"patrol.goal_distance is {self.goal_distance:g} m, so at most {2.0 * self.goal_distance:g}"
-            raise wrong("refine_side", f"the square must not reach behind the robot: {limit}", self.refine_side)
         return self
 
 
@@ -257,31 +272,6 @@ class IntruderSpec(Section):
         return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)
 
 
-@dataclass(frozen=True, slots=True)
-class RobotSpec:
-    """One robot of the roster.
-
-    Attributes:
-        number: 1..N.
-        name: unique.
-        model: of its body.
-        speed: m/s, top speed.
-        radius: m.
-        turning_radius: m.
-        start: None for a random one.
-        spare: whether it is absent until it joins.
-    """
-
-    number: int
-    name: str
-    model: Kind
-    speed: float
-    radius: float
-    turning_radius: float
-    start: Pose | None
-    spare: bool = False
-
-
 class Scenario(Section):
     """Everything that decides how a run goes."""
 
@@ -308,7 +298,7 @@ class Scenario(Section):
     @property
     def roster(self) -> tuple[RobotSpec, ...]:
         """The robots in the order of their numbers, 1..N."""
-        return tuple(_roster(self.robots))
+        return tuple(roster_of(self.robots))
 
     @property
     def spares(self) -> frozenset[int]:
@@ -347,9 +337,10 @@ class Scenario(Section):
                 limit = f"shorter than one step of {self.step:g} s, so it would end between two messages; give more"
                 raise wrong(field, limit, value)
         for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
-            if (value := _at(self, field)) < self.point:
+            if (value := _at(self, field)) != AUTO and value < self.point:
                 raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
         self._check_roster()
+        check_lengths(self)
         names = [spec.name for spec in self.roster]
         check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
         if self.nemesis is not None:
@@ -378,32 +369,11 @@ class Scenario(Section):
                 raise wrong(f"{field}.speed", limit, spec.speed)
 
 
-def _roster(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
-    if isinstance(robots, RobotGroup):
-        given = () if robots.starts == "random" else robots.starts
-        poses = [*map(_pose, given), *[None] * (robots.whole - len(given))]
-        return [_spec(number, None, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
-    return [
-        _spec(number, entry.name, entry, None if entry.start == "random" else _pose(entry.start), bool(entry.spare))
-        for number, entry in enumerate(robots, start=1)
-    ]
-
-
-def _spec(number: int, name: str | None, body: Body, start: Pose | None, spare: bool) -> RobotSpec:
-    name = name or f"r{number}"
-    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start, spare)
-
-
-def _pose(place: tuple[float, ...]) -> Pose:
-    x, y, heading = (*place, 0.0)[:3]
-    return Pose(x, y, wrap(heading))
-
-
-def _at(model: BaseModel, field: str) -> float:
+def _at(model: BaseModel, field: str) -> Any:
     value: Any = model
     for part in field.split("."):
         value = getattr(value, part)
-    return float(value)
+    return value
 
 
 def _absolute(value: str | None, info: ValidationInfo) -> str | None:

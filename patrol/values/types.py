@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import (
     AfterValidator,
@@ -82,6 +82,10 @@ Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST), _bare("a num
 Positive = Annotated[float, Strict(), Field(gt=0, le=LARGEST), _bare("a number above 0 and at most 1e9")]
 NotNegative = Annotated[float, Strict(), Field(ge=0, le=LARGEST), _bare("a number from 0 to 1e9")]
 Exponent = Annotated[float, Strict(), Field(gt=0, le=600), _bare("a number above 0 and at most 600")]
+AUTO: Final = "auto"
+Auto = Literal["auto"]
+AutoPositive = Annotated[Auto | Positive, _bare("auto, or a number above 0 and at most 1e9")]
+AutoNotNegative = Annotated[Auto | NotNegative, _bare("auto, or a number from 0 to 1e9")]
 Probability = Annotated[float, Strict(), Field(ge=0, le=1), _bare("a number from 0 to 1")]
 Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare("a number above 0 and at most 1")]
 Burst = Annotated[float, Strict(), Field(ge=1, le=LARGEST), _bare("a number from 1 to 1e9")]

@@ -37,7 +37,7 @@ def test_three_robots_on_the_open_field_patrol_like_the_papers(sensor_range: flo
                 "seed": seed,
                 "robots": {"count": 3, "model": "holonomic"},
                 "sensor": {"range": sensor_range},
-                "patrol": {"dilatation": 0.0},
+                "patrol": {"dilatation": 0.0, "separation": "none"},
             }
         )
         outcome = run_in_process(scenario)
@@ -49,7 +49,7 @@ def test_three_robots_on_the_open_field_patrol_like_the_papers(sensor_range: flo
 @pytest.mark.skipif(not CUMBERLAND.exists(), reason="the real floor plan lies outside this project")
 def test_a_real_floor_plan_is_patrolled_for_an_hour_by_processes(tmp_path: Path) -> None:
     robots = ["--robots", "4", "--model", "holonomic", "--radius", "0.3", "--speed", "1"]
-    words = [*robots, "--duration", "3600", "--set", "patrol.dilatation=2"]
+    words = [*robots, "--duration", "3600"]
     out = tmp_path / "run"
     command = [sys.executable, "-P", "-m", "fogwatch", "run", str(CUMBERLAND), *words, "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -77,10 +77,13 @@ def test_the_default_algorithm_is_the_same_both_ways(terrain: str, model: str, t
     assert len({trace for _, trace in hashes}) == 2
 
 
-@pytest.mark.parametrize(("terrain", "limit_ms"), [("yards", 25.0), ("site", 60.0)])
-def test_a_decision_at_ten_centimetres_is_quick(terrain: str, limit_ms: float) -> None:
+@pytest.mark.parametrize(
+    ("terrain", "separation", "limit_ms"),
+    [("yards", "none", 25.0), ("site", "none", 60.0), ("yards", "claims", 45.0), ("site", "claims", 60.0)],
+)
+def test_a_decision_at_ten_centimetres_is_quick(terrain: str, separation: str, limit_ms: float) -> None:
     """CPU time of one thread, so that a busy machine is no failure."""
-    prepared = prepare(load_scenario({"terrain": {"builtin": terrain}}))
+    prepared = prepare(load_scenario({"terrain": {"builtin": terrain}, "patrol": {"separation": separation}}))
     minds = make_minds(prepared)
     world = World(prepared)
     spent = []

@@ -22,7 +22,33 @@ from llvmlite.binding import get_host_cpu_name  # type: ignore[import-untyped]
 
 TERRAINS = ("open", "yards", "clutter", "site")
 BODIES = ("holonomic", "car")
-BASE: Mapping[str, Any] = {"point": 1.0, "duration": 200, "robots.count": 4, "patrol.random_move_for": "holonomic"}
+LENGTHS: Mapping[str, float] = {
+    "patrol.dilatation": 5,
+    "patrol.obstacle_radius": 5,
+    "patrol.critical_width": 8,
+    "patrol.fuzzy_distance": 5.5,
+    "patrol.goal_distance": 5.5,
+    "patrol.refine_side": 2,
+    "patrol.refine_reach": 10,
+    "patrol.surround_distance": 8,
+}
+"""The paper's, whatever the body."""
+BASE: Mapping[str, Any] = {
+    "point": 1.0,
+    "duration": 200,
+    "robots.count": 4,
+    "patrol.random_move_for": "holonomic",
+    "patrol.separation": "none",
+    **LENGTHS,
+}
+AUTO: Mapping[str, Any] = {
+    **dict.fromkeys(LENGTHS, "auto"),
+    "point": 0.5,
+    "robots.radius": 0.3,
+    "robots.speed": 1,
+    "robots.turning_radius": 1,
+}
+"""Lengths that follow a small body."""
 
 FAULTS: tuple[Mapping[str, Any], ...] = (
     {"kind": "loss", "at": 5, "for": 40, "rate": 0.4, "mean_burst": 4},
@@ -75,6 +101,8 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "silent-peers": {"radio.forget_after": 3, "faults": FAULTS[3:4]},
     "spare": {"robots.spare": 1, "faults": [{"kind": "join", "at": 20, "who": "r5"}]},
     "small": {"robots.radius": 0.4, "robots.speed": 1.5, "patrol.dilatation": 2},
+    "auto": AUTO,
+    "auto-claims-area": {**AUTO, "patrol.separation": "claims", "patrol.reach": "area"},
     "surround": {"intruders": "somewhere"},
     "surround-faults": {"intruders": "somewhere", "faults": FAULTS[:5]},
 }

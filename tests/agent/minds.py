@@ -12,7 +12,7 @@ from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.prepare import Prepared
-from patrol.scenario import Scenario
+from patrol.scenario import Scenario, lengths_of
 
 STEP = 0.5
 
@@ -31,12 +31,15 @@ def at(k: int, pose: Pose, bumped: bool = False, contacts: tuple[tuple[float, fl
 def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
     """What the policy of one robot is made from."""
     scenario, fields = prepared.scenario, prepared.fields[number]
+    spec = scenario.roster[number - 1]
     return PolicySetup(
-        spec=scenario.roster[number - 1],
+        spec=spec,
         radii={spec.number: spec.radius for spec in scenario.roster},
         step=scenario.step,
         sensor=scenario.sensor,
         patrol=scenario.patrol,
+        lengths=lengths_of(scenario, spec),
+        team=len(scenario.roster) - len(scenario.spares),
         options=policy_of(scenario).options,
         terrain=prepared.terrain,
         fields=fields,

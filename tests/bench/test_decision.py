@@ -29,7 +29,7 @@ class Patrol:
     """A fleet of five in one process, stopped in each tick before robot 1 decides."""
 
     def __init__(self, terrain: str) -> None:
-        prepared = prepare(load_scenario({"terrain": {"builtin": terrain}}))
+        prepared = prepare(load_scenario({"terrain": {"builtin": terrain}, "patrol": {"separation": "none"}}))
         self.mind = make_minds(prepared)[1]
         self._fleet = InProcessFleet({**make_minds(prepared), 1: self.mind})
         self._world = World(prepared)

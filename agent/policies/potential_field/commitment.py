@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
 
 from agent.policies.potential_field.force import PAPER_POINT, log_distance_force, log_fow_force
 from agent.policies.potential_field.kernels.hardest import hardest, own_reach
@@ -235,7 +234,7 @@ class Commitment:
         seen = self._sight.visible(Pose(*terrain.centre(*point), 0.0))
         rows, cols = np.nonzero(seen.mask)
         if self._slack:
-            inner = np.nonzero(minimum_filter(seen.mask, 2 * self._slack + 1, mode="constant"))
+            inner = np.nonzero(_eroded(seen.mask, self._slack))
             if inner[0].size:
                 rows, cols = inner
         rows, cols = rows + seen.row0 - paths.row0, cols + seen.col0 - paths.col0
@@ -251,6 +250,16 @@ class Commitment:
     @staticmethod
     def _age(view: View, point: tuple[int, int]) -> int:
         return view.tick - max(int(view.fog.last_seen[point]), 0)
+
+
+def _eroded(mask: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
+    """The points of a mask whose neighbours, up to ``by`` rows and columns away, all belong to it."""
+    inner = np.pad(mask, by)
+    for axis in (0, 1):
+        size = inner.shape[axis] - 2 * by
+        shifts = [inner.take(range(shift, shift + size), axis=axis) for shift in range(2 * by + 1)]
+        inner = np.minimum.reduce(shifts)
+    return inner
 
 
 def _reach(setup: PolicySetup) -> float:

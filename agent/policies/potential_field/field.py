@@ -21,7 +21,8 @@ from agent.routes.region_paths import Regions
 from agent.routes.straight import Straight
 from agent.routes.wave import Wave
 from patrol.ground.fields import StaticFields
-from patrol.scenario import PatrolSpec
+from patrol.scenario import BodyLengths, PatrolSpec
+from patrol.scenario.lengths import PAPER_LENGTHS
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
@@ -71,6 +72,9 @@ class Field:
         point: float,
         scratch: dict[str, PathWindow],
         regions: RegionSplit | None = None,
+        *,
+        lengths: BodyLengths = PAPER_LENGTHS,
+        team: int = 1,
     ) -> None:
         """Tabulate the law and allocate the window of the paths.
 
@@ -81,14 +85,16 @@ class Field:
             point: Side of the terrain's points, m.
             scratch: Windows shared by minds of one process that never think at the same time.
             regions: The terrain's regions, for paths through regions; otherwise unused.
+            lengths: The lengths of the robot's patrol, m.
+            team: Number of robots that patrol the ground.
         """
         height, width = fields.reach.shape
         sources = int(np.count_nonzero(fields.patrolled))
-        self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width))
+        self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width), team=team)
         span = min(max(height, width), -(-self.law.limit // 100))
         self.paths = window_of(patrol.paths, (height, width, span), scratch, fields.patrolled, regions)
         self._point = point
-        self._nearby = min(self.law.limit, round(100.0 * patrol.goal_distance / point))
+        self._nearby = min(self.law.limit, round(100.0 * lengths.goal_distance / point))
         self._posts = posts
         self._share = share_table(patrol.claim_width, point) if "claims" in patrol.separations else UNCLAIMED
         self._as_vector = patrol.direction == "vector"

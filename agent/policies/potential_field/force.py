@@ -16,7 +16,26 @@ from patrol.scenario import PatrolSpec
 PAPER_POINT = 0.1
 """Side in m of the paper's points; alpha, beta and l refer to it."""
 
+PAPER_AREA = 100.0 * 88.0 / 5.0
+"""Patrolled ground per robot, m2, to which `patrol.reach: area` refers: the terrain `open` with five robots."""
+
 FloatArray = NDArray[np.float64]
+
+
+def reach_scale(reach: str, area: float) -> float:
+    """By how much the law of attraction reaches farther than the paper's.
+
+    The paper's beta makes g4 fall to 1/e within 6.3 m, which suits its ground. Where each robot has more ground, all
+    that is stale may lie too far away to differ in its pull. So `area` stretches all lengths by the root of the ratio.
+
+    Args:
+        reach: ``paper`` or ``area`` (`patrol.reach`).
+        area: Patrolled ground per robot, m2.
+
+    Returns:
+        1 for ``paper`` and on ground no larger than the reference, `PAPER_AREA`; more on larger ground.
+    """
+    return max(1.0, math.sqrt(area / PAPER_AREA)) if reach == "area" else 1.0
 
 
 def fow_force(name: str, fow: FloatArray, alpha: float) -> FloatArray:
@@ -119,7 +138,7 @@ class ForceLaw:
             exerts no force.
     """
 
-    def __init__(self, patrol: PatrolSpec, point: float, points: int, longest: int) -> None:
+    def __init__(self, patrol: PatrolSpec, point: float, points: int, longest: int, team: int = 1) -> None:
         """Tabulate g.
 
         Args:
@@ -127,10 +146,11 @@ class ForceLaw:
             point: Side of the terrain's points, m.
             points: N.
             longest: Upper bound of the path length in any case, in hundredths of a point.
+            team: Number of robots that share the points; it counts with `patrol.reach: area` only.
         """
         self._patrol = patrol
         self._points = points
-        unit = point / PAPER_POINT / 100.0
+        unit = point / PAPER_POINT / 100.0 / reach_scale(patrol.reach, points * point * point / team)
         lengths = np.arange(1, longest + 1, dtype=np.float64) * unit
         decay = distance_force(patrol.distance, lengths, patrol.beta, patrol.length)
         self.decay = np.concatenate([[0.0], decay])

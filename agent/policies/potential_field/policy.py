@@ -31,16 +31,27 @@ class PotentialField:
 
     def __init__(self, setup: PolicySetup) -> None:
         """Tabulate the law of attraction and find the critical areas."""
-        patrol, terrain = setup.patrol, setup.terrain
+        patrol, lengths, terrain = setup.patrol, setup.lengths, setup.terrain
         self._patrol = patrol
+        self._lengths = lengths
         self._point = terrain.point
         self._separations = frozenset(patrol.separations)
-        found = critical_areas(patrol, terrain, setup.fields.reach) if "semaphores" in self._separations else []
+        semaphores, reach = "semaphores" in self._separations, setup.fields.reach
+        found = critical_areas(patrol, terrain, reach, lengths.critical_width) if semaphores else []
         self._areas = [Area(area) for area in found]
         self._numbered = numbered(found, terrain.shape) if found else None
         fuzzy = patrol.avoidance == "fuzzy"
-        self._fuzzy = FuzzySectors(terrain, patrol.sectors, patrol.fuzzy_distance) if fuzzy else None
-        self._field = Field(patrol, setup.fields, setup.posts, terrain.point, setup.scratch, setup.regions)
+        self._fuzzy = FuzzySectors(terrain, patrol.sectors, lengths.fuzzy_distance) if fuzzy else None
+        self._field = Field(
+            patrol,
+            setup.fields,
+            setup.posts,
+            terrain.point,
+            setup.scratch,
+            setup.regions,
+            lengths=lengths,
+            team=setup.team,
+        )
         self._wanders = patrol.random_move_for == "all" or setup.spec.model == "holonomic"
         self._commitment: Commitment | None = None
         if patrol.commitment == "target":
@@ -90,7 +101,7 @@ class PotentialField:
         """Close artificial obstacles and occupied critical areas for this tick."""
         discs: list[Disc] = []
         if "artificial-obstacles" in self._separations:
-            discs = artificial_obstacles(view.pose, view.peers, self._patrol.obstacle_radius, self._point)
+            discs = artificial_obstacles(view.pose, view.peers, self._lengths.obstacle_radius, self._point)
         areas = []
         if self._numbered is not None:
             taken = occupied_areas(self._numbered, view.ground.terrain, view.pose, view.peers)

@@ -41,19 +41,20 @@ def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, p
     return discs
 
 
-def critical_areas(patrol: PatrolSpec, terrain: Terrain, reach: BoolGrid) -> list[BoolGrid]:
+def critical_areas(patrol: PatrolSpec, terrain: Terrain, reach: BoolGrid, width: float) -> list[BoolGrid]:
     """The semaphores' areas: the scenario's polygons, or the narrow passages where it gives none (paper, "Semaphores").
 
     Args:
         patrol: The scenario's section `patrol`.
         terrain: The map.
         reach: bool (h, w), the points on which the robot's centre may be.
+        width: Passages narrower than this count as narrow, m.
 
     Returns:
         bool (h, w) for each area.
     """
     if patrol.critical_areas is None:
-        return narrow_passages(terrain, reach, patrol.critical_width)
+        return narrow_passages(terrain, reach, width)
     return [cover(polygon, terrain.shape, terrain.point, terrain.origin) for polygon in patrol.critical_areas]
 
 

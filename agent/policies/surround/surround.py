@@ -33,13 +33,11 @@ from agent.routes.routes import LONGEST, Routes, Way
 from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
 from patrol.radio.peers import Peer
+from patrol.scenario.lengths import STANDING_GAP
 
 if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.view import View
-
-SPARE = 1.0
-"""Gap between two bodies that stand around an intruder, m."""
 
 
 class Surround:
@@ -54,9 +52,9 @@ class Surround:
         """
         self._otherwise = otherwise
         self._number = setup.spec.number
-        self._radius = setup.patrol.surround_distance
+        self._radius = setup.lengths.surround_distance
         self._repulsion = setup.patrol.surround_repulsion
-        self._spacing = 2.0 * max(setup.radii.values()) + SPARE
+        self._spacing = 2.0 * max(setup.radii.values()) + STANDING_GAP
         self._reach = setup.fields.reach
         self._terrain = setup.terrain
         outer = min(FARTHEST * self._radius, setup.sensor.range)

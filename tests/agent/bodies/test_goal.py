@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from agent.bodies.goal import GoalFinder
 from agent.bodies.refine import psi_field
 from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
-from patrol.scenario import PatrolSpec
+from patrol.scenario import BodyLengths
 
 
 @settings(max_examples=30)
@@ -43,11 +44,11 @@ def test_psi_is_exactly_zero_out_of_reach_of_obstacles() -> None:
     assert (psi[25:55, 25:65] == 0.0).all()
 
 
-def finder(passable: np.ndarray, **settings_: object) -> GoalFinder:
+def finder(passable: np.ndarray, refined: bool = True, **lengths_: float) -> GoalFinder:
     terrain = Terrain("t", passable, 0.5)
-    patrol = PatrolSpec.model_validate(settings_)
-    psi = psi_field(terrain, patrol.refine_reach)
-    return GoalFinder(patrol, Ground(terrain, passable), psi if patrol.avoidance == "goal-refinement" else None)
+    lengths = replace(BodyLengths(), **lengths_)
+    psi = psi_field(terrain, lengths.refine_reach)
+    return GoalFinder(lengths, Ground(terrain, passable), psi if refined else None)
 
 
 def test_on_open_ground_the_goal_lies_straight_ahead() -> None:
@@ -58,7 +59,7 @@ def test_on_open_ground_the_goal_lies_straight_ahead() -> None:
 def test_the_goal_is_the_last_free_point_of_the_ray() -> None:
     passable = np.ones((61, 61), dtype=np.bool_)
     passable[:, 35] = False
-    goal = finder(passable, avoidance="none").along(0.0, 31, 31)
+    goal = finder(passable, refined=False).along(0.0, 31, 31)
     assert goal.goal == goal.refined == (34.5 * 0.5, 30.5 * 0.5)
 
 

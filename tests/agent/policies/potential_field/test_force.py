@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from agent.belief.posts import Posts
 from agent.policies.potential_field.direction import bearings_by_force, bearings_by_vector, sector_table
 from agent.policies.potential_field.field import Field, Pull
-from agent.policies.potential_field.force import ForceLaw, distance_force, fow_force
+from agent.policies.potential_field.force import PAPER_AREA, ForceLaw, distance_force, fow_force, reach_scale
 from agent.routes.ground import Ground
 from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
-from patrol.scenario import PatrolSpec
+from patrol.prepare import prepare
+from patrol.scenario import PatrolSpec, load_scenario
+from tests.agent.minds import setup_of
 
 Bools = NDArray[np.bool_]
 
@@ -65,6 +67,35 @@ def test_the_horizon_of_the_papers_function_is_about_sixty_metres() -> None:
 
 def test_functions_without_a_horizon_follow_every_path() -> None:
     assert ForceLaw(PatrolSpec(distance="g1"), 0.1, 10_000, 400_000).limit == 400_000
+
+
+@pytest.mark.parametrize("distance", ["g1", "g2", "g3", "g4", "g5"])
+def test_with_reach_area_the_law_is_the_papers_at_lengths_divided_by_the_scale(distance: str) -> None:
+    """Four times the reference's ground per robot: twice the reach."""
+    points = round(4 * PAPER_AREA / 0.25)
+    paper = ForceLaw(PatrolSpec(distance=distance), 0.5, points, 100_000, team=1)
+    scaled = ForceLaw(PatrolSpec(distance=distance, reach="area"), 0.5, points, 100_000, team=1)
+    for metres in (1, 5, 20, 30):
+        assert scaled.decay[metres * 400] == pytest.approx(paper.decay[metres * 200], rel=1e-9)
+    shared = ForceLaw(PatrolSpec(distance=distance, reach="area"), 0.5, points, 100_000, team=4)
+    assert np.array_equal(shared.decay, paper.decay)
+
+
+def test_the_reach_is_the_papers_on_its_own_ground_and_never_shorter() -> None:
+    prepared = prepare(load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": 5}}))
+    area = np.count_nonzero(prepared.fields[1].patrolled) * 0.25 / 5
+    assert area == pytest.approx(PAPER_AREA)
+    assert reach_scale("area", area) == pytest.approx(1.0)
+    assert reach_scale("area", area / 100) == 1.0
+    assert reach_scale("area", 9 * PAPER_AREA) == pytest.approx(3.0)
+    assert reach_scale("paper", 9 * PAPER_AREA) == 1.0
+
+
+def test_spare_robots_share_no_ground() -> None:
+    """The area per robot counts those that patrol from the start."""
+    robots = {"count": 1, "spare": 3, "model": "holonomic"}
+    given = {"terrain": {"builtin": "open"}, "point": 1.0, "robots": robots, "patrol": {"reach": "area"}}
+    assert setup_of(prepare(load_scenario(given))).team == 1
 
 
 def room(seed: int, height: int, width: int, density: float) -> tuple[Terrain, StaticFields, Ground, tuple[int, int]]:

@@ -130,7 +130,7 @@ def test_narrow_passages_join_wider_ground_and_niches_do_not() -> None:
 
 def test_a_semaphore_closes_an_area_that_another_robot_is_in() -> None:
     terrain = corridor()
-    areas = critical_areas(PatrolSpec(critical_width=6.0), terrain, terrain.free)
+    areas = critical_areas(PatrolSpec(), terrain, terrain.free, 6.0)
     grid = numbered(areas, terrain.shape)
     outside, inside = Pose(10.0, 15.0, 0.0), Pose(30.0, 15.0, 0.0)
     assert occupied_areas(grid, terrain, outside, peers((30.0, 15.0))) == [1]
@@ -148,7 +148,7 @@ def test_a_semaphore_closes_an_area_that_another_robot_is_in() -> None:
 def test_critical_areas_may_be_given_as_polygons() -> None:
     terrain = corridor()
     patrol = PatrolSpec.model_validate({"critical_areas": [[[25, 13], [30, 13], [30, 17], [25, 17]]]})
-    (area,) = critical_areas(patrol, terrain, terrain.free)
+    (area,) = critical_areas(patrol, terrain, terrain.free, 8.0)
     assert area[30, 55]
     assert not area[30, 70]
 

@@ -1,0 +1,63 @@
+"""The roster: one `RobotSpec` for each robot that a scenario names, whether it lists them or gives a group."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from patrol.pose import Pose, wrap
+from patrol.values.types import Kind
+
+if TYPE_CHECKING:
+    from patrol.scenario.model import Body, RobotEntry, RobotGroup
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """One robot of the roster.
+
+    Attributes:
+        number: 1..N.
+        name: Unique.
+        model: Of its body.
+        speed: m/s, top speed.
+        radius: m.
+        turning_radius: m.
+        start: None for a random one.
+        spare: Whether it is absent until it joins.
+    """
+
+    number: int
+    name: str
+    model: Kind
+    speed: float
+    radius: float
+    turning_radius: float
+    start: Pose | None
+    spare: bool = False
+
+
+def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
+    """The robots of a scenario in the order of their numbers, 1..N.
+
+    Args:
+        robots: The scenario's section `robots`.
+    """
+    if not isinstance(robots, tuple):
+        given = () if robots.starts == "random" else robots.starts
+        poses = [*map(_pose, given), *[None] * (robots.whole - len(given))]
+        return [_spec(number, None, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
+    return [
+        _spec(number, entry.name, entry, None if entry.start == "random" else _pose(entry.start), bool(entry.spare))
+        for number, entry in enumerate(robots, start=1)
+    ]
+
+
+def _spec(number: int, name: str | None, body: Body, start: Pose | None, spare: bool) -> RobotSpec:
+    name = name or f"r{number}"
+    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start, spare)
+
+
+def _pose(place: tuple[float, ...]) -> Pose:
+    x, y, heading = (*place, 0.0)[:3]
+    return Pose(x, y, wrap(heading))

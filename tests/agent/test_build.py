@@ -1,0 +1,69 @@
+"""Where a mind is put together: each robot of a mixed team gets the lengths of its own body."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.bodies.goal import GoalFinder
+from agent.bodies.refine import psi_field
+from agent.build import Shared, build_mind, load_psi, psi_of, save_psi, shared_by
+from patrol.exchange import Sensed
+from patrol.prepare import Prepared, prepare, sensor_footprint
+from patrol.scenario import load_scenario
+
+SMALL = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
+MIXED: dict[str, Any] = {
+    "terrain": {"builtin": "yards"},
+    "point": 0.5,
+    "robots": [{"model": "holonomic"}, SMALL, {**SMALL, "speed": 1.1}],
+}
+
+
+@pytest.fixture(scope="module")
+def mixed() -> Prepared:
+    return prepare(load_scenario(MIXED))
+
+
+def test_a_team_has_one_psi_for_each_reach(mixed: Prepared) -> None:
+    found = psi_of(mixed.scenario, mixed.terrain)
+    assert list(found) == [3.0, 10.0]
+    for reach, psi in found.items():
+        assert np.array_equal(psi, psi_field(mixed.terrain, reach))
+
+
+def test_what_is_saved_is_what_is_loaded(mixed: Prepared, tmp_path: Path) -> None:
+    save_psi(mixed, tmp_path)
+    found = psi_of(mixed.scenario, mixed.terrain)
+    loaded = load_psi(mixed.scenario, tmp_path)
+    assert list(loaded) == list(found)
+    assert all(np.array_equal(loaded[reach], found[reach]) for reach in found)
+
+
+def test_without_refinement_there_is_no_psi(tmp_path: Path) -> None:
+    prepared = prepare(load_scenario(MIXED, {"patrol.avoidance": "none"}))
+    save_psi(prepared, tmp_path)
+    assert not list(tmp_path.iterdir())
+    assert load_psi(prepared.scenario, tmp_path) == {}
+
+
+@pytest.mark.parametrize(("number", "goal_m"), [(1, 5.5), (2, 1.65), (3, 1.65)])
+def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number: int, goal_m: float) -> None:
+    shared = shared_by(mixed)
+    body = build_mind(mixed, number, shared=shared).body
+    goals = body.goals  # type: ignore[attr-defined]
+    assert isinstance(goals, GoalFinder)
+    assert goals._distance == pytest.approx(goal_m / 0.5)
+    assert goals._psi is shared.psi[10.0 if number == 1 else 3.0]
+
+
+def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_path: Path) -> None:
+    save_psi(mixed, tmp_path)
+    saved = Shared(sensor_footprint(mixed.scenario, mixed.terrain), load_psi(mixed.scenario, tmp_path))
+    for number in (1, 2, 3):
+        sensed = Sensed(0, mixed.starts[number - 1], False, (), 0.0)
+        decisions = [build_mind(mixed, number, shared=shared).step(sensed, []) for shared in (None, saved)]
+        assert decisions[0] == decisions[1]

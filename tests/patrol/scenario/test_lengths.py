@@ -1,0 +1,225 @@
+"""The lengths that follow a robot's body: what `auto` comes to, where it is resolved, and what stays explicit."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from patrol.errors import BadInput
+from patrol.prepare import prepare
+from patrol.scenario import (
+    PatrolSpec,
+    as_mapping,
+    dump_scenario,
+    lengths_by_robot,
+    lengths_of,
+    load_scenario,
+    parse_overrides,
+    scenario_hash,
+    with_spares,
+)
+from patrol.scenario.controls import amended, read_control
+from patrol.scenario.lengths import FIELDS, PAPER_LENGTHS, BodyLengths
+
+OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}}
+SMALL = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
+MIXED: dict[str, Any] = {
+    **OPEN,
+    "robots": [{"radius": 1.2}, {**SMALL, "name": "scout-1"}, {**SMALL, "name": "scout-2"}],
+}
+
+
+def lengths_for(robots: dict[str, Any], **more: Any) -> BodyLengths:
+    scenario = load_scenario({**OPEN, "robots": robots, **more})
+    return lengths_of(scenario, scenario.roster[0])
+
+
+@pytest.mark.parametrize("robots", [{}, {"count": 1}, {"count": 16}, {"model": "holonomic", "count": 3, "spare": 2}])
+def test_the_papers_body_gets_the_papers_numbers_exactly(robots: dict[str, Any]) -> None:
+    assert lengths_for(robots) == PAPER_LENGTHS
+    assert asdict(PAPER_LENGTHS) == {
+        "goal_distance": 5.5,
+        "refine_side": 2.0,
+        "refine_reach": 10.0,
+        "dilatation": 5.0,
+        "obstacle_radius": 5.0,
+        "fuzzy_distance": 5.5,
+        "surround_distance": 8.0,
+        "critical_width": 8.0,
+    }
+
+
+def test_a_small_slow_body_gets_small_lengths() -> None:
+    assert lengths_for(SMALL) == BodyLengths(
+        goal_distance=1.65,
+        refine_side=0.6,
+        refine_reach=3.0,
+        dilatation=1.5,
+        obstacle_radius=1.5,
+        fuzzy_distance=1.65,
+        surround_distance=2.4,
+        critical_width=2.4,
+    )
+
+
+def test_the_goal_lies_two_and_a_half_strides_ahead_of_a_fast_body() -> None:
+    assert lengths_for({"radius": 0.3, "speed": 3.0}).goal_distance == 3.75
+    assert lengths_for({"radius": 0.3, "speed": 3.0}, step=1.0).goal_distance == 7.5
+
+
+def test_the_ring_around_an_intruder_holds_the_team_and_lies_in_view() -> None:
+    assert lengths_for({**SMALL, "count": 12}).surround_distance == pytest.approx(12 * 1.6 / 6.2832, abs=1e-3)
+    assert lengths_for({**SMALL, "count": 60}).surround_distance == 8.0
+    assert lengths_for({}, sensor={"range": 5}).surround_distance == 4.0
+
+
+def test_no_length_is_shorter_than_a_point() -> None:
+    tiny = lengths_for({"radius": 0.02, "speed": 0.1}, point=0.5)
+    assert (tiny.goal_distance, tiny.refine_reach) == (0.5, 0.5)
+
+
+def test_every_field_that_may_be_auto_is_so_by_default() -> None:
+    assert {name for name, field in PatrolSpec.model_fields.items() if field.default == "auto"} == set(FIELDS)
+
+
+# --- where it is resolved --------------------------------------------------------------------------------------------
+
+
+def test_the_loaded_scenario_holds_the_numbers() -> None:
+    scenario = load_scenario({**OPEN, "robots": SMALL})
+    assert {name: getattr(scenario.patrol, name) for name in FIELDS} == asdict(lengths_for(SMALL))
+
+
+def test_stating_a_number_means_the_same_as_leaving_it_to_auto(tmp_path: Path) -> None:
+    scenario = load_scenario({**OPEN, "robots": SMALL})
+    stated = load_scenario({**OPEN, "robots": SMALL, "patrol": asdict(lengths_for(SMALL))})
+    assert stated == scenario
+    assert scenario_hash(stated) == scenario_hash(scenario)
+    file = tmp_path / "open.yaml"
+    file.write_text(dump_scenario(scenario), encoding="utf-8")
+    assert load_scenario(file) == scenario
+
+
+def test_a_number_stays_whatever_the_body() -> None:
+    found = lengths_for(SMALL, patrol={"dilatation": 0, "goal_distance": 4})
+    assert (found.dilatation, found.goal_distance, found.refine_side) == (0.0, 4.0, 0.6)
+
+
+def test_auto_can_be_asked_for() -> None:
+    given_ = {**OPEN, "robots": SMALL, "patrol": {"dilatation": 2}}
+    assert load_scenario(given_, parse_overrides(["patrol.dilatation=auto"])).patrol.dilatation == 1.5
+    assert load_scenario(given_, {"robots.radius": 0.4, "patrol.dilatation": "auto"}).patrol.dilatation == 2.0
+
+
+def test_overrides_of_the_body_come_before_its_lengths() -> None:
+    assert load_scenario(OPEN, {"robots.radius": 0.3, "robots.speed": 1}).patrol.goal_distance == 1.65
+
+
+def test_spare_robots_change_no_length_of_a_loaded_scenario() -> None:
+    scenario = load_scenario({**OPEN, "robots": SMALL})
+    assert with_spares(scenario, 40).patrol == scenario.patrol
+
+
+def test_a_control_keeps_the_lengths() -> None:
+    for given_ in ({**OPEN, "robots": SMALL}, MIXED):
+        scenario = load_scenario(given_)
+        more, _ = amended(scenario, 3, read_control({"do": "intruder", "place": [45.0, 40.0]}))
+        assert more.patrol == scenario.patrol
+
+
+# --- teams of different bodies ---------------------------------------------------------------------------------------
+
+
+def test_each_robot_of_a_mixed_team_has_its_own_lengths() -> None:
+    scenario = load_scenario(MIXED)
+    assert scenario.patrol.goal_distance == "auto"
+    assert {number: found.goal_distance for number, found in lengths_by_robot(scenario).items()} == {
+        1: 6.6,
+        2: 1.65,
+        3: 1.65,
+    }
+    assert load_scenario(as_mapping(scenario)) == scenario
+
+
+def test_all_of_a_mixed_team_agree_on_the_ring() -> None:
+    """Each computes everybody's place on it."""
+    assert load_scenario(MIXED).patrol.surround_distance == 8.0
+    assert load_scenario(MIXED, {"sensor.range": 20}).patrol.surround_distance == 9.6
+
+
+def test_robots_that_differ_in_other_ways_share_the_numbers() -> None:
+    robots = [{"model": "car", "turning_radius": 2.0}, {"model": "holonomic"}]
+    assert load_scenario({**OPEN, "robots": robots}).patrol == load_scenario(OPEN).patrol
+
+
+def test_the_file_of_a_mixed_team_says_what_each_robot_has(tmp_path: Path) -> None:
+    scenario = load_scenario(MIXED)
+    text = dump_scenario(scenario)
+    (line,) = [line for line in text.splitlines() if line.startswith("  goal_distance: auto ")]
+    assert line.endswith("; here 6.6 for r1, 1.65 for scout-1 and scout-2")
+    file = tmp_path / "mixed.yaml"
+    file.write_text(text, encoding="utf-8")
+    assert load_scenario(file).patrol == scenario.patrol
+
+
+def test_a_note_names_a_few_robots_of_many() -> None:
+    many = load_scenario({**OPEN, "robots": [{"radius": 2.0}, *[{} for _ in range(20)]]})
+    assert "here 10 for r1, 5 for r2, r3, r4, r5, r6, r7, r8, r9 and 12 more" in dump_scenario(many)
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("robots", "patrol", "expected"),
+    [
+        ({}, {"refine_side": 12}, "patrol.refine_side = 12: the square must not reach behind the robot: patrol.goal_"),
+        ({}, {"refine_side": 12}, "patrol.goal_distance is 5.5 m (auto), so at most 11"),
+        ({}, {"refine_side": 3, "goal_distance": 1}, "patrol.refine_side = 3: the square must not reach behind the ro"),
+        ({}, {"refine_side": 3, "goal_distance": 1}, "patrol.goal_distance is 1 m, so at most 2"),
+        (MIXED["robots"], {"refine_side": 4}, "patrol.goal_distance is 1.65 m (auto, for scout-1), so at most 3.3"),
+        ({}, {"goal_distance": 0.01}, "patrol.goal_distance = 0.01: shorter than one point of 0.1 m"),
+        ({}, {"goal_distance": 0}, "patrol.goal_distance = 0: expected auto, or a number above 0 and at most 1e9 (m, "),
+        ({}, {"dilatation": "Auto"}, 'patrol.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, half-'),
+        ({}, {"reach": "far"}, 'patrol.reach = "far": expected paper or area'),
+    ],
+)
+def test_a_wrong_length_is_named(robots: Any, patrol: dict[str, Any], expected: str) -> None:
+    with pytest.raises(BadInput) as refused:
+        load_scenario({**OPEN, "robots": robots, "patrol": patrol})
+    assert expected in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_short_goal_distance_cuts_an_automatic_square() -> None:
+    assert lengths_for({}, patrol={"goal_distance": 0.7}).refine_side == 1.4
+
+
+@given(
+    radius=st.floats(1e-9, 1e9),
+    speed=st.floats(1e-9, 1e9),
+    point=st.floats(1e-3, 1e3),
+    goal=st.just("auto") | st.floats(1e3, 1e9),
+)
+def test_whatever_the_body_its_lengths_can_be_stated(radius: float, speed: float, point: float, goal: Any) -> None:
+    given_ = {**OPEN, "point": point, "sensor": {"range": 1e3}, "robots": {"radius": radius, "speed": speed}}
+    scenario = load_scenario({**given_, "patrol": {"goal_distance": goal}})
+    assert load_scenario(as_mapping(scenario)) == scenario
+
+
+# --- the reach of the force ------------------------------------------------------------------------------------------
+
+
+def test_the_papers_reach_stands_in_no_hash() -> None:
+    """So a scenario of a version without the field keeps its hash."""
+    assert scenario_hash(load_scenario(OPEN)) == scenario_hash(load_scenario(OPEN, {"patrol.reach": "paper"}))
+    assert scenario_hash(load_scenario(OPEN)) != scenario_hash(load_scenario(OPEN, {"patrol.reach": "area"}))
+
+
+def test_a_mixed_team_prepares() -> None:
+    assert len(prepare(load_scenario(MIXED, {"point": 0.5})).fields) == 3
