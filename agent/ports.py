@@ -257,7 +257,7 @@ def _numbers(intent: Intent) -> list[tuple[str, object]]:
             return []
         case Steer(command):
             if not isinstance(command, Command):
-                raise PolicyFailed(f"returned Steer with command = {command!r}, which is no Velocity or Drive")
+                raise PolicyFailed(f"returned Steer with command = {command!r}, which is no Velocity, Drive or Twist")
             return [("command", value) for value in command.numbers]
 
 

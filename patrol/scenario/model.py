@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.journal.records import MAX_TICKS
-from patrol.pose import Pose, wrap
+from patrol.pose import Limits, Pose, wrap
 from patrol.radio.message import MAX_STEP_CM, MAX_TIME_MS
 from patrol.radio.units import cm_to_m, m_to_cm, ms_to_s, s_to_ms
 from patrol.scenario.faults.kinds import Faults
@@ -77,10 +77,10 @@ class TerrainSpec(Section):
 class Body(Section):
     """The body of a robot."""
 
-    model: Kind = Field("car", description="body model: car | holonomic")
+    model: Kind = Field("car", description="body model: car | differential | holonomic")
     speed: Positive = Field(4.4, description="m/s, top speed")
     radius: Positive = Field(1.0, description="m, of the round body")
-    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by holonomic robots)")
+    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by other models)")
 
 
 class RobotGroup(Body):
@@ -276,6 +276,11 @@ class RobotSpec:
     turning_radius: float
     start: Pose | None
     spare: bool = False
+
+    @property
+    def limits(self) -> Limits:
+        """What bounds the body's commands."""
+        return Limits(self.speed, self.radius, self.turning_radius)
 
 
 class Scenario(Section):
