@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from agent.bodies.wheel_steering import ALIGNED, WheelSteering
+from agent.bodies.wheel_steering import ALIGNED, WheelSteering, smaller_turn
 from agent.routes.ground import Spot
-from patrol.pose import TAU, Pose, Twist, wrap
+from patrol.pose import TAU, Pose, Twist
 
 PATIENCE = 3
 """Number of bumps after which a robot backs off."""
@@ -120,13 +120,10 @@ class BackOff:
         if tick >= self._until or bumped or room <= 0.0:
             self._direction = None
             return None
-        askew = wrap(self._direction - pose.heading)
-        backward = abs(askew) > 0.5 * math.pi
-        if backward:
-            askew = wrap(askew + math.pi)
+        askew, sense = smaller_turn(pose.heading, self._direction)
         if abs(askew) > ALIGNED:
             return self._steering.on_the_spot(askew)
-        return self._steering.straight(pose, -room if backward else room)
+        return self._steering.straight(pose, sense * room)
 
     def _room(self, pose: Pose, direction: float) -> float:
         stride = self._steering.stride

@@ -7,6 +7,7 @@ there. It drives an arc instead where that saves the turn.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from agent.bodies.setup import BARELY
 from agent.bodies.steering import HolonomicSteering
@@ -17,16 +18,33 @@ from patrol.pose import Pose, Twist, wrap
 from patrol.scenario import RobotSpec
 
 ASKEW = 0.8
-"""Largest misalignment at which the body drives an arc, rad: a little more than one of eight sectors."""
+"""A larger misalignment is turned away at once, rad: a little more than one of eight sectors."""
+
+GENTLY = 0.3
+"""Share of a smaller misalignment that one step turns away, so that a body whose goal swings drives in between."""
 
 ALIGNED = 1e-12
 """A smaller misalignment is rounding, rad: a step in this direction is straight."""
 
-TURNING_SHARE = 0.5
-"""Largest share of the wheels' speed that goes into turning while the body drives on."""
+WORTH_DRIVING = 0.05
+"""The body turns on the spot where an arc would leave less than this share of its speed."""
 
 EASIER = (1.0, 0.5, 0.25, 0.125)
 """Shares of a step, tried in turn where the whole step does not fit."""
+
+
+def smaller_turn(heading: float, direction: float) -> tuple[float, float]:
+    """The turn after which a body drives in a direction, forward or in reverse.
+
+    Args:
+        heading: The body's, rad.
+        direction: rad.
+
+    Returns:
+        The turn in rad, at most a quarter circle, and 1.0 for forward or -1.0 for reverse.
+    """
+    askew = wrap(direction - heading)
+    return (askew, 1.0) if abs(askew) <= 0.5 * math.pi else (wrap(askew + math.pi), -1.0)
 
 
 class WheelSteering:
@@ -88,13 +106,12 @@ class WheelSteering:
         if distance < BARELY:
             return Twist(0.0, 0.0)
         askew = wrap(math.atan2(target[1] - pose.y, target[0] - pose.x) - pose.heading)
-        if ALIGNED < abs(askew) <= ASKEW:
-            for arc in (self._landing(distance, askew), self._facing(distance, askew)):
-                if arc is not None and self.is_possible(pose, arc):
-                    return arc
-        if abs(askew) > ALIGNED:
-            return self.on_the_spot(askew)
-        return self.straight(pose, self.reach(pose, target))
+        if abs(askew) <= ALIGNED:
+            return self.straight(pose, self.reach(pose, target))
+        for arc in self._arcs(distance, askew):
+            if self.is_possible(pose, arc):
+                return arc
+        return self.on_the_spot(askew)
 
     def straight(self, pose: Pose, way: float) -> Twist:
         """A straight drive, shortened where the body does not quite fit.
@@ -120,15 +137,16 @@ class WheelSteering:
         """
         return Twist(0.0, max(-self._most, min(self._most, turn)) / self._step)
 
-    def turning(self, pose: Pose, heading: float) -> Twist:
-        """Turn towards a heading, and drive forward with the wheels' speed that is left.
+    def turning(self, pose: Pose, direction: float) -> Twist:
+        """Turn towards a direction, and drive with the wheels' speed that is left.
 
         Args:
             pose: The robot's own.
-            heading: The desired heading, rad.
+            direction: rad.
         """
-        turn = self.on_the_spot(wrap(heading - pose.heading)).turn_rate
-        left = max(0.0, self._spec.speed - abs(turn) * self._spec.radius)
+        askew, sense = smaller_turn(pose.heading, direction)
+        turn = self.on_the_spot(askew).turn_rate
+        left = sense * max(0.0, self._spec.speed - abs(turn) * self._spec.radius)
         for share in EASIER:
             arc = Twist(share * left, turn)
             if self.is_possible(pose, arc):
@@ -144,18 +162,23 @@ class WheelSteering:
         """Whether the next step of ``twist`` touches no wall."""
         return path_is_free(self._terrain, pose, twist, self._step, self._spec.radius)
 
-    def _landing(self, distance: float, askew: float) -> Twist | None:
-        """The arc that ends at the target within this step; None where the wheels are too slow for it."""
-        arc = Twist(distance * askew / math.sin(askew) / self._step, 2.0 * askew / self._step)
-        return arc if arc.is_within(self._spec.limits) else None
+    def _arcs(self, distance: float, askew: float) -> Iterator[Twist]:
+        """The arcs towards a target that the wheels are fast enough for, best first.
 
-    def _facing(self, distance: float, askew: float) -> Twist | None:
-        """The arc that turns the body towards the target while it drives on; None for a target within a step."""
-        if distance <= self.stride:
-            return None
-        most = TURNING_SHARE * self._most
-        turn = max(-most, min(most, askew)) / self._step
-        return Twist(self._spec.speed - abs(turn) * self._spec.radius, turn)
+        Args:
+            distance: To the target, m.
+            askew: From the body's heading to the target, rad.
+        """
+        if abs(askew) <= ASKEW:
+            landing = Twist(distance * askew / math.sin(askew) / self._step, 2.0 * askew / self._step)
+            if landing.is_within(self._spec.limits):
+                yield landing
+        if distance > self.stride:
+            for share in (GENTLY, 1.0) if abs(askew) <= ASKEW else (1.0,):
+                turn = self.on_the_spot(share * askew).turn_rate
+                speed = self._spec.speed - abs(turn) * self._spec.radius
+                if speed > WORTH_DRIVING * self._spec.speed:
+                    yield Twist(speed, turn)
 
     def _may_end(self, pose: Pose, x: float, y: float) -> bool:
         return self._on_ground(x, y) or not self._on_ground(pose.x, pose.y)
