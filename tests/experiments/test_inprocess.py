@@ -21,6 +21,7 @@ from worldsim.verdict.judge import judge
 
 CARS = {"count": 3, "model": "car"}
 DISCS = {"count": 3, "model": "holonomic"}
+BASES = {"count": 3, "model": "differential"}
 
 
 def scenario(terrain: str = "yards", robots: dict[str, Any] = CARS, ticks: int = 30, **more: Any) -> Scenario:
@@ -35,7 +36,7 @@ def trace(outcome: Outcome) -> str:
     return outcome.journal.end.trace_hash
 
 
-@pytest.mark.parametrize("robots", [CARS, DISCS], ids=["cars", "holonomic"])
+@pytest.mark.parametrize("robots", [CARS, DISCS, BASES], ids=["cars", "holonomic", "differential"])
 def test_the_same_seed_gives_the_same_trace_and_another_does_not(robots: dict[str, Any]) -> None:
     first, again, other = (trace(run_in_process(scenario(robots=robots, seed=seed))) for seed in (1, 1, 2))
     assert first == again != other
@@ -132,7 +133,7 @@ PROCESS_FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("robots", [CARS, DISCS], ids=["cars", "holonomic"])
+@pytest.mark.parametrize("robots", [CARS, DISCS, BASES], ids=["cars", "holonomic", "differential"])
 def test_process_faults_repeat_whatever_the_threads_and_are_judged_as_they_go(robots: dict[str, Any]) -> None:
     faulty = scenario(robots=robots, faults=PROCESS_FAULTS)
     first = run_in_process(faulty)
