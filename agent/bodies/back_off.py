@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from agent.bodies.setup import BLOCKED_SHARE, CLEAR_SHARE
 from agent.bodies.wheel_steering import ALIGNED, WheelSteering, smaller_turn
 from agent.routes.ground import Spot
 from patrol.pose import TAU, Pose, Twist
@@ -73,7 +74,7 @@ class BackOff:
         return bumped and self._bumps >= PATIENCE
 
     def begin(self, tick: int, pose: Pose, near: Spot | None, *, stuck: bool) -> None:
-        """Choose a direction and a time.
+        """Choose a direction and a time; a robot with room nowhere stays where it is.
 
         Args:
             tick: Now.
@@ -92,8 +93,10 @@ class BackOff:
             room = self._room(pose, direction)
             if room > best:
                 best, self._direction = room, direction
-            if room >= 0.5 * self._steering.stride:
+            if room >= CLEAR_SHARE * self._steering.stride:
                 break
+        if best < BLOCKED_SHARE * self._steering.stride:
+            self._direction = None
         spell_s = SHORTEST_S + (LONGEST_S - SHORTEST_S) * self._chance(tick, TRIES)
         self._until = tick + max(1, round(spell_s / self._step))
         self._bumps = 0
