@@ -337,8 +337,8 @@ class Decision:
 
     Attributes:
         command: What to do for the next step.
-        state: `State.DEAD_END` while escaping (car) or blocked on every side (holonomic), `State.HOLDING` when nothing
-            pulls or the robot is off the reachable ground; else the policy's word.
+        state: `State.DEAD_END` while escaping (car, differential) or blocked on every side (holonomic), `State.HOLDING`
+            when nothing pulls or the robot is off the reachable ground; else the policy's word.
         direction: The bearing that was chosen, rad, or None.
         goal: x and y in m before refinement, or None.
         refined: x and y in m after refinement, or None.

@@ -13,7 +13,8 @@ from agent.mind import Mind
 from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
-from patrol.journal import Event, TickRecord, read_journal
+from patrol.journal import Event, RobotTick, TickRecord, read_journal
+from patrol.pose import wrap
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
 from worldsim.run_record import INTERRUPTED
@@ -40,6 +41,24 @@ def trace(outcome: Outcome) -> str:
 def test_the_same_seed_gives_the_same_trace_and_another_does_not(robots: dict[str, Any]) -> None:
     first, again, other = (trace(run_in_process(scenario(robots=robots, seed=seed))) for seed in (1, 1, 2))
     assert first == again != other
+
+
+def test_a_narrow_view_turns_with_a_robot_that_turns_on_the_spot() -> None:
+    faults = [{"kind": "drift", "who": "r1", "at": 10, "for": 20, "growth": [0.02, 0.01]}]
+    narrow = {"angle": 90, "range": 6}
+    outcome = run_in_process(scenario("clutter", BASES, 120, sensor=narrow, faults=faults))
+    assert outcome.verdict.valid, outcome.verdict.failed
+    turned = 0
+    before: dict[int, RobotTick] = {}
+    for record in outcome.journal.ticks:
+        for row in record.robots:
+            last = before.get(row.number)
+            if last is not None and last.c0 == 0.0 != last.c1:
+                turned += 1
+                assert (row.x, row.y) == (last.x, last.y)
+                assert row.heading == pytest.approx(wrap(last.heading + 0.5 * last.c1))
+            before[row.number] = row
+    assert turned > 10
 
 
 def test_threads_change_nothing() -> None:
