@@ -262,7 +262,7 @@ def _numbers(intent: Intent) -> list[tuple[str, object]]:
             return []
         case Steer(command):
             if not isinstance(command, Command):
-                raise PolicyFailed(f"returned Steer with command = {command!r}, which is no Velocity or Drive")
+                raise PolicyFailed(f"returned Steer with command = {command!r}, which is no Velocity, Drive or Twist")
             return [("command", value) for value in command.numbers]
 
 
@@ -342,8 +342,8 @@ class Decision:
 
     Attributes:
         command: What to do for the next step.
-        state: `State.DEAD_END` while escaping (car) or blocked on every side (holonomic), `State.HOLDING` when nothing
-            pulls or the robot is off the reachable ground; else the policy's word.
+        state: `State.DEAD_END` while escaping (car, differential) or blocked on every side (holonomic), `State.HOLDING`
+            when nothing pulls or the robot is off the reachable ground; else the policy's word.
         direction: The bearing that was chosen, rad, or None.
         goal: x and y in m before refinement, or None.
         refined: x and y in m after refinement, or None.

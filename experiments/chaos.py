@@ -133,7 +133,7 @@ def random_scenario(seed: int, key: Path) -> Scenario:
     step = dice.choice(0.5, 0.5, 0.5, 0.25, 1.0)
     ticks = dice.whole(60, 140)
     quiet = ticks // 4
-    kinds = dice.choice(("car",), ("holonomic",), ("car", "holonomic"))
+    kinds = dice.choice(("car",), ("differential",), ("holonomic",), ("car", "differential", "holonomic"))
     robots = [_robot(dice, kinds) for _ in range(dice.whole(2, 6))]
     faults = dice.whole(3, 14)
     interval = max((ticks - quiet) * step / faults, step)

@@ -16,7 +16,7 @@ from typing import Literal, get_args
 TAU = 2.0 * math.pi
 
 ROUNDED = 1.0 + 1e-12
-"""A velocity that was scaled to a top speed may exceed it by this factor."""
+"""A command that was scaled to a top speed may exceed it by this factor."""
 
 
 def wrap(angle: float) -> float:
@@ -41,6 +41,22 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
+class Limits:
+    """What bounds a body's commands; each model uses what applies to it.
+
+    Attributes:
+        speed: Top speed, m/s.
+        radius: Radius of the round body, m. The wheels of a differential drive are this far left and right of its
+            centre.
+        turning_radius: Radius of a car's tightest turn, m.
+    """
+
+    speed: float
+    radius: float
+    turning_radius: float
+
+
+@dataclass(frozen=True, slots=True)
 class Velocity:
     """A holonomic robot's command for one step.
 
@@ -62,33 +78,29 @@ class Velocity:
         """How fast the body drives, m/s."""
         return math.hypot(self.vx, self.vy)
 
-    def is_within(self, speed: float, turning_radius: float) -> bool:
+    def is_within(self, limits: Limits) -> bool:
         """Whether a body obeys the command unchanged; a scaled command may exceed the speed by rounding.
 
         Args:
-            speed: Top speed, m/s.
-            turning_radius: Not used: a holonomic robot turns on the spot.
+            limits: Of the body; only the speed applies.
         """
-        del turning_radius
-        return self.speed_mps <= speed * ROUNDED
+        return self.speed_mps <= limits.speed * ROUNDED
 
-    def limited(self, speed: float, turning_radius: float) -> Velocity:
+    def limited(self, limits: Limits) -> Velocity:
         """The nearest command that the body can obey.
 
         Args:
-            speed: Top speed, m/s.
-            turning_radius: Not used: a holonomic robot turns on the spot.
+            limits: Of the body; only the speed applies.
 
         Returns:
             The same direction, at most at top speed.
         """
-        del turning_radius
         fastest = max(abs(self.vx), abs(self.vy))
         if fastest == 0.0:
             return Velocity(0.0, 0.0)
         # Scaled by the larger component first, so that no finite velocity overflows.
         share = math.hypot(self.vx / fastest, self.vy / fastest)
-        cut = min(fastest, speed / share)
+        cut = min(fastest, limits.speed / share)
         return self if cut == fastest else Velocity(self.vx / fastest * cut, self.vy / fastest * cut)
 
 
@@ -114,46 +126,100 @@ class Drive:
         """How fast the body drives along its path, m/s."""
         return abs(self.speed)
 
-    def is_within(self, speed: float, turning_radius: float) -> bool:
+    def is_within(self, limits: Limits) -> bool:
         """Whether a body obeys the command unchanged.
 
         Args:
-            speed: Top speed, m/s, forward and in reverse.
-            turning_radius: Of the tightest turn, m.
+            limits: Of the body: its top speed, forward and in reverse, and its turning radius.
         """
-        return abs(self.speed) <= speed and abs(self.curvature) <= 1.0 / turning_radius
+        return abs(self.speed) <= limits.speed and abs(self.curvature) <= 1.0 / limits.turning_radius
 
-    def limited(self, speed: float, turning_radius: float) -> Drive:
+    def limited(self, limits: Limits) -> Drive:
         """The nearest command that the body can obey.
 
         Args:
-            speed: Top speed, m/s, forward and in reverse.
-            turning_radius: Of the tightest turn, m.
+            limits: Of the body: its top speed, forward and in reverse, and its turning radius.
 
         Returns:
             Speed and curvature, each cut to its limit.
         """
-        tightest = 1.0 / turning_radius
-        return Drive(min(max(self.speed, -speed), speed), min(max(self.curvature, -tightest), tightest))
+        top, tightest = limits.speed, 1.0 / limits.turning_radius
+        return Drive(min(max(self.speed, -top), top), min(max(self.curvature, -tightest), tightest))
 
 
-Command = Velocity | Drive
-Model = Literal["car", "holonomic"]
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """A differential drive's command for one step. With no speed the body turns on the spot.
+
+    Two wheels, one body radius left and right of the centre, run at ``speed`` -/+ ``turn_rate * radius``, each at most
+    at top speed. So ``abs(speed) + abs(turn_rate) * radius`` is at most the top speed.
+
+    Attributes:
+        speed: Of the centre, m/s; negative for reverse.
+        turn_rate: rad/s; positive to the left.
+    """
+
+    speed: float
+    turn_rate: float
+
+    @property
+    def numbers(self) -> tuple[float, float]:
+        """The two numbers that stand for the command in a journal, a trace and a message."""
+        return self.speed, self.turn_rate
+
+    @property
+    def speed_mps(self) -> float:
+        """How fast the body's centre drives along its path, m/s."""
+        return abs(self.speed)
+
+    def is_within(self, limits: Limits) -> bool:
+        """Whether a body obeys the command unchanged; a scaled command may exceed the speed by rounding.
+
+        Args:
+            limits: Of the body: the top speed of each wheel, and the radius.
+        """
+        return abs(self.speed) + abs(self.turn_rate) * limits.radius <= limits.speed * ROUNDED
+
+    def limited(self, limits: Limits) -> Twist:
+        """The nearest command that the body can obey.
+
+        Args:
+            limits: Of the body: the top speed of each wheel, and the radius.
+
+        Returns:
+            The same arc, driven with the faster wheel at most at top speed.
+        """
+        if abs(self.speed) + abs(self.turn_rate) * limits.radius <= limits.speed:
+            return self
+        # Scaled by the larger number first, so that no finite command overflows.
+        larger = max(abs(self.speed), abs(self.turn_rate))
+        speed, turn_rate = self.speed / larger, self.turn_rate / larger
+        cut = limits.speed / (abs(speed) + abs(turn_rate) * limits.radius)
+        return Twist(speed * cut, turn_rate * cut)
+
+
+Command = Velocity | Drive | Twist
+Model = Literal["car", "differential", "holonomic"]
 MODELS: tuple[str, ...] = get_args(Model)
 
-COMMANDS: Mapping[str, type[Velocity] | type[Drive]] = {"car": Drive, "holonomic": Velocity}
+COMMANDS: Mapping[str, type[Command]] = {"car": Drive, "differential": Twist, "holonomic": Velocity}
 """The type of command that each model obeys."""
 
 TURNS_IN_ARCS = frozenset({"car"})
 """The models that have a turning radius."""
 
-_ON_THE_WIRE: tuple[type[Velocity] | type[Drive], ...] = (Velocity, Drive)
+_ON_THE_WIRE: tuple[type[Command], ...] = (Velocity, Drive, Twist)
 """A command's type in a message is its index in this list, so new types go to the end."""
 
 
 def command_of(model: str, first: float, second: float) -> Command:
     """The command of a model from its two `numbers`."""
     return COMMANDS[model](first, second)
+
+
+def is_halt(command: Command) -> bool:
+    """Whether a body that obeys this command neither drives nor turns."""
+    return command.speed_mps == 0.0 and not (isinstance(command, Twist) and command.turn_rate != 0.0)
 
 
 def halted(model: str) -> Command:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.swept_path import advance, chords, lay_path, path_is_free
-from patrol.pose import COMMANDS, Command
+from patrol.pose import COMMANDS, Command, is_halt
 from worldsim.kernels.collide import cancel_meeting
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def within_limits(spec: RobotSpec, command: Command) -> Command | None:
     """The nearest command that a robot can obey.
 
     Args:
-        spec: The robot's model and limits: its speed, and for a car its turning radius.
+        spec: The robot's model and limits.
         command: Any command.
 
     Returns:
@@ -31,7 +31,7 @@ def within_limits(spec: RobotSpec, command: Command) -> Command | None:
     """
     if type(command) is not COMMANDS[spec.model] or not all(map(math.isfinite, command.numbers)):
         return None
-    return command.limited(spec.speed, spec.turning_radius)
+    return command.limited(spec.limits)
 
 
 def length(command: Command, step: float) -> float:
@@ -44,7 +44,8 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
 
     A move is cancelled when the swept body would enter a wall, or come nearer to another body than the sum of their
     radii at any time of the step. Every robot involved then stays exactly where it is, which may cancel further moves
-    (paper, "Simulation": collided robots cancel their moves). Bodies that are not driven are obstacles.
+    (paper, "Simulation": collided robots cancel their moves). Bodies that are not driven are obstacles. So are those
+    that turn on the spot, and nothing cancels such a turn.
 
     Args:
         bodies: All bodies; sets each one's pose, bumped, collisions and distance_m.
@@ -66,7 +67,7 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
         body.bumped = moves and bool(stood)
         if body.bumped:
             body.collisions += 1
-        elif moves:
+        elif body.alive and not is_halt(body.command):
             body.pose = advance(body.pose, body.command, step)
             body.distance_m += length(body.command, step)
 

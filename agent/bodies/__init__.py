@@ -7,9 +7,14 @@
 from collections.abc import Callable, Mapping
 
 from agent.bodies.car import CarBody
+from agent.bodies.differential import DifferentialBody
 from agent.bodies.holonomic import HolonomicBody
 from agent.bodies.setup import BodySetup
 from agent.ports import Body
 
-BODIES: Mapping[str, Callable[[BodySetup], Body]] = {"car": CarBody, "holonomic": HolonomicBody}
+BODIES: Mapping[str, Callable[[BodySetup], Body]] = {
+    "car": CarBody,
+    "differential": DifferentialBody,
+    "holonomic": HolonomicBody,
+}
 """The body of each model, by the model's name in the scenario."""

@@ -124,7 +124,7 @@ class CarBody(BodyBase):
         """A policy's own command, unless it leads into a wall."""
         if not isinstance(command, Drive):
             raise PolicyFailed(f"returned Steer({type(command).__name__}) for a car; give a Drive")
-        wanted = command.limited(self.spec.speed, self.spec.turning_radius)
+        wanted = command.limited(self.spec.limits)
         return Choice(wanted, state) if self._steering.is_free(view.pose, wanted) else self._stand(State.HOLDING)
 
     def _stand(self, state: str) -> Choice:

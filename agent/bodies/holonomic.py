@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 
-from agent.bodies.setup import BARELY, CLEAR_SHARE, BodyBase, BodySetup, way_of
+from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import HolonomicSteering
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Spot
 from agent.view import View
 from patrol.pose import TAU, Command, Pose, Velocity, halted
 from patrol.random import Purpose
-
-BLOCKED_SHARE = 0.1
-"""A robot that can make less than this share of a step in every direction is in a dead end."""
 
 AFTER_BUMP = 0.5
 """Probability that a robot that bumped on its way to a place takes a random step."""
@@ -94,5 +91,5 @@ class HolonomicBody(BodyBase):
         """A policy's own command, as far as the body is free."""
         if not isinstance(command, Velocity):
             raise PolicyFailed(f"returned Steer({type(command).__name__}) for a holonomic robot; give a Velocity")
-        wanted = command.limited(self.spec.speed, self.spec.turning_radius)
+        wanted = command.limited(self.spec.limits)
         return Choice(self._steering.along(pose, wanted), state)

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 CLEAR_SHARE = 0.5
 """A direction is good enough when the robot can make at least this share of a step in it."""
 
+BLOCKED_SHARE = 0.1
+"""A robot that can make less than this share of a step in every direction is in a dead end."""
+
 BARELY = 1e-3
 """A move shorter than this counts as none, m."""
 

@@ -50,7 +50,7 @@ class FakeRobot:
 
     def act(self, command: Command) -> None:
         """Obey until the next tick, within the body's limits."""
-        self._command = command.limited(self._spec.speed, self._spec.turning_radius)
+        self._command = command.limited(self._spec.limits)
 
     def stop(self, reason: str) -> None:
         """Stand still for good."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.kernels import swept_path as kernels
-from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.pose import Command, Drive, Pose, Twist, Velocity
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def advance(pose: Pose, command: Command, step: float) -> Pose:
     """The pose after one step with nothing in the way.
 
-    A holonomic robot faces the direction in which it moves, and keeps its heading when it stands; a car follows an
-    exact arc.
+    A holonomic robot faces the direction in which it moves, and keeps its heading when it stands. A car and a
+    differential drive follow an exact arc; the latter may also turn on the spot.
 
     Args:
         pose: Where the step begins.
@@ -35,7 +35,9 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
                 return pose
             return Pose(pose.x + vx * step, pose.y + vy * step, math.atan2(vy, vx))
         case Drive(speed, curvature):
-            return Pose(*kernels.arc_end(pose.x, pose.y, pose.heading, speed * step, curvature))
+            return _arc_end(pose, speed * step, speed * step * curvature)
+        case Twist(speed, turn_rate):
+            return _arc_end(pose, speed * step, turn_rate * step)
         case _:
             assert_never(command)
 
@@ -54,9 +56,10 @@ def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, ra
         case Velocity():
             return free_fraction(terrain, pose, advance(pose, command, step), radius) >= 1.0
         case Drive(speed, curvature):
-            x, y = terrain.origin
-            place = (terrain.blocked, terrain.point, x, y, pose.x, pose.y, pose.heading)
-            return bool(kernels.free_arc(*place, speed * step, curvature, radius))
+            return _arc_is_free(terrain, pose, speed * step, speed * step * curvature, radius)
+        case Twist(speed, turn_rate):
+            # A round body that turns on the spot sweeps no ground but its own.
+            return speed == 0.0 or _arc_is_free(terrain, pose, speed * step, turn_rate * step, radius)
         case _:
             assert_never(command)
 
@@ -72,7 +75,9 @@ def chords(command: Command, step: float) -> int:
         case Velocity():
             return 1
         case Drive(speed, curvature):
-            return int(kernels.chord_count(speed * step, curvature, math.inf))
+            return int(kernels.chord_count(speed * step, speed * step * curvature, math.inf))
+        case Twist(speed, turn_rate):
+            return int(kernels.chord_count(speed * step, turn_rate * step, math.inf))
         case _:
             assert_never(command)
 
@@ -93,7 +98,9 @@ def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: floa
             path[:] = (pose.x, pose.y) + share * (end.x - pose.x, end.y - pose.y)
             path[-1] = (end.x, end.y)
         case Drive(speed, curvature):
-            kernels.arc_points(path, pose.x, pose.y, pose.heading, speed * step, curvature)
+            kernels.arc_points(path, pose.x, pose.y, pose.heading, speed * step, speed * step * curvature)
+        case Twist(speed, turn_rate):
+            kernels.arc_points(path, pose.x, pose.y, pose.heading, speed * step, turn_rate * step)
         case _:
             assert_never(command)
 
@@ -113,3 +120,13 @@ def free_fraction(terrain: Terrain, pose: Pose, target: Pose, radius: float) -> 
     x, y = terrain.origin
     line = (pose.x, pose.y, target.x, target.y)
     return float(kernels.free_fraction_line(terrain.blocked, terrain.point, x, y, *line, radius))
+
+
+def _arc_end(pose: Pose, distance: float, turn: float) -> Pose:
+    return Pose(*kernels.arc_end(pose.x, pose.y, pose.heading, distance, turn))
+
+
+def _arc_is_free(terrain: Terrain, pose: Pose, distance: float, turn: float, radius: float) -> bool:
+    x, y = terrain.origin
+    place = (terrain.blocked, terrain.point, x, y, pose.x, pose.y, pose.heading)
+    return bool(kernels.free_arc(*place, distance, turn, radius))

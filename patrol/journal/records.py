@@ -73,8 +73,10 @@ class RobotTick:
         x: m, of the true pose when the tick began.
         y: m, of the same.
         heading: rad, of the same.
-        c0: of the command that it obeyed: a car's speed (m/s), a holonomic robot's velocity along x (m/s).
-        c1: of the command that it obeyed: a car's curvature (1/m), a holonomic robot's velocity along y (m/s).
+        c0: of the command that it obeyed: a car's or differential drive's speed (m/s), a holonomic robot's velocity
+            along x (m/s).
+        c1: of the command that it obeyed: a car's curvature (1/m), a differential drive's turn rate (rad/s), a
+            holonomic robot's velocity along y (m/s).
         bumped: whether that move was cancelled.
         state: what its mind reported that it is doing, empty without a report.
         goal: m, or None without a report.
@@ -148,7 +150,7 @@ class RobotFacts:
     Attributes:
         number: of the robot.
         name: of the robot.
-        model: car or holonomic.
+        model: car, differential or holonomic.
         radius: m.
     """
 

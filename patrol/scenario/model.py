@@ -80,10 +80,10 @@ class TerrainSpec(Section):
 class Body(Section):
     """The body of a robot."""
 
-    model: Kind = Field("car", description="body model: car | holonomic")
+    model: Kind = Field("car", description="body model: car | differential | holonomic")
     speed: Positive = Field(4.4, description="m/s, top speed")
     radius: Positive = Field(1.0, description="m, of the round body")
-    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by holonomic robots)")
+    turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by other models)")
 
 
 class RobotGroup(Body):

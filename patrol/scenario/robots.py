@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from patrol.pose import Pose, wrap
+from patrol.pose import Limits, Pose, wrap
 from patrol.values.types import Kind
 
 if TYPE_CHECKING:
@@ -35,6 +35,11 @@ class RobotSpec:
     turning_radius: float
     start: Pose | None
     spare: bool = False
+
+    @property
+    def limits(self) -> Limits:
+        """What bounds the body's commands."""
+        return Limits(self.speed, self.radius, self.turning_radius)
 
 
 def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:

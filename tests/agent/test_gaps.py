@@ -11,7 +11,7 @@ from agent.build import mind_maker, shared_by
 from agent.ports import Decision
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Pose
+from patrol.pose import MODELS, Pose
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at, prepared_on
 
@@ -59,7 +59,7 @@ class Pair:
         return free
 
 
-@pytest.mark.parametrize("model", ["car", "holonomic"])
+@pytest.mark.parametrize("model", MODELS)
 def test_a_resumed_mind_goes_on_with_what_it_knew(model: str) -> None:
     pair = Pair(model)
     pair.run(60, 0, 1)
@@ -75,7 +75,7 @@ def test_a_resumed_mind_goes_on_with_what_it_knew(model: str) -> None:
     assert later[-1][1].mfow < 100
 
 
-@pytest.mark.parametrize("model", ["car", "holonomic"])
+@pytest.mark.parametrize("model", MODELS)
 def test_a_restarted_mind_knows_nothing_and_catches_up(model: str) -> None:
     pair = Pair(model)
     pair.run(80, 0, 1)

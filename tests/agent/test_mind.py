@@ -14,12 +14,10 @@ from agent.ports import Bearing, Decision, Intent, PolicyFailed, State, Stay
 from agent.view import View
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Drive, Pose, Velocity
+from patrol.pose import MODELS, Drive, Pose, Velocity
 from patrol.radio.message import Position, decode, encode
 from patrol.scenario import Scenario, load_scenario
 from tests.agent.minds import at, prepared_on
-
-MODELS = ["car", "holonomic"]
 
 
 def scenario_of(model: str, **patrol: Any) -> Scenario:

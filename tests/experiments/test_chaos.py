@@ -24,6 +24,7 @@ from experiments.chaos import (
     with_faults,
 )
 from patrol.errors import BadInput
+from patrol.pose import MODELS
 from patrol.scenario import Scenario, as_mapping, load_scenario
 from patrol.scenario.faults.kinds import Forgery, Partition, Spoof
 from patrol.scenario.faults.nemesis_draws import DRAWN
@@ -77,7 +78,7 @@ def test_scenarios_differ_in_all_that_matters(key: Path) -> None:
     assert {scenario.terrain.builtin for scenario in drawn} == {"open", "yards", "clutter", "site"}
     assert {scenario.patrol.paths for scenario in drawn} == {"wave", "straight", "regions"}
     assert {scenario.radio.key is None for scenario in drawn} == {True, False}
-    assert {spec.model for scenario in drawn for spec in scenario.roster} == {"car", "holonomic"}
+    assert {spec.model for scenario in drawn for spec in scenario.roster} == set(MODELS)
     assert max(scenario.ticks for scenario in drawn) <= 140
 
 

@@ -13,7 +13,8 @@ from agent.mind import Mind
 from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
-from patrol.journal import Event, TickRecord, read_journal
+from patrol.journal import Event, RobotTick, TickRecord, read_journal
+from patrol.pose import wrap
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
 from worldsim.run_record import INTERRUPTED
@@ -21,6 +22,7 @@ from worldsim.verdict.judge import judge
 
 CARS = {"count": 3, "model": "car"}
 DISCS = {"count": 3, "model": "holonomic"}
+BASES = {"count": 3, "model": "differential"}
 
 
 def scenario(terrain: str = "yards", robots: dict[str, Any] = CARS, ticks: int = 30, **more: Any) -> Scenario:
@@ -35,10 +37,28 @@ def trace(outcome: Outcome) -> str:
     return outcome.journal.end.trace_hash
 
 
-@pytest.mark.parametrize("robots", [CARS, DISCS], ids=["cars", "holonomic"])
+@pytest.mark.parametrize("robots", [CARS, DISCS, BASES], ids=["cars", "holonomic", "differential"])
 def test_the_same_seed_gives_the_same_trace_and_another_does_not(robots: dict[str, Any]) -> None:
     first, again, other = (trace(run_in_process(scenario(robots=robots, seed=seed))) for seed in (1, 1, 2))
     assert first == again != other
+
+
+def test_a_narrow_view_turns_with_a_robot_that_turns_on_the_spot() -> None:
+    faults = [{"kind": "drift", "who": "r1", "at": 10, "for": 20, "growth": [0.02, 0.01]}]
+    narrow = {"angle": 90, "range": 6}
+    outcome = run_in_process(scenario("clutter", BASES, 120, sensor=narrow, faults=faults))
+    assert outcome.verdict.valid, outcome.verdict.failed
+    turned = 0
+    before: dict[int, RobotTick] = {}
+    for record in outcome.journal.ticks:
+        for row in record.robots:
+            last = before.get(row.number)
+            if last is not None and last.c0 == 0.0 != last.c1:
+                turned += 1
+                assert (row.x, row.y) == (last.x, last.y)
+                assert row.heading == pytest.approx(wrap(last.heading + 0.5 * last.c1))
+            before[row.number] = row
+    assert turned > 10
 
 
 def test_threads_change_nothing() -> None:
@@ -132,7 +152,7 @@ PROCESS_FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("robots", [CARS, DISCS], ids=["cars", "holonomic"])
+@pytest.mark.parametrize("robots", [CARS, DISCS, BASES], ids=["cars", "holonomic", "differential"])
 def test_process_faults_repeat_whatever_the_threads_and_are_judged_as_they_go(robots: dict[str, Any]) -> None:
     faulty = scenario(robots=robots, faults=PROCESS_FAULTS)
     first = run_in_process(faulty)

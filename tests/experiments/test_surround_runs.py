@@ -58,9 +58,10 @@ def test_five_robots_end_spread_around_a_still_intruder(
     assert {row.state for row in last.robots} == {"surrounding"}
 
 
-def test_cars_end_around_it_too() -> None:
+@pytest.mark.parametrize("model", ["car", "differential"])
+def test_robots_that_steer_end_around_it_too(model: str) -> None:
     place = (50.0, 40.0)
-    far, gap = around(records(run("open", place, 1, 80.0, robots={"model": "car"}))[-1], place)
+    far, gap = around(records(run("open", place, 1, 80.0, robots={"model": model}))[-1], place)
     assert far <= FAR
     assert gap >= WIDE
 

@@ -44,7 +44,7 @@ MADE_MAP = "P2\n24 20\n255\n" + "\n".join(
 )
 
 
-@pytest.mark.parametrize("model", ["holonomic", "car"])
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
 @pytest.mark.parametrize("terrain", ["open", "yards", "made"])
 def test_a_run_is_the_same_as_processes_and_in_one(
     model: str, terrain: str, start: Callable[..., Run], tmp_path: Path

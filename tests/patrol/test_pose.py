@@ -9,11 +9,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.pose import COMMANDS, MODELS, Command, Drive, Velocity, command_of, halted, pack_command, unpack_command
+from patrol.pose import (
+    COMMANDS,
+    MODELS,
+    Command,
+    Drive,
+    Limits,
+    Twist,
+    Velocity,
+    command_of,
+    halted,
+    is_halt,
+    pack_command,
+    unpack_command,
+)
 
 anything = st.floats(allow_nan=False)
 finite = st.floats(allow_nan=False, allow_infinity=False)
-limits = st.floats(0.01, 100.0)
+sizes = st.floats(0.01, 100.0)
+limits = st.builds(Limits, sizes, sizes, sizes)
 
 
 def test_every_model_has_a_command_and_every_command_a_model() -> None:
@@ -39,6 +53,7 @@ def test_a_command_comes_back_from_its_numbers_and_from_a_message(model: str, fi
 def test_the_kinds_of_commands_in_a_message_never_change() -> None:
     assert pack_command(Velocity(1.0, 2.0)) == (0, 1.0, 2.0)
     assert pack_command(Drive(1.0, 2.0)) == (1, 1.0, 2.0)
+    assert pack_command(Twist(1.0, 2.0)) == (2, 1.0, 2.0)
 
 
 def test_numbers_that_are_not_finite_pass() -> None:
@@ -60,31 +75,39 @@ def test_a_halted_body_stands_still_whatever_its_limits(model: str) -> None:
     assert type(still) is COMMANDS[model]
     assert still.numbers == (0.0, 0.0)
     assert still.speed_mps == 0.0
-    assert still.is_within(0.0, 1.0)
-    assert still.limited(0.5, 1.0) == still
+    assert is_halt(still)
+    assert still.is_within(Limits(0.0, 1.0, 1.0))
+    assert still.limited(Limits(0.5, 1.0, 1.0)) == still
+
+
+def test_a_turn_on_the_spot_is_no_halt_and_wheels_at_an_angle_are_one() -> None:
+    assert not is_halt(Twist(0.0, -0.1))
+    assert is_halt(Drive(0.0, 0.2))
+    assert not any(is_halt(command) for command in (Velocity(0.0, -0.1), Drive(-0.1, 0.0), Twist(-0.1, 0.0)))
 
 
 def test_a_speed_is_a_speed_in_any_direction() -> None:
     assert Velocity(-3.0, 4.0).speed_mps == 5.0
     assert Drive(-3.0, 0.2).speed_mps == 3.0
+    assert Twist(-3.0, 0.2).speed_mps == 3.0
 
 
 @pytest.mark.parametrize("model", MODELS)
-@given(first=finite, second=finite, speed=limits, turning_radius=limits)
-def test_a_limited_command_is_within_its_limits(
-    model: str, first: float, second: float, speed: float, turning_radius: float
-) -> None:
+@given(first=finite, second=finite, bounds=limits)
+def test_a_limited_command_is_within_its_limits(model: str, first: float, second: float, bounds: Limits) -> None:
     command = command_of(model, first, second)
-    limited = command.limited(speed, turning_radius)
+    limited = command.limited(bounds)
     assert type(limited) is type(command)
-    assert limited.is_within(speed, turning_radius)
-    if all(abs(number) <= speed / 2.0 for number in command.numbers) and abs(second) <= 1.0 / turning_radius:
+    assert all(map(math.isfinite, limited.numbers))
+    assert limited.is_within(bounds)
+    slow = all(abs(number) <= bounds.speed / 2.0 for number in command.numbers)
+    if slow and abs(second) <= min(1.0 / bounds.turning_radius, bounds.speed / bounds.radius / 2.0):
         assert limited == command
 
 
-@given(vx=finite, vy=finite, speed=limits)
+@given(vx=finite, vy=finite, speed=sizes)
 def test_a_limited_velocity_keeps_its_direction_and_as_much_speed_as_it_can(vx: float, vy: float, speed: float) -> None:
-    limited = Velocity(vx, vy).limited(speed, 1.0)
+    limited = Velocity(vx, vy).limited(Limits(speed, 1.0, 1.0))
     wanted = math.hypot(vx, vy)
     assert limited.speed_mps == pytest.approx(min(speed, wanted))
     if wanted > 1e-300:
@@ -94,15 +117,42 @@ def test_a_limited_velocity_keeps_its_direction_and_as_much_speed_as_it_can(vx: 
 
 
 def test_a_limited_drive_is_cut_in_speed_and_curvature_by_themselves() -> None:
-    assert Drive(9.0, -7.0).limited(2.0, 4.0) == Drive(2.0, -0.25)
-    assert Drive(-9.0, 0.1).limited(2.0, 4.0) == Drive(-2.0, 0.1)
+    car = Limits(2.0, 1.0, 4.0)
+    assert Drive(9.0, -7.0).limited(car) == Drive(2.0, -0.25)
+    assert Drive(-9.0, 0.1).limited(car) == Drive(-2.0, 0.1)
+
+
+@given(speed=finite, turn_rate=finite, bounds=limits)
+def test_a_limited_twist_keeps_its_arc_and_the_faster_wheel_runs_as_fast_as_it_can(
+    speed: float, turn_rate: float, bounds: Limits
+) -> None:
+    limited = Twist(speed, turn_rate).limited(bounds)
+    wheels = [abs(limited.speed + side * limited.turn_rate * bounds.radius) for side in (-1, 1)]
+    if Twist(speed, turn_rate).is_within(bounds):
+        assert limited.numbers == pytest.approx((speed, turn_rate))
+    else:
+        assert max(wheels) == pytest.approx(bounds.speed)
+        # The same curvature, multiplied out; the numbers are scaled down so that no product overflows.
+        larger = max(abs(speed), abs(turn_rate))
+        assert limited.turn_rate * (speed / larger) == pytest.approx(
+            limited.speed * (turn_rate / larger), rel=1e-9, abs=1e-300
+        )
+        assert math.copysign(1.0, limited.speed) == math.copysign(1.0, speed)
+        assert math.copysign(1.0, limited.turn_rate) == math.copysign(1.0, turn_rate)
 
 
 def test_a_command_beyond_a_limit_is_not_within_it() -> None:
-    assert Velocity(3.0, 4.0).is_within(5.0, 1.0)
-    assert not Velocity(3.0, 4.0).is_within(4.999, 1.0)
-    assert Drive(-2.0, 0.25).is_within(2.0, 4.0)
-    assert not Drive(-2.001, 0.0).is_within(2.0, 4.0)
-    assert not Drive(0.0, 0.2501).is_within(2.0, 4.0)
-    for bad in (Velocity(math.nan, 0.0), Velocity(math.inf, 0.0), Drive(math.nan, 0.0), Drive(0.0, math.nan)):
-        assert not bad.is_within(5.0, 1.0)
+    assert Velocity(3.0, 4.0).is_within(Limits(5.0, 1.0, 1.0))
+    assert not Velocity(3.0, 4.0).is_within(Limits(4.999, 1.0, 1.0))
+    car = Limits(2.0, 1.0, 4.0)
+    assert Drive(-2.0, 0.25).is_within(car)
+    assert not Drive(-2.001, 0.0).is_within(car)
+    assert not Drive(0.0, 0.2501).is_within(car)
+    base = Limits(2.0, 0.5, 4.0)
+    assert Twist(-1.0, 2.0).is_within(base)
+    assert Twist(0.0, -4.0).is_within(base)
+    assert not Twist(-1.001, 2.0).is_within(base)
+    assert not Twist(0.0, -4.001).is_within(base)
+    for bad in (math.nan, math.inf, -math.inf):
+        for command in (Velocity(bad, 0.0), Drive(bad, 0.0), Drive(0.0, bad), Twist(bad, 0.0), Twist(0.0, bad)):
+            assert not command.is_within(base)

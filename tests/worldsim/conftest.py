@@ -13,7 +13,7 @@ from patrol.exchange import Reply, Sensed
 from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
-from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.prepare import Prepared, inbox_of
 from patrol.radio.inbox import Inbox
 from patrol.radio.message import Position, encode
@@ -31,7 +31,13 @@ NEVER = -1
 def command_of(model: str, seed: int, number: int, k: int) -> Command:
     """A random command, often beyond the robot's limits."""
     first, second = (draw(seed, number, k, i) - 0.5 for i in (0, 1))
-    return Drive(12.0 * first, second) if model == "car" else Velocity(12.0 * first, 12.0 * second)
+    match model:
+        case "car":
+            return Drive(12.0 * first, second)
+        case "differential":
+            return Twist(12.0 * first, 12.0 * second)
+        case _:
+            return Velocity(12.0 * first, 12.0 * second)
 
 
 @dataclass
@@ -149,11 +155,12 @@ class Lab:
         return World(Prepared(scenario, ground, poses, {spec.number: fields for spec in scenario.roster}))
 
     def patrol(self, ticks: int = 40, seed: int = 1, **more: Any) -> World:
-        """A world with two cars and two holonomic robots, not yet begun."""
+        """A world with two cars, a differential drive and a holonomic robot, not yet begun."""
         car = {"model": "car", "radius": 0.5, "turning_radius": 2.0}
         disc = {"model": "holonomic", "radius": 0.4}
+        base = {"model": "differential", "radius": 0.4}
         starts = [(3.0, 3.0, 0.0), (9.0, 9.0, 1.0), (14.0, 4.0, 0.0), (5.0, 11.0, 0.0)]
-        return self.world([car, car, disc, disc], starts, duration=0.5 * ticks, seed=seed, **more)
+        return self.world([car, car, base, disc], starts, duration=0.5 * ticks, seed=seed, **more)
 
     def run(
         self, world: World, fleet: RandomFleet | None = None, stop: Callable[[], bool] = lambda: False

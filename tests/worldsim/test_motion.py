@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
-from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
 from worldsim.bodies import Body, standstill
 from worldsim.motion import length, move, within_limits
@@ -22,6 +22,7 @@ from worldsim.motion import length, move, within_limits
 STEP = 0.5
 CAR = RobotSpec(1, "car", "car", 4.4, 0.6, 3.5, None)
 DISC = RobotSpec(2, "disc", "holonomic", 4.4, 0.6, 3.5, None)
+BASE = RobotSpec(3, "base", "differential", 4.4, 0.6, 3.5, None)
 FIELD = Terrain("field", np.ones((16, 16), dtype=np.bool_), 0.5, (-2.0, -1.0))
 
 
@@ -49,10 +50,10 @@ def worst(terrain: Terrain, poses: Sequence[Pose], radii: Sequence[float]) -> fl
 
 
 numbers = st.floats(-10, 10) | st.floats()
-commands = st.builds(Velocity, numbers, numbers) | st.builds(Drive, numbers, numbers)
+commands = st.one_of(*(st.builds(command, numbers, numbers) for command in (Velocity, Drive, Twist)))
 specs = st.builds(
     lambda model, radius, turn: RobotSpec(1, "r", model, 4.4, radius, turn, None),
-    st.sampled_from(["car", "holonomic"]),
+    st.sampled_from(MODELS),
     st.floats(0.1, 0.9),
     st.floats(0.5, 4.0),
 )
@@ -118,10 +119,10 @@ def test_the_outcome_does_not_depend_on_the_order_of_the_bodies(
 
 @given(commands)
 def test_commands_are_cut_to_what_a_robot_can_do(command: Command) -> None:
-    for spec in (CAR, DISC):
+    for spec in (CAR, DISC, BASE):
         obeyed = within_limits(spec, command)
         finite = all(math.isfinite(number) for number in (getattr(command, name) for name in command.__slots__))
-        assert (obeyed is not None) == (finite and isinstance(command, Drive) == (spec.model == "car"))
+        assert (obeyed is not None) == (finite and type(command) is COMMANDS[spec.model])
         if isinstance(obeyed, Drive):
             assert abs(obeyed.speed) <= spec.speed
             assert abs(obeyed.curvature) <= 1 / spec.turning_radius
@@ -129,6 +130,9 @@ def test_commands_are_cut_to_what_a_robot_can_do(command: Command) -> None:
             assert math.hypot(obeyed.vx, obeyed.vy) <= spec.speed * (1 + 1e-12)
             if math.hypot(command.vx, command.vy) <= spec.speed * (1 - 1e-12):
                 assert obeyed == command
+        elif isinstance(obeyed, Twist):
+            for side in (-1, 1):
+                assert abs(obeyed.speed + side * obeyed.turn_rate * spec.radius) <= spec.speed * (1 + 1e-12)
 
 
 @given(st.lists(st.builds(Drive, numbers, numbers), max_size=12), places)
@@ -142,6 +146,27 @@ def test_a_car_never_turns_tighter_than_its_radius(drives: list[Drive], start: P
         turn = abs(math.remainder(car.pose.heading - before.heading, math.tau))
         chord = math.hypot(car.pose.x - before.x, car.pose.y - before.y)
         assert chord >= 2 * CAR.turning_radius * math.sin(turn / 2) - 1e-9
+
+
+def test_a_turn_on_the_spot_is_never_cancelled_and_does_not_count_as_driving() -> None:
+    spinning, runner = body(2.0, 0.0, Twist(0.0, 7.0), BASE), body(0.0, 0.0, Velocity(4.0, 0.0))
+    move([spinning, runner], FIELD, STEP)
+    assert spinning.pose == Pose(2.0, 0.0, 3.5 - math.tau)
+    assert (spinning.bumped, spinning.collisions, spinning.distance_m) == (False, 0, 0.0)
+    assert (runner.bumped, runner.pose.x) == (True, 0.0)
+
+
+def test_who_touches_a_wall_turns_on_the_spot_and_drives_along_it() -> None:
+    base = body(-1.4, 3.0, Twist(0.0, -math.pi), BASE)  # the terrain ends at x = -2
+    move([base], FIELD, STEP)
+    assert base.pose == Pose(-1.4, 3.0, -math.pi / 2)
+    base.command = Twist(1.0, 0.0)
+    move([base], FIELD, STEP)
+    assert not base.bumped
+    assert (base.pose.x, base.pose.y) == pytest.approx((-1.4, 2.5))
+    base.command = Twist(1.0, -1.0)
+    move([base], FIELD, STEP)
+    assert base.bumped
 
 
 def test_two_robots_head_on_both_stay() -> None:

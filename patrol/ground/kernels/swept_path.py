@@ -33,23 +33,23 @@ _F = types.float64
     nogil=True,
     error_model="numpy",
 )
-def arc_end(x, y, heading, distance, curvature):
+def arc_end(x, y, heading, distance, turn):
     """Pose after driving along an arc.
 
-    Exact: the chord has length distance * sin(u) / u and bearing heading + u, u = distance * curvature / 2, which is
-    well-conditioned down to a straight line.
+    Exact: the chord has length distance * sin(u) / u and bearing heading + u, u = turn / 2, which is well-conditioned
+    from a straight line to a turn on the spot.
 
     Args:
         x: m.
         y: m.
         heading: rad.
         distance: m, negative: backwards.
-        curvature: 1/m, positive: left.
+        turn: change of the heading, rad, positive: left.
 
     Returns:
         (x, y, heading), the heading in (-pi, pi].
     """
-    half = 0.5 * distance * curvature
+    half = 0.5 * turn
     chord = distance * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
     turned = heading + 2.0 * half
     if turned > math.pi or turned <= -math.pi:
@@ -189,22 +189,24 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
 
 
 @njit(types.int64(_F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def chord_count(distance, curvature, longest):
+def chord_count(distance, turn, longest):
     """How many equal chords stand for an arc: within SAGITTA of it and at most `longest`; 1 for a line.
+
+    A chord of length L that turns by u lies within L * u / 8 of its arc. No chord turns by more than half a circle.
 
     Args:
         distance: along the arc, m.
-        curvature: 1/m.
+        turn: change of the heading, rad.
         longest: of a chord, m.
     """
-    if curvature == 0.0:
+    if turn == 0.0 or distance == 0.0:
         return 1
-    chord = min(longest, math.sqrt(8.0 * SAGITTA / abs(curvature)))
-    return max(math.ceil(abs(distance) / chord), 1)
+    near = math.ceil(math.sqrt(abs(distance) * abs(turn) / (8.0 * SAGITTA)))
+    return max(near, math.ceil(abs(distance) / longest), math.ceil(abs(turn) / math.pi), 1)
 
 
 @njit(types.void(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def arc_points(path, x, y, heading, distance, curvature):
+def arc_points(path, x, y, heading, distance, turn):
     """Fill `path` with the ends of n equal chords of an arc; the last is `arc_end`'s.
 
     Args:
@@ -213,12 +215,12 @@ def arc_points(path, x, y, heading, distance, curvature):
         y: m.
         heading: rad.
         distance: m, negative: backwards.
-        curvature: 1/m, positive: left.
+        turn: change of the heading, rad, positive: left.
     """
     count = path.shape[0] - 1
     path[0, 0], path[0, 1] = x, y
     for i in range(1, count + 1):
-        path[i, 0], path[i, 1], _ = arc_end(x, y, heading, distance * (i / count), curvature)
+        path[i, 0], path[i, 1], _ = arc_end(x, y, heading, distance * (i / count), turn * (i / count))
 
 
 @njit(types.boolean(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
@@ -248,7 +250,7 @@ def _path_leaves(path, left, low, right, high, radius):
 
 
 @njit(types.uint8(_MASK, _F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def free_arc(blocked, point, ox, oy, x, y, heading, distance, curvature, radius):
+def free_arc(blocked, point, ox, oy, x, y, heading, distance, turn, radius):
     """Whether a disc can drive a whole arc.
 
     The arc is swept as chords of at most half a point that lie within SAGITTA of it. A blocked square is compared with
@@ -264,18 +266,18 @@ def free_arc(blocked, point, ox, oy, x, y, heading, distance, curvature, radius)
         y: m.
         heading: rad.
         distance: m, negative: backwards.
-        curvature: 1/m, positive: left.
+        turn: change of the heading, rad, positive: left.
         radius: of the disc, m.
 
     Returns:
         1 when the way is free, else 0.
     """
     height, width = blocked.shape
-    path = np.empty((chord_count(distance, curvature, 0.5 * point) + 1, 2), dtype=np.float64)
-    arc_points(path, x, y, heading, distance, curvature)
+    path = np.empty((chord_count(distance, turn, 0.5 * point) + 1, 2), dtype=np.float64)
+    arc_points(path, x, y, heading, distance, turn)
     if _path_leaves(path, ox, oy, ox + width * point, oy + height * point, radius):
         return 0
-    ring = 1.0 / curvature if abs(curvature) * WIDEST > 1.0 else 0.0
+    ring = distance / turn if abs(turn) * WIDEST > abs(distance) else 0.0
     cx, cy = x - ring * math.sin(heading), y + ring * math.cos(heading)
     # Half a square's diagonal turns its centre's distance into bounds on its nearest place's.
     reach = radius + SAGITTA + 0.7072 * point

@@ -18,16 +18,17 @@ from agent.routes.ground import Spot
 from agent.view import View
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Velocity, command_of
+from patrol.pose import COMMANDS, MODELS, Command, Drive, Limits, Pose, Twist, Velocity, command_of
 from patrol.prepare import Prepared
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at, prepared_on
 
 RADIUS, SPEED, TURNING = 1.0, 4.4, 3.5
+LIMITS = Limits(SPEED, RADIUS, TURNING)
 FIRST = Pose(5.0, 5.0, 0.3)
-NEAR = {"holonomic": 0.01, "car": 1.0}
+NEAR = {"holonomic": 0.01, "differential": 0.01, "car": 1.0}
 """How near to a place each body comes, m."""
-IN_TIME = {"holonomic": 40, "car": 80}
+IN_TIME = {"holonomic": 40, "differential": 45, "car": 80}
 """Ticks for the way round the wall, of about 50 m."""
 
 
@@ -74,7 +75,7 @@ class Drives:
         decision = self.mind.step(at(self.k, self.pose, bumped), [])
         self.k += 1
         assert path_is_free(self.terrain, self.pose, decision.command, STEP, RADIUS), "it drives into a wall"
-        assert decision.command.is_within(SPEED, TURNING)
+        assert decision.command.is_within(LIMITS)
         self.pose = advance(self.pose, decision.command, STEP)
         return decision
 
@@ -192,7 +193,7 @@ def test_a_policy_that_steers_is_obeyed_as_far_as_walls_and_limits_allow(
     pose = Pose(x, y, data.draw(st.floats(-3.0, 3.0)))
     drives = Drives(prepared[model], Steer(wanted, state="playing"), pose)
     decision = drives.tick()  # which checks walls and limits
-    limited = wanted.limited(SPEED, TURNING)
+    limited = wanted.limited(LIMITS)
     assert type(decision.command) is COMMANDS[model]
     if path_is_free(drives.terrain, pose, limited, STEP, RADIUS):
         assert decision.state == "playing"
@@ -216,7 +217,9 @@ def test_a_holonomic_body_steered_into_a_wall_stops_at_it(prepared: dict[str, Pr
 
 
 @pytest.mark.parametrize(
-    ("model", "command"), [("car", Velocity(1.0, 0.0)), ("holonomic", Drive(1.0, 0.0))], ids=MODELS
+    ("model", "command"),
+    [("car", Velocity(1.0, 0.0)), ("differential", Drive(1.0, 0.0)), ("holonomic", Twist(1.0, 0.0))],
+    ids=MODELS,
 )
 def test_a_command_of_another_model_is_the_policys_failure(
     model: str, command: Command, prepared: dict[str, Prepared]

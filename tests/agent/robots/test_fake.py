@@ -10,7 +10,7 @@ import pytest
 
 from agent.robots.fake import FakeRobot
 from patrol.ground.terrain import Terrain
-from patrol.pose import Command, Drive, Pose, Velocity
+from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
 
 STEP = 0.5
@@ -43,6 +43,7 @@ def robot(model: str, *ticks: int | None) -> FakeRobot:
     [
         ("holonomic", Velocity(2.0, -1.0), Pose(6.0, 4.5, math.atan2(-1.0, 2.0))),
         ("car", Drive(2.0, 0.0), Pose(6.0, 5.0, 0.0)),
+        ("differential", Twist(2.0, 0.0), Pose(6.0, 5.0, 0.0)),
     ],
 )
 def test_it_obeys_for_one_step(model: str, command: Command, end: Pose) -> None:
@@ -67,6 +68,17 @@ def test_it_has_the_limits_of_its_body() -> None:
     sensed = fake.sense()
     assert sensed is not None
     assert sensed.pose.y == pytest.approx(5.0 - 2.2)
+
+
+def test_two_wheels_turn_it_on_the_spot() -> None:
+    fake = robot("differential", 0, 1)
+    fake.sense()
+    fake.act(Twist(0.0, 100.0))
+    sensed = fake.sense()
+    assert sensed is not None
+    assert not sensed.bumped
+    assert (sensed.pose.x, sensed.pose.y) == (START.x, START.y)
+    assert sensed.pose.heading == pytest.approx(START.heading + 2.2)  # 4.4 m/s at 1 m for half a second
 
 
 def test_a_wall_stops_it_and_it_knows() -> None:

@@ -149,7 +149,7 @@ def test_a_way_bends_where_the_waves_path_does(seed: int) -> None:
         way = routes.way((row + 1, col + 1), target)
         assert way.place == ground.centre(*target)
         if target == (row + 1, col + 1):
-            assert way == Way(way.place, way.place)
+            assert way == Way(way.place, way.place, way.length)
             continue
         bend_row, bend_col = divmod(int(wave.bend[r, c]), wave.state.shape[1])
         assert way.bend == ground.centre(bend_row + wave.row0 + 1, bend_col + wave.col0 + 1)
@@ -181,7 +181,7 @@ def test_a_way_bends_at_a_corner() -> None:
     row, col = ground.terrain.point_at(*way.bend)
     assert row in (9, 10)
     assert col == 15
-    assert routes.way((6, 3), (6, 12)) == Way(ground.centre(6, 12), ground.centre(6, 12))
+    assert routes.way((6, 3), (6, 12)) == Way(ground.centre(6, 12), ground.centre(6, 12), 9.0 * ground.terrain.point)
 
 
 def test_windows_are_shared_and_leave_nothing_behind() -> None:

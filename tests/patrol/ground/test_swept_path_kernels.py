@@ -36,7 +36,7 @@ def line(blocked: np.ndarray, x0: float, y0: float, x1: float, y1: float, radius
 def arc(
     blocked: np.ndarray, pose: tuple[float, float, float], distance: float, curvature: float, radius: float
 ) -> bool:
-    return bool(sweep.free_arc(blocked, POINT, *ORIGIN, *pose, distance, curvature, radius))
+    return bool(sweep.free_arc(blocked, POINT, *ORIGIN, *pose, distance, distance * curvature, radius))
 
 
 def squares(*points: tuple[int, int]) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_an_arc_is_free_when_dense_samples_are(
     if clearance(blocked, x, y) < radius:
         return
     free = arc(blocked, (x, y, heading), distance, curvature, radius)
-    steps = [sweep.arc_end(x, y, heading, distance * i / 300, curvature)[:2] for i in range(301)]
+    steps = [sweep.arc_end(x, y, heading, distance * i / 300, distance * i / 300 * curvature)[:2] for i in range(301)]
     nearest = min(clearance(blocked, *place) for place in steps)
     if free:
         assert nearest >= radius - 2 * sweep.SAGITTA
@@ -90,7 +90,7 @@ def test_an_arc_lies_on_its_circle(
     x: float, y: float, heading: float, distance: float, curvature: float, right: bool
 ) -> None:
     signed = -curvature if right else curvature
-    end_x, end_y, turned = sweep.arc_end(x, y, heading, distance, signed)
+    end_x, end_y, turned = sweep.arc_end(x, y, heading, distance, distance * signed)
     centre = (x - math.sin(heading) / signed, y + math.cos(heading) / signed)
     assert math.dist(centre, (end_x, end_y)) == pytest.approx(1.0 / curvature, rel=1e-9)
     assert -math.pi < turned <= math.pi
@@ -110,13 +110,13 @@ def test_an_arc_passes_a_corner_that_is_a_radius_away(radius: float, outside: bo
         blocked[row, row] = 1
         origin = corner - 20 * POINT
         pose = (ring, 0.0, math.pi / 2 if forwards else -math.pi / 2)
-        way = (ring * math.pi / 2, 1 / ring) if forwards else (-ring * math.pi / 2, -1 / ring)
+        way = (ring * math.pi / 2, math.pi / 2) if forwards else (-ring * math.pi / 2, math.pi / 2)
         assert bool(sweep.free_arc(blocked, POINT, origin, origin, *pose, *way, radius)) == passes
 
 
 def test_a_straight_arc_is_a_line_and_bends_continuously() -> None:
     assert sweep.arc_end(1.0, 2.0, 0.0, 3.0, 0.0) == (4.0, 2.0, 0.0)
-    bent = sweep.arc_end(1.0, 2.0, 0.0, 3.0, 1e-9)
+    bent = sweep.arc_end(1.0, 2.0, 0.0, 3.0, 3e-9)
     assert bent == pytest.approx((4.0, 2.0, 0.0), abs=1e-8)
 
 

@@ -27,7 +27,7 @@ from patrol.net.phases import (
     decode_to_world,
     encode,
 )
-from patrol.pose import Drive, Pose, Velocity
+from patrol.pose import Drive, Pose, Twist, Velocity
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAMES
 
 Contacts = tuple[tuple[float, float], ...]
@@ -62,7 +62,7 @@ to_world: st.SearchStrategy[ToWorld] = st.one_of(
         *heads,
         st.builds(
             Reply,
-            st.builds(Drive, anything, anything) | st.builds(Velocity, anything, anything),
+            st.one_of(*(st.builds(command, anything, anything) for command in (Drive, Twist, Velocity))),
             words,
             st.none() | st.tuples(finite, finite),
             finite,

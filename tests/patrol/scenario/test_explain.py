@@ -92,7 +92,7 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"robots": [3]}, "scenario: robots.0 = 3: expected keys and values (model, speed"),
         ({"robots": {"count": 65_001}}, "scenario: robots.count = 65001: expected a whole number from 1 to 65000"),
         ({"robots": {"count": 3.0}}, "scenario: robots.count = 3.0: expected a whole number"),
-        ({"robots": {"model": "bike"}}, 'scenario: robots.model = "bike": expected car or holonomic'),
+        ({"robots": {"model": "bike"}}, 'scenario: robots.model = "bike": expected car, differential or holonomic'),
         ({"robots": [{}, {"speed": 0}]}, "scenario: robots.1.speed = 0: expected a number above 0"),
         (
             {"robots": {"starts": [[1, 2], [3]]}},

@@ -10,7 +10,7 @@ import numpy as np
 
 from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
-from patrol.pose import Command, Pose, command_of
+from patrol.pose import Command, Pose, command_of, is_halt
 from worldsim.motion import length
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -90,7 +90,7 @@ class MovesAreTrue(Check):
             if problem:
                 self._problem = f"{spec.name} {problem} at tick {record.k}"
                 return
-            moves = not row.bumped and length(command, self._step) > 0.0
+            moves = not row.bumped and not is_halt(command)
             self._due[row.number] = advance(pose, command, self._step) if moves else pose
             self._looked += 1
 
@@ -123,11 +123,11 @@ class MovesAreTrue(Check):
         due = self._due[row.number]
         if pose != due:
             return f"is at {_place(pose)} and not at {_place(due)}, where its last move ended,"
-        if row.status is not Status.ALIVE and (length(command, self._step) > 0.0 or row.bumped):
+        if row.status is not Status.ALIVE and (not is_halt(command) or row.bumped):
             return f"is {row.status.name.lower()} and drives"
         if row.refused and (row.c0 != 0.0 or row.c1 != 0.0):
             return "drives although its command was refused"
-        within = command.is_within(spec.speed, spec.turning_radius)
+        within = command.is_within(spec.limits)
         return "" if within else f"obeys {command}, which is beyond its limits,"
 
 

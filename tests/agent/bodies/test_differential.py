@@ -1,0 +1,247 @@
+"""A body with two driven wheels in doors, corridors and corners, alone and face to face with another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agent.bodies.wheel_steering import WheelSteering, smaller_turn
+from agent.build import build_mind
+from agent.ports import Bearing, Decision, Intent, Place, State, Stay
+from agent.routes.ground import Ground, Spot
+from agent.view import View
+from patrol.ground.fields import compute_fields
+from patrol.ground.swept_path import advance, path_is_free
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose, Twist, halted, wrap
+from patrol.prepare import Prepared
+from patrol.scenario import RobotSpec, load_scenario
+from tests.agent.minds import STEP, at
+from worldsim.bodies import Body
+from worldsim.motion import move
+
+RADIUS, SPEED, POINT = 0.3, 1.0, 0.1
+
+
+def terrain_of(size: Spot, *free: tuple[float, float, float, float]) -> Terrain:
+    """Free rectangles (left, low, right, high), m, in a block of wall of this size."""
+    passable = np.zeros((round(size[1] / POINT), round(size[0] / POINT)), dtype=np.bool_)
+    for left, low, right, high in free:
+        passable[round(low / POINT) : round(high / POINT), round(left / POINT) : round(right / POINT)] = True
+    return Terrain("plan", passable, POINT)
+
+
+def with_door(width: float) -> Terrain:
+    """Two rooms of 4 x 6 m, and a door in a wall of 1 m between them."""
+    return terrain_of((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (5.0, 0.0, 9.0, 6.0), (4.0, 3.0, 5.0, 3.0 + width))
+
+
+def prepared_for(terrain: Terrain, starts: Sequence[Pose], speed: float = SPEED) -> Prepared:
+    spec = {"model": "differential", "radius": RADIUS, "speed": speed}
+    robots = [{**spec, "start": [start.x, start.y, start.heading]} for start in starts]
+    patrol = {"goal_distance": 1.65, "refine_side": 0.6, "refine_reach": 3.0, "dilatation": 1.5}
+    mapping = {"terrain": {"builtin": "open"}, "point": POINT, "robots": robots, "patrol": patrol}
+    scenario = load_scenario(mapping)
+    fields = compute_fields(terrain, RADIUS, scenario.sensor.range, True, list(starts))
+    return Prepared(scenario, terrain, tuple(starts), {robot.number: fields for robot in scenario.roster})
+
+
+class Says:
+    """A policy that always wants the same."""
+
+    def __init__(self, intent: Intent) -> None:
+        self._intent = intent
+
+    def decide(self, view: View) -> Intent:
+        del view
+        return self._intent
+
+
+class Robots:
+    """Robots that the world moves as their bodies command; each hears all others."""
+
+    def __init__(self, prepared: Prepared, *intents: Intent) -> None:
+        roster = prepared.scenario.roster
+        self.terrain = prepared.terrain
+        self.bodies = [
+            Body(spec, start, halted(spec.model)) for spec, start in zip(roster, prepared.starts, strict=True)
+        ]
+        self.minds = [build_mind(prepared, spec.number) for spec in roster]
+        for mind, intent in zip(self.minds, intents, strict=True):
+            mind.policy = Says(intent)
+        self.k = 0
+
+    def tick(self) -> list[Decision]:
+        sensed = [at(self.k, body.pose, body.bumped) for body in self.bodies]
+        sent = [mind.frames(one) for mind, one in zip(self.minds, sensed, strict=True)]
+        decisions = []
+        for i, mind in enumerate(self.minds):
+            heard = [frame for j, frames in enumerate(sent) if j != i for frame in frames]
+            decisions.append(mind.step(sensed[i], heard))
+        for body, decision in zip(self.bodies, decisions, strict=True):
+            assert isinstance(decision.command, Twist)
+            assert decision.command.is_within(body.spec.limits)
+            assert path_is_free(self.terrain, body.pose, decision.command, STEP, body.spec.radius), "into a wall"
+            body.command = decision.command
+        move(self.bodies, self.terrain, STEP)
+        self.k += 1
+        return decisions
+
+    def until(self, there: Callable[[], bool], ticks: int) -> None:
+        for _ in range(ticks):
+            if there():
+                return
+            self.tick()
+        assert there(), [body.pose for body in self.bodies]
+
+    def apart(self, spot: Spot, robot: int = 0) -> float:
+        pose = self.bodies[robot].pose
+        return math.dist((pose.x, pose.y), spot)
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0, math.pi, -1.0])
+def test_it_passes_a_door_two_points_wider_than_itself(heading: float) -> None:
+    terrain = with_door(2.0 * RADIUS + 2.0 * POINT)
+    alone = Robots(prepared_for(terrain, [Pose(1.0, 1.0, heading)]), Place(8.0, 5.0))
+    alone.until(lambda: alone.apart((8.0, 5.0)) < 0.01, 60)
+    for _ in range(5):
+        assert alone.tick()[0].state == State.PATROLLING
+        assert alone.apart((8.0, 5.0)) < 0.01
+        assert alone.bodies[0].command == Twist(0.0, 0.0)
+    assert alone.bodies[0].collisions == 0
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2, 3.0])
+def test_it_turns_about_at_the_end_of_a_corridor(heading: float) -> None:
+    """A corridor one point wider than the body on each side, with the robot at its closed end."""
+    terrain = terrain_of((9.0, 4.0), (0.0, 0.0, 3.0, 4.0), (3.0, 1.0, 9.0, 1.8))
+    alone = Robots(prepared_for(terrain, [Pose(8.6, 1.4, heading)]), Place(1.0, 3.0))
+    states = set()
+    for _ in range(40):
+        states.add(alone.tick()[0].state)
+    assert alone.apart((1.0, 3.0)) < 0.01
+    assert states == {State.PATROLLING}
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.3, 3.0])
+@pytest.mark.parametrize("spot", [(1.0, 1.3), (1.05, 0.95), (0.5, 1.0), (3.0, 5.0)])
+def test_it_ends_near_its_place_at_any_speed_and_never_beyond_it(speed: float, spot: Spot) -> None:
+    start = Pose(1.0, 1.0, 0.0)
+    alone = Robots(prepared_for(with_door(2.0), [start], speed=speed), Place(*spot))
+    nearest = alone.apart(spot)
+    ticks = math.ceil((nearest / speed + 2.0 * math.pi * RADIUS / speed) / STEP) + 10
+    for _ in range(ticks):
+        alone.tick()
+        assert alone.apart(spot) <= nearest + 0.15
+        nearest = min(nearest, alone.apart(spot))
+    assert alone.apart(spot) < 0.01
+    assert alone.bodies[0].command == Twist(0.0, 0.0)
+
+
+def test_two_face_to_face_in_a_corridor_part() -> None:
+    terrain = terrain_of((14.0, 1.0), (0.0, 0.1, 14.0, 0.9))
+    starts = [Pose(6.0, 0.5, 0.0), Pose(8.0, 0.5, math.pi)]
+    pair = Robots(prepared_for(terrain, starts), Bearing((0.0,)), Bearing((math.pi,)))
+    gaps = []
+    for _ in range(120):
+        pair.tick()
+        gaps.append(pair.bodies[1].pose.x - pair.bodies[0].pose.x - 2.0 * RADIUS)
+    assert min(gaps) < 0.5, "they never met"
+    met = next(k for k, gap in enumerate(gaps) if gap < 0.5)
+    assert max(gaps[met:]) > 1.5
+    for body in pair.bodies:
+        assert body.collisions < 60
+
+
+def test_a_policy_that_stays_is_obeyed_while_it_backs_off() -> None:
+    terrain = terrain_of((14.0, 1.0), (0.0, 0.1, 14.0, 0.9))
+    starts = [Pose(6.0, 0.5, 0.0), Pose(8.0, 0.5, math.pi)]
+    pair = Robots(prepared_for(terrain, starts), Bearing((0.0,)), Bearing((math.pi,)))
+    for _ in range(8):
+        pair.tick()
+    for mind in pair.minds:
+        mind.policy = Says(Stay())
+    pair.tick()
+    assert [body.command for body in pair.bodies] == [Twist(0.0, 0.0)] * 2
+
+
+def test_who_fits_nowhere_but_where_it_stands_says_dead_end() -> None:
+    terrain = terrain_of((3.0, 3.0), (1.0, 1.0, 1.7, 1.7))
+    alone = Robots(prepared_for(terrain, [Pose(1.35, 1.35, 0.0)]), Bearing((0.0, 1.5)))
+    states = []
+    for _ in range(40):
+        states.append(alone.tick()[0].state)
+        assert alone.apart((1.35, 1.35)) < 0.1  # there is room for 5 cm to each side
+    assert states[0] == State.DEAD_END
+    assert states.count(State.DEAD_END) > 20
+
+
+def test_a_direction_that_it_turned_to_is_taken_even_if_another_becomes_stronger() -> None:
+    alone = Robots(prepared_for(with_door(1.0), [Pose(2.0, 3.0, 0.0)]), Bearing((math.pi, 0.0)))
+    (first,) = alone.tick()
+    assert (first.direction, first.command.speed_mps) == (math.pi, 0.0)
+    alone.minds[0].policy = Says(Bearing((0.0, math.pi)))
+    directions = [alone.tick()[0].direction for _ in range(3)]
+    assert directions[0] == math.pi
+    assert alone.bodies[0].pose.x != 2.0
+    assert directions[-1] == 0.0
+
+
+# --- the steering alone ----------------------------------------------------------------------------------------------
+
+
+def cluttered(seed: int) -> Terrain:
+    """6 x 6 m with twelve blocks."""
+    dice = np.random.default_rng(seed)
+    passable = np.ones((60, 60), dtype=np.bool_)
+    for row, col, high, wide in dice.integers((0, 0, 1, 1), (56, 56, 12, 12), size=(12, 4)):
+        passable[row : row + high, col : col + wide] = False
+    return Terrain("blocks", passable, POINT)
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 10**6),
+    speed=st.floats(0.1, 6.0),
+    heading=st.floats(-math.pi, math.pi),
+    share=st.floats(0.0, 0.999),
+    moves=st.lists(st.tuples(st.floats(0.0, 6.0), st.floats(0.0, 6.0), st.booleans()), min_size=1, max_size=25),
+)
+def test_whatever_it_steers_for_it_touches_no_wall_and_can_always_come_back(
+    seed: int, speed: float, heading: float, share: float, moves: list[tuple[float, float, bool]]
+) -> None:
+    terrain = cluttered(seed)
+    reach = compute_fields(terrain, RADIUS, 3.0, True, []).cspace
+    places = np.argwhere(reach)
+    if not len(places):
+        return
+    spec = RobotSpec(1, "r1", "differential", speed, RADIUS, 1.0, None)
+    ground = Ground(terrain, reach)
+    steering = WheelSteering(spec, terrain, ground, STEP)
+    row, col = places[int(share * len(places))]
+    pose = Pose(*terrain.centre(int(row), int(col)), heading)
+    for x, y, wanders in moves:
+        direction = math.atan2(y - pose.y, x - pose.x)
+        twist = steering.turning(pose, direction) if wanders else steering.towards(pose, (x, y))
+        assert twist.is_within(spec.limits)
+        assert path_is_free(terrain, pose, twist, STEP, RADIUS)
+        pose = advance(pose, twist, STEP)
+        joined = ground.join(pose.x, pose.y)
+        assert joined is not None
+        centre = ground.centre(*joined)
+        assert steering.reach(pose, centre) == pytest.approx(
+            min(math.dist((pose.x, pose.y), centre), steering.stride), abs=1e-5
+        )
+
+
+@given(heading=st.floats(-math.pi, math.pi), direction=st.floats(-10.0, 10.0))
+def test_the_smaller_turn_is_at_most_a_quarter_and_leads_there(heading: float, direction: float) -> None:
+    turn, sense = smaller_turn(heading, direction)
+    assert abs(turn) <= math.pi / 2 + 1e-12
+    driven = heading + turn + (math.pi if sense < 0.0 else 0.0)
+    assert wrap(driven - direction) == pytest.approx(0.0, abs=1e-9)
