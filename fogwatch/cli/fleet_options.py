@@ -15,9 +15,7 @@ Router = Annotated[str | None, typer.Option(metavar="LOCATOR", help="Router of a
 Fleet = Annotated[str | None, typer.Option(metavar="NAME", help="Name of the running fleet.")]
 FleetScenario = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE", help="Scenario of a fleet without a world, which is followed through its robots' positions."
-    ),
+    typer.Option(metavar="FILE", help="Scenario of a fleet without a world, to follow its robots by their positions."),
 ]
 Radio = Annotated[
     str | None,

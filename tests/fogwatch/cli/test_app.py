@@ -98,6 +98,8 @@ def test_quiet_prints_the_folder_and_nothing_else(
         (["open", "--speed", "3.6km/h"], "--speed 3.6km/h: expected a number in m/s, such as --speed 1"),
         (["open", "--duration", "10min"], "--duration 10min: expected a number in s, such as --duration 600"),
         (["open", "--seed", "k"], "--seed k: expected a whole number, such as --seed 7"),
+        (["open", "--speed", "300"], "robots.speed = 300: a stride of 150 m leaps over ground"),
+        (["open", "--radius", "300"], "fits nowhere on open, on points of 0.5 m; use a radius of at most 43.5 m"),
         ([], "SCENARIO is missing; for example: fogwatch run yards"),
     ],
 )
@@ -125,6 +127,25 @@ def test_other_commands_fail_in_one_line_too(fogwatch: Callable[..., int], capsy
     for arguments in (["map", "check", "nowhere.yaml"], ["scenario", "show", "nowhere.yaml"], ["march"]):
         assert fogwatch(*arguments) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("way", ["--in-process", pytest.param("--no-page", marks=pytest.mark.processes)])
+def test_an_error_in_a_map_names_the_map_and_not_its_copy(
+    way: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from PIL import Image
+
+    picture = Image.new("L", (400, 400), 254)
+    picture.paste(0, (0, 0, 400, 2))
+    picture.save(tmp_path / "plan.png")
+    says = {"image": "plan.png", "resolution": 0.1, "origin": [0, 0, 0], "negate": 1}
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(json.dumps({**says, "occupied_thresh": 0.65, "free_thresh": 0.196}), encoding="utf-8")
+    assert fogwatch("run", str(plan), "--radius", "0.3", way, "--out", str(tmp_path / "run")) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith(f"fogwatch: {plan}: leaves no room for a body with a radius of 0.3 m: negate = true, ")
+    assert "make 0.5 % of its cells free, 99.5 % occupied and 0.0 % unknown" in last
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(
