@@ -55,7 +55,8 @@ class Recovers(Check):
         if self._truth is None:
             gone = [row for row in record.robots if row.status is not Status.ALIVE and not self._stays_away(row)]
             if gone:
-                self._missing = f"{self._names.get(gone[0].number, gone[0].number)} is {gone[0].status.name.lower()}"
+                status = "away" if gone[0].status is Status.LEFT else gone[0].status.name.lower()
+                self._missing = f"{self._names.get(gone[0].number, gone[0].number)} is still {status}"
                 return
             self._missing = ""
             self._whole_at = record.k
@@ -98,7 +99,7 @@ class Recovers(Check):
         elif self._last < healed:
             why = "the run ended before all faults were over"
         elif self._missing:
-            why = f"after all faults, {self._missing} to the end"
+            why = f"{self._missing} at the end, after all faults"
         elif self._run.baseline_s is None:
             why = f"{took}; there is no fault-free run to compare with"
         elif took_s is None and (self._last - self._whole_at) * self._run.step < limit_s:

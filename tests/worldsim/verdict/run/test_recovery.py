@@ -94,7 +94,7 @@ def test_a_fleet_that_is_never_whole_again_is_not_judged(lab: Lab) -> None:
     found = world(lab, SILENCE)
     journal = lab.run(found)
     gone(journal, range(10, 40), Status.LEFT)
-    assert recovery(found, journal, 2.0).detail == "not judged: after all faults, r4 is left to the end"
+    assert recovery(found, journal, 2.0).detail == "not judged: r4 is still away at the end, after all faults"
 
 
 def test_a_robot_that_comes_some_ticks_after_the_last_fault_does_not_prevent_judging(lab: Lab) -> None:
