@@ -80,7 +80,13 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     identity = Identity(spec.name, options.incarnation, instance, scenario_hash(scenario))
 
     def waiting(waited_s: float) -> None:
-        say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s)")
+        if robot.world_present:
+            say(
+                f"the world of fleet {keys.fleet} is there, but has not greeted {spec.name} ({waited_s:.0f} s): its "
+                "scenario has no such robot, or the robot has not joined yet"
+            )
+        else:
+            say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s)")
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
     robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model)
@@ -102,6 +108,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
         return 1
     if robot.orderly:
         return 0
+    if robot.unlike:
+        raise BadInput(robot.farewell)
     say(f"left: {robot.farewell}")
     return INTERRUPTED if ending else 1
 

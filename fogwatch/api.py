@@ -171,9 +171,11 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         resolved = folder.load()
         fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
         return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
-    except (BadInput, KeyboardInterrupt):
+    except (BadInput, KeyboardInterrupt) as error:
         if not folder.journal.exists():  # the ticks of a run that has begun are kept
             folder.discard()
+            if isinstance(error, BadInput):
+                raise BadInput(folder.naming_the_given_map(str(error), scenario)) from None
         raise
     finally:
         options.display.close()

@@ -157,6 +157,8 @@ def print_failures(console: Console, outcome: SweepOutcome) -> None:
     """
     if outcome.failed:
         table = Table("case", "seed", "why", box=None, pad_edge=False, header_style="red", title="failed runs")
+        for column in table.columns:
+            column.overflow = "fold"
         for run in outcome.failed:
             table.add_row(run.case, str(run.seed), run.error)
         console.print(table, highlight=False, markup=False)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
+from patrol.ground.fitting import fits_no_door, fits_nowhere, no_room_for_all
 from patrol.ground.kernels.clearance import nearest
 from patrol.ground.kernels.doors import ROOM
 from patrol.ground.rooms import Rooms
@@ -76,10 +77,7 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
             pose = _place(terrain, spec, seed, places, list(placed.values()))
             if pose is None:
                 fleet = sum(not one.spare for one in roster)
-                raise BadInput(
-                    f"robots: {fleet} robots do not fit on {terrain.name}: no place is left for a body of radius "
-                    f"{spec.radius:g} m after {len(placed)}; use fewer or smaller robots"
-                )
+                raise BadInput(no_room_for_all(terrain, spec.radius, fleet, len(placed)))
             placed[spec.number] = (pose, spec.radius)
     return [placed[spec.number][0] for spec in roster]
 
@@ -100,9 +98,7 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
     """
     cspace = cspace_of(terrain, radius)
     if not cspace.any():
-        raise BadInput(
-            f"robots.radius = {radius:g}: a body this wide fits nowhere on {terrain.name}; use a smaller radius"
-        )
+        raise BadInput(fits_nowhere(terrain, radius))
     labels, count = parts_of(cspace)
     at = None if first is None else anchor(terrain, cspace, first.x, first.y)
     part = preferred_part(terrain, labels, count, radius) if at is None else int(labels[at])
@@ -193,13 +189,7 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
     inside = sum(rooms.areas[leaf] for leaf in np.flatnonzero(rooms.reached & (rooms.nodes[:, ROOM] >= 0)))
     if inside >= enough * terrain.point_area:
         return
-    widest = doors[-1]
-    passing = math.floor(100.0 * widest.radius) / 100.0
-    raise BadInput(
-        f"robots.radius = {radius:g}: too wide for every door of {terrain.name}; the widest, at ({widest.x:.2f}, "
-        f"{widest.y:.2f}), is {widest.width:.2f} m wide and lets a radius of {passing:g} m pass; use a smaller radius, "
-        "or give starts to patrol one room"
-    )
+    raise BadInput(fits_no_door(terrain, radius, doors[-1]))
 
 
 def _place(

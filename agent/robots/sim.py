@@ -24,6 +24,7 @@ from patrol.net.mailbox import Mailbox, Post, Presence
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,
+    UNLIKE,
     Failed,
     Hello,
     HelloReply,
@@ -100,7 +101,7 @@ class SimRobot:
             model: Body model, for the command that stops it.
             blind_s: Time without a new pose after which the robot stops, s. Infinite in lockstep, where the world
                 waits.
-            waiting: Called at intervals with the time that the robot has waited for a world, s.
+            waiting: Called at intervals with the time that the robot has waited for a world's greeting, s.
             now: Monotonic clock, s.
         """
         self.farewell = ""
@@ -205,6 +206,16 @@ class SimRobot:
         self._post(encode(Failed(self._identity.incarnation, self._identity.instance, max(self._k, 0), reason)))
 
     @property
+    def world_present(self) -> bool:
+        """Whether the fleet has a world, which may not have greeted this robot yet."""
+        return self._world_present
+
+    @property
+    def unlike(self) -> bool:
+        """Whether the world has turned this process away because their scenarios or versions differ."""
+        return self.farewell.startswith(UNLIKE)
+
+    @property
     def refused(self) -> int:
         """Number of messages dropped unread."""
         return self._mailbox.refused.total()
@@ -292,7 +303,7 @@ class SimRobot:
             self._leave(f"no world for {silent_s:.0f} s", orderly=False)
         elif min(silent_s, now - self._last_said) > (UNGREETED_S if self._run is None else SILENCE_S):
             self._say_hello()
-            if not self._world_present and now >= self._tell_at:
+            if (self._run is None or not self._world_present) and now >= self._tell_at:
                 self._tell_at = now + TELL_S[1]
                 self._waiting(silent_s)
 
@@ -331,7 +342,7 @@ def join(
         robots: Number of robots in the fleet.
         ending: Whether this process has to leave.
         patience_s: Time without a world after which the robot leaves, s.
-        waiting: Called at intervals with the time that the robot has waited for a world, s.
+        waiting: Called at intervals with the time that the robot has waited for a world's greeting, s.
         blind_s: Time without a new pose after which the robot stops, s.
         model: Body model.
     """

@@ -57,12 +57,14 @@ class Run:
         case: Name of its case.
         seed: Its seed.
         scenario: The resolved scenario.
+        settings: What its case sets in the base scenario: values by dotted field.
     """
 
     key: str
     case: str
     seed: int
     scenario: Scenario
+    settings: Mapping[str, object] = default(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +206,7 @@ def _run(base: Base, case: Case, seed: int) -> Run:
         raise BadInput(f"{base.called}: case {case.name}: sets seed; give the seeds under 'seeds:'")
     try:
         scenario = load_scenario(base.raw, {**case.settings, "seed": seed}, base=base.folder, called=base.called)
-        return Run(scenario_hash(scenario), case.name, seed, scenario)
+        return Run(scenario_hash(scenario), case.name, seed, scenario, case.settings)
     except BadInput as error:
         where = f"{base.called}: case {case.name}" if case.settings else base.called
         raise BadInput(f"{where}: {str(error).removeprefix(f'{base.called}: ')}") from None

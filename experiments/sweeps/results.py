@@ -13,7 +13,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,7 @@ class RunResult:
         trace_hash: The hash of its trace; None if there is none.
         wall_s: How long it took, s.
         software: The version of fogwatch that made it.
+        settings: What its case sets in the base scenario: values by dotted field. Empty in results of older versions.
     """
 
     key: str
@@ -50,6 +51,7 @@ class RunResult:
     trace_hash: str | None
     wall_s: float
     software: str
+    settings: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -184,6 +186,7 @@ def _parse(line: bytes) -> RunResult | None:
         and result.wall_s is not None
         and _is_number(result.wall_s)
         and isinstance(result.software, str)
+        and isinstance(result.settings, dict)
     )
     return result if whole else None
 

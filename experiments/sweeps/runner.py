@@ -137,11 +137,12 @@ def _make(
     from patrol.process.warmup import warm
 
     warm(PACKAGES, say)
+    settings = {run.key: dict(run.settings) for run in todo}
     with workers:
         if observer is not None:
             observer.begin(todo, done, min(workers.size, len(todo)))
         for found in workers.work([_task(run) for run in todo]):
-            result = RunResult(**found)
+            result = RunResult(**found, settings=settings[found["key"]])
             results.add(result)
             if observer is not None:
                 observer.result(result)

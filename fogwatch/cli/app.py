@@ -187,8 +187,8 @@ def run(
 ) -> int:
     """Run a fleet, one process per robot, and judge the run.
 
-    The scenario file holds all settings, and options override them. On a terrain or a map alone, five cars patrol for
-    5000 s.
+    A scenario file holds all settings, and options override them. A map file or a built-in terrain holds none: unless
+    options say otherwise, five cars patrol it for 5000 s.
     """
     overrides: dict[str, object] = {
         "robots.count": robots,

@@ -9,6 +9,9 @@ from typing import Any, TypeVar
 import typer
 from typer.core import TyperGroup
 
+from fogwatch.cli.bad_arguments import HelpfulCommand
+from patrol.errors import BadInput, did_you_mean
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 ORDER = (
@@ -55,6 +58,23 @@ class OrderedGroup(TyperGroup):
         """
         return sorted(super().list_commands(ctx), key=ORDER.index)
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Find the command that the arguments name.
+
+        Args:
+            ctx: The context of the call.
+            args: The arguments.
+
+        Returns:
+            The command's name, the command, and its arguments.
+
+        Raises:
+            BadInput: There is no such command.
+        """
+        if args[0] not in self.commands and not args[0].startswith("-"):
+            raise BadInput(f"{args[0]}: no such command; {did_you_mean(args[0], ORDER)}")
+        return super().resolve_command(ctx, args)
+
 
 def command(
     app: typer.Typer,
@@ -81,7 +101,8 @@ def command(
         title = "Example" if len(examples) == 1 else "Examples"
         lines = [f"{title}:", *(f"  {example}" for example in examples), "", f"Exit codes: {exit_codes}."]
         epilog = "\n".join(lines)
-        app.command(name, help=reflowed(function), epilog=epilog, rich_help_panel=panel)(function)
+        helpful = type("Command", (HelpfulCommand,), {"example": examples[0]})
+        app.command(name, cls=helpful, help=reflowed(function), epilog=epilog, rich_help_panel=panel)(function)
         return function
 
     return register

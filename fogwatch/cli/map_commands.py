@@ -49,7 +49,10 @@ def check(
     warm(("patrol",), lambda line: typer.echo(line, err=True))
     from fogwatch.map_check import check_map  # here: it imports kernels, which are compiled first
 
-    report = check_map(_terrain(what, point), radius, sensor_range, line_of_sight, starts)
+    terrain = _terrain(what, point)
+    report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
+    if why := _suspicious(terrain):
+        typer.echo(f"{what}: is this what the map shows? {why}", err=True)
     console = Console()
     if console.is_terminal:
         _print_tables(console, report)
@@ -212,6 +215,15 @@ def _terrain(what: str, point: float) -> Terrain:
     from patrol.ground.maps import read_terrain
 
     return read_terrain(Path(what), point)
+
+
+def _suspicious(terrain: Terrain) -> str:
+    """What the map's settings make of its cells, where they seem wrong."""
+    if terrain.source is None:
+        return ""
+    from patrol.ground.maps import suspicious_reading
+
+    return suspicious_reading(terrain)
 
 
 def _start(text: str) -> Pose:

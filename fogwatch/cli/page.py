@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from fogwatch.cli.fleet_options import WAIT_S, Fleet, FleetScenario, Radio, Router, Wait, check_one_fleet
 from patrol.errors import BadInput
 
 REPLAY_EXAMPLES = ["fogwatch replay runs/yards-20260101-120000 --browser"]
@@ -49,34 +50,22 @@ def monitor(
     run: Annotated[
         Path | None, typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or its control.json.")
     ] = None,
-    router: Annotated[
-        str | None, typer.Option(metavar="LOCATOR", help="Router of a running fleet, tcp/HOST:PORT.")
-    ] = None,
-    fleet: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the running fleet.")] = None,
-    scenario: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Scenario of a fleet without a world; the page shows its robots' positions."),
-    ] = None,
-    radio: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LOCATOR", help="Multicast group or router of the direct radio of a fleet without a world."
-        ),
-    ] = None,
+    router: Router = None,
+    fleet: Fleet = None,
+    scenario: FleetScenario = None,
+    radio: Radio = None,
     host: Annotated[str, HOST] = "127.0.0.1",
     port: Annotated[int, PORT] = 0,
     token: Annotated[str, TOKEN] = "",
     browser: Annotated[bool, BROWSER] = False,
-    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.")] = 60.0,
+    wait: Wait = WAIT_S,
 ) -> int:
     """Show a running fleet on a live page, without slowing it. Ctrl-C ends the page, not the fleet.
 
     Given the folder of a run, the page can also pause the fleet and inject faults. Given --router and --fleet, it only
     shows the fleet. A fleet may have any number of pages.
     """
-    fleets = (router is not None) + (fleet is not None)
-    if fleets != (2 if run is None else 0):
-        raise BadInput("monitor: name a run's folder, or --router and --fleet of a running fleet")
+    check_one_fleet("monitor", run, router, fleet)
     access = None if run is None else _access_in(run)
     if scenario is not None and router is None:
         raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")

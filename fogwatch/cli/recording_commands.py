@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from fogwatch.cli.fleet_options import WAIT_S, Fleet, FleetScenario, Radio, Router, Wait, check_one_fleet
 from fogwatch.cli.open_run import open_folder, print_state
 from patrol.errors import BadInput
 from patrol.process.lifeline import heed
@@ -31,30 +32,18 @@ def record(
             metavar="FILE", help="File to write (default: recording.mcap in the run's folder, or FLEET.mcap)."
         ),
     ] = None,
-    router: Annotated[
-        str | None, typer.Option(metavar="LOCATOR", help="Router of a running fleet, tcp/HOST:PORT.")
-    ] = None,
-    fleet: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the running fleet.")] = None,
-    scenario: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Scenario of a fleet without a world; its robots' positions are recorded."),
-    ] = None,
-    radio: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LOCATOR", help="Multicast group or router of the direct radio of a fleet without a world."
-        ),
-    ] = None,
-    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.")] = 60.0,
+    router: Router = None,
+    fleet: Fleet = None,
+    scenario: FleetScenario = None,
+    radio: Radio = None,
+    wait: Wait = WAIT_S,
 ) -> int:
     """Write a recording: an MCAP file of ROS 2 messages for Foxglove, Lichtblick, Rerun or PlotJuggler.
 
     Given the folder of a run, it holds the whole run so far. Given a running fleet (--router and --fleet), it holds
     what happens from now on, until the run ends, its world is gone, or Ctrl-C is pressed.
     """
-    fleets = (router is not None) + (fleet is not None)
-    if fleets != (2 if run is None else 0):
-        raise BadInput("record: name a run's folder, or --router and --fleet of a running fleet")
+    check_one_fleet("record", run, router, fleet)
     if run is not None:
         if scenario is not None or radio is not None:
             raise BadInput("record: --scenario and --radio are for robots without a world; leave the folder out")

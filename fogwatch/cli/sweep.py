@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 
 from experiments.sweeps.casetable import CaseRow, case_rows, write_tables
@@ -23,13 +25,18 @@ FAILED = 1
 """The exit code when some of the runs failed."""
 
 SHOWN = {
-    "mfow_mean_s": "mean MFoW (s)",
-    "mfow_max_s": "largest MFoW (s)",
-    "fog_mean_s": "mean fog (s)",
-    "dead_end_percent": "dead ends (%)",
+    "mfow_mean_s": "mean|MFoW (s)",
+    "mfow_max_s": "largest|MFoW (s)",
+    "fog_mean_s": "mean|fog (s)",
+    "dead_end_percent": "dead|ends (%)",
     "collisions": "collisions",
 }
-"""Metrics in the table on the terminal; the files have all of them."""
+"""Metrics in the table on the terminal, and their titles, each with the place where it may be broken. The files have
+all metrics."""
+CHANGE = "change of|MFoW (%)"
+
+UNLIMITED = 100_000
+"""Width of a terminal on which nothing is wrapped."""
 
 Workers = Annotated[
     int | None,
@@ -134,23 +141,76 @@ def make_runs(
 def print_cases(console: Console, rows: list[CaseRow]) -> None:
     """Print the cases' means as a table.
 
+    Words that all cases have in their names are printed once, above the table. On a narrow terminal intervals stand
+    below the means, and where that is not enough, the names stand above the table, which has the cases' numbers.
+
     Args:
         console: Where to print.
         rows: The results case by case.
     """
+    names, shared = told_apart([row.case for row in rows])
+    if shared:
+        console.print(f"all cases: {shared}", highlight=False, markup=False, soft_wrap=True)
+    table = _cases_table(rows, names, " ")
+    if not _fits(table, console):
+        table = _cases_table(rows, names, "\n")
+    if not _fits(table, console):
+        numbers = {case: str(number) for number, case in enumerate(names, start=1)}
+        for case, number in numbers.items():
+            console.print(f"case {number}: {names[case]}", highlight=False, markup=False, soft_wrap=True)
+        table = _cases_table(rows, numbers, "\n")
+    console.print(table, highlight=False, markup=False)
+
+
+def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) -> Table:
+    """The table of the cases' means.
+
+    Args:
+        rows: The results case by case.
+        names: What the table calls each case.
+        between: What separates a mean from its interval, and the halves of a title: a space or a line break.
+    """
     shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
     compared = any(row.against for row in rows)
-    titles = [*shown.values(), *(["change of MFoW (%)"] if compared else [])]
-    table = Table("case", "runs", *titles, box=None, pad_edge=False, header_style="cyan")
-    for column in table.columns[1:]:
-        column.justify = "right"
+    titles = [*shown.values(), *([CHANGE] if compared else [])]
+    narrow = between == "\n"
+    table = Table("case", "runs", box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
+    table.columns[1].justify = "right"
+    for title in titles:
+        table.add_column(title.replace("|", between), justify="right")
     if compared:
-        table.add_column("compared with")
+        table.add_column(f"compared{between}with")
     for row in rows:
-        runs = f"{row.runs}" + (f", {row.failed} failed" if row.failed else "")
-        change = [with_interval(row.change.get("mfow_mean_s")), row.against or ""] if compared else []
-        table.add_row(row.case, runs, *(with_interval(row.metrics.get(name)) for name in shown), *change)
-    console.print(table, highlight=False, markup=False)
+        runs = f"{row.runs}" + (f",{between}{row.failed} failed" if row.failed else "")
+        found = [row.metrics.get(name) for name in shown] + ([row.change.get("mfow_mean_s")] if compared else [])
+        against = "" if row.against is None else names.get(row.against, row.against)
+        cells = [with_interval(one).replace(" ", between) for one in found]
+        table.add_row(names[row.case], runs, *cells, *([against] if compared else []))
+    return table
+
+
+def _fits(table: Table, console: Console) -> bool:
+    """Whether no cell of a table has to be wrapped or cut."""
+    return Measurement.get(console, console.options.update(width=UNLIMITED), table).maximum <= console.width
+
+
+def told_apart(cases: Sequence[str]) -> tuple[dict[str, str], str]:
+    """Names of cases without the words that all of them share.
+
+    Args:
+        cases: The names, of words between spaces.
+
+    Returns:
+        The shorter names by the whole ones, and the words that they lack. No name is left empty.
+    """
+    words = [case.split() for case in cases]
+    common = [word for word in words[0] if all(word in others for others in words[1:])] if len(cases) > 1 else []
+    if any(all(word in common for word in own) for own in words):
+        common = []
+    short = [" ".join(word for word in own if word not in common) for own in words]
+    if len(set(short)) < len(cases):
+        return {case: case for case in cases}, ""
+    return dict(zip(cases, short, strict=True)), " ".join(common)
 
 
 def with_interval(found: Estimate | None) -> str:

@@ -26,6 +26,15 @@ TERM_S = 2.0
 _POLL_S = 0.01
 
 
+def printable(line: str) -> str:
+    """A line with tabs as spaces, and with every other character that is not printable as its escape sequence.
+
+    Args:
+        line: The line.
+    """
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in line.expandtabs())
+
+
 @dataclass(slots=True)
 class Child:
     """A child process.
@@ -58,12 +67,20 @@ class Child:
         return self.code
 
     def log_tail(self) -> str:
-        """The last lines of its log, indented, for people."""
+        """The last lines of its log, indented, for people; what could disturb a terminal is escaped."""
+        return "\n".join(f"    {line}" for line in self._last_lines(LOG_LINES))
+
+    def last_words(self) -> str:
+        """The last line of its log, without its name in front; empty when the log is."""
+        lines = self._last_lines(1)
+        return lines[0].strip().removeprefix(f"{self.name}: ") if lines else ""
+
+    def _last_lines(self, count: int) -> list[str]:
         try:
             lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:
             lines = []
-        return "\n".join(f"    {line}" for line in lines[-LOG_LINES:] if line.strip())
+        return [printable(line) for line in lines[-count:] if line.strip()]
 
     def describe_exit(self) -> str:
         """How it ended, in words: by an exit code or a signal."""

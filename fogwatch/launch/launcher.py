@@ -45,6 +45,8 @@ PAGE_WAIT_S = "86400"
 """How long the page waits for the world, which may have a large map to work on."""
 MOST_ROUTERS = 20
 """How often a router is started, for a free port or after it has died."""
+BAD_INPUT = 2
+"""The exit code of a process whose input is wrong; the last line of its log says why."""
 _TICK_S = 0.05
 
 
@@ -117,6 +119,7 @@ class Launch:
         """Show how the run goes until the world has ended or `stop` says yes.
 
         Raises:
+            BadInput: An agent found its input wrong before the run began.
             Failed: The router cannot be reached or keeps dying, or an agent ended before the run began.
         """
         try:
@@ -289,6 +292,8 @@ class Launch:
                 continue
             self._reported.add(name)
             if not self.folder.journal.exists():
+                if child.code == BAD_INPUT and (why := child.last_words()):
+                    raise BadInput(why)
                 raise Failed(f"the run could not begin: {child.describe_end()}")
             self.display.say(child.describe_end())
 

@@ -195,9 +195,10 @@ def _news(notice: Notice) -> str:
 
 
 def _standing(metrics: Metrics) -> str:
-    """How many robots are alive, and the statuses of the others."""
+    """How many robots are alive, and the statuses of the others that are or were there."""
     count = Counter(robot.status for robot in metrics.robots)
-    others = [f"{count[status]} {status.name.lower()}" for status in Status if status != Status.ALIVE and count[status]]
+    usual = (Status.ALIVE, Status.ABSENT)  # most of the absent ones are spare, and never asked for
+    others = [f"{count[status]} {status.name.lower()}" for status in Status if status not in usual and count[status]]
     alive = f"{count[Status.ALIVE]}/{len(metrics.robots) - count[Status.ABSENT]} robots"
     return f"{alive} ({', '.join(others)})" if others else alive
 
@@ -209,13 +210,14 @@ def _table(metrics: Metrics) -> Table:
     robots = Table(box=None, padding=(0, 2), header_style="bold")
     for head in ("robot", "state", "x m", "y m"):
         robots.add_column(head, justify="right" if head.endswith(" m") else "left")
-    for robot in metrics.robots[:MOST_ROBOTS]:
+    came = [robot for robot in metrics.robots if robot.status != Status.ABSENT]
+    for robot in came[:MOST_ROBOTS]:
         status = Status(robot.status)
         alive = status is Status.ALIVE
         state = robot.state or "waiting" if alive else status.name.lower()
         style = _STYLES.get(state, "") if alive else STATUS_STYLES[status]
         robots.add_row(robot.name, Text(state, style), f"{robot.x:.1f}", f"{robot.y:.1f}")
-    if len(metrics.robots) > MOST_ROBOTS:
-        robots.add_row(f"and {len(metrics.robots) - MOST_ROBOTS} more", "", "", "")
     outer.add_row(robots)
+    if len(came) > MOST_ROBOTS:
+        outer.add_row(f"and {len(came) - MOST_ROBOTS} more robots")
     return outer

@@ -31,7 +31,7 @@ from patrol.ground.maps import load_terrain
 from patrol.net.access import FILE as ACCESS
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.copying import FILE as SCENARIO
-from patrol.scenario.copying import keep_scenario
+from patrol.scenario.copying import MAP, keep_scenario
 
 RUNS = Path("runs")
 
@@ -117,6 +117,18 @@ class RunFolder:
             summary: The summary.
         """
         self.summary.write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
+
+    def naming_the_given_map(self, error: str, scenario: Scenario) -> str:
+        """An error that names the map that was given, and not its copy in this folder.
+
+        Args:
+            error: The error.
+            scenario: As it was given.
+        """
+        if scenario.terrain.map is None:
+            return error
+        given = scenario.base / scenario.terrain.map
+        return error.replace(str(self.path / MAP / given.name), str(given))
 
     def discard(self) -> None:
         """Remove all files again, since the run could not begin; the folder too, if this run made it."""

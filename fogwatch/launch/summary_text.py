@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,8 @@ def print_summary(console: Console, summary: Mapping[str, Any], folder: Path) ->
     for line in measures(summary):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     console.print(_robots(summary["robots"]))
+    if left_out := _left_out(summary["robots"]):
+        console.print(f"and {left_out} more robots, which are in summary.json", highlight=False)
     verdict = summary["verdict"]
     text = Text("verdict     ").append(verdict["outcome"], _VERDICTS[verdict["outcome"]])
     if verdict["valid"]:
@@ -61,18 +63,46 @@ def measures(summary: Mapping[str, Any]) -> list[str]:
     lines.append(f"mean fog    {summary['fog_mean_s']:.1f} s")
     area = f"{summary['patrolled_area_m2']:.0f} m² to patrol"
     lines.append(f"coverage    {100.0 * summary['seen_share']:.2f} % of {area}")
-    messages = summary["messages"]
-    counts = ", ".join(f"{messages[name]} {name}" for name in ("sent", "delivered", "dropped", "rejected"))
-    if direct := summary.get("direct"):
-        share = "" if direct["heard_share"] is None else f" ({100.0 * direct['heard_share']:.1f} %)"
-        counts = f"{messages['delivered']} of {messages['sent']} heard{share} by direct radio"
-        counts += f", {messages['rejected']} rejected"
-    lines.append(f"messages    {counts}; {messages['bytes_per_robot_s']:.0f} bytes per robot per second")
+    lines += _radio(summary)
+    if intruders := summary.get("intruders"):
+        lines.append(f"intruders   {_intruders(intruders)}")
     if deadlines := summary.get("deadlines"):
         frames, commands = (sum(deadlines[what].values()) for what in ("late_frames", "late_commands"))
         late = sum(deadlines["too_late"].values())
         lines.append(f"deadlines   missed by {commands} commands and {frames} frames; {late} of them came too late")
     return lines
+
+
+def _radio(summary: Mapping[str, Any]) -> list[str]:
+    """How many messages were sent, and what became of them; one message counts once for each robot that is to get it.
+
+    A robot sends whether or not there is another one to hear it.
+    """
+    messages = summary["messages"]
+    lines = [f"messages    {messages['frames']} sent, {messages['bytes_per_robot_s']:.0f} bytes per robot per second"]
+    if not messages["sent"]:
+        lines[0] += "; no other robot was there to receive them"
+        return lines
+    received = f"{messages['delivered']} of {messages['sent']}"
+    if direct := summary.get("direct"):
+        share = "" if direct["heard_share"] is None else f" ({100.0 * direct['heard_share']:.1f} %)"
+        return [*lines, f"received    {received}{share} by direct radio, {messages['rejected']} rejected"]
+    late = f", {messages['in_flight']} under way at the end" if messages["in_flight"] else ""
+    return [*lines, f"received    {received}, {messages['dropped']} dropped, {messages['rejected']} rejected{late}"]
+
+
+def _intruders(intruders: Sequence[Mapping[str, Any]]) -> str:
+    """How many intruders were found and how soon, and for how long they were surrounded."""
+    found = [facts for facts in intruders if facts["first_reported_s"] is not None]
+    text = f"{len(found)} of {len(intruders)} found"
+    if not found:
+        return text
+    first = min(found, key=lambda facts: facts["first_reported_s"])
+    after = first["first_reported_s"] - first["at_s"]
+    text += f", the first at {first['first_reported_s']:g} s, {after:g} s after it came"
+    around = sum(facts["surrounded_s"] for facts in found)
+    most = max(facts["most_robots"] for facts in found)
+    return f"{text}; surrounded for {around:g} s, by at most {most} robots" if around else f"{text}; never surrounded"
 
 
 def _bound(mean: float, bound: float, summary: Mapping[str, Any]) -> str:
@@ -101,8 +131,10 @@ def _robots(robots: Mapping[str, Mapping[str, Any]]) -> Table:
             "-" if p50 is None else f"{p50:.1f}",
             "-" if p99 is None else f"{p99:.1f}",
         )
-    if len(came) > MOST_ROBOTS:
-        table.add_row(f"and {len(came) - MOST_ROBOTS} more", *[""] * (len(heads) - 1))
-    if len(came) < len(robots):
-        table.add_row(f"{len(robots) - len(came)} more", Text(ABSENT, STATUS_STYLES[Status.ABSENT]))
     return table
+
+
+def _left_out(robots: Mapping[str, Mapping[str, Any]]) -> int:
+    """How many robots of a large fleet are not in the table."""
+    came = [name for name, facts in robots.items() if facts["status"] != ABSENT]
+    return max(len(came) - MOST_ROBOTS, 0)

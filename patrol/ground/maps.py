@@ -7,7 +7,6 @@ and the image that it names, whose pixels are the map's cells, the upper row at 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +14,10 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
 
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.ground.builtins import builtin_terrain
+from patrol.ground.map_cells import free_cells, suspicious
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.yaml_text import parse_yaml, read_text
@@ -26,16 +25,8 @@ from patrol.yaml_text import parse_yaml, read_text
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
 
-FORMATS = ("PPM", "PNG", "BMP", "JPEG")
-MAX_CELLS = 100_000_000
 TOLERANCE = 1e-6
 """Overlaps thinner than this (in cells) are rounding and do not count."""
-
-QUANTA = 65535
-"""The scale on which the map server adds a pixel's channels."""
-
-BLOCK = 256
-"""Rows of an image that are judged at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +41,7 @@ class MapFile:
         negate: whether dark pixels are free.
         occupied_thresh: occupancy from which a cell is occupied, 0 to 1.
         free_thresh: occupancy below which a cell is free, 0 to 1.
-        mode: how pixels are read; see `free_cells`.
+        mode: how pixels are read; see `patrol.ground.map_cells.free_cells`.
     """
 
     path: Path
@@ -102,7 +93,7 @@ def load_terrain(spec: TerrainSource, point: float, base: Path) -> Terrain:
     keep_out = np.zeros(terrain.shape, dtype=np.bool_)
     for polygon in spec.keep_out:
         keep_out |= cover(polygon, terrain.shape, point, terrain.origin)
-    kept = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out)
+    kept = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out, terrain.source)
     if not kept.free.any():
         raise BadInput(f"terrain.keep_out: covers all free space of {terrain.name}; leave some for the robots")
     return kept
@@ -123,10 +114,7 @@ def read_terrain(path: Path, point: float) -> Terrain:
     says = read_map_file(path)
     cells = free_cells(says)
     if not cells.any():
-        raise BadInput(
-            f"{path}: free_thresh = {says.free_thresh:g}: leaves no free cell in {says.image.name}; check "
-            f"free_thresh, negate ({str(says.negate).lower()}) and mode ({says.mode})"
-        )
+        raise BadInput(f"{path}: leaves no free cell in {says.image.name}: {suspicious(says)}")
     shape = tuple(whole_points(count * says.resolution, point) for count in cells.shape)
     extent = f"{cells.shape[1] * says.resolution:g} x {cells.shape[0] * says.resolution:g} m"
     where = f"{path}: resolution = {says.resolution:g}"
@@ -139,8 +127,26 @@ def read_terrain(path: Path, point: float) -> Terrain:
         )
     passable = resample(cells, says.resolution, point)
     if not passable.any():
-        raise BadInput(f"{path}: no free point of {point:g} m; the free space is too narrow, choose a smaller point")
-    return Terrain(path.stem, passable, point, says.origin)
+        where = f"{path}: no free point of {point:g} m"
+        if why := suspicious(says):
+            raise BadInput(f"{where}: {why}")
+        raise BadInput(f"{where}; the free space is too narrow, choose a smaller point")
+    return Terrain(path.stem, passable, point, says.origin, source=path)
+
+
+def suspicious_reading(terrain: Terrain) -> str:
+    """What the settings of a terrain's map make of its cells, where they seem wrong.
+
+    Args:
+        terrain: as read.
+
+    Returns:
+        the end of an error; empty where nothing seems wrong, and for a terrain that is read from no map.
+
+    Raises:
+        BadInput: when the map cannot be read again.
+    """
+    return "" if terrain.source is None else suspicious(read_map_file(terrain.source))
 
 
 def read_map_file(path: Path) -> MapFile:
@@ -182,39 +188,6 @@ def read_map_file(path: Path) -> MapFile:
     )
 
 
-def free_cells(says: MapFile) -> BoolGrid:
-    """The cells of a map that are free, that is neither occupied nor unknown.
-
-    As nav2: a pixel's shade is the mean of its channels (with alpha in mode trinary) and its occupancy 1 - shade, or
-    shade where negate is set; free is what lies below free_thresh. In mode scale a pixel that is not opaque is unknown.
-    In mode raw the pixel itself, 0 to 100, is the occupancy in percent, and more is unknown.
-
-    Args:
-        says: the map's YAML file.
-
-    Returns:
-        bool (rows, columns), the lowest y first.
-
-    Raises:
-        BadInput: when the image cannot be read.
-    """
-    levels, has_alpha = _pixels(says)
-    free = np.empty(levels.shape[:2], dtype=np.bool_)
-    for first in range(0, levels.shape[0], BLOCK):
-        block = levels[first : first + BLOCK].astype(np.float64)
-        alpha = block[..., -1] if has_alpha else np.float64(QUANTA)
-        colours = block[..., :-1] if has_alpha and says.mode != "trinary" else block
-        shade = colours.sum(axis=-1) / colours.shape[-1] / QUANTA
-        if says.mode == "raw":
-            percent = np.floor(shade * 255.0 + 0.5)
-            free[first : first + BLOCK] = (percent <= 100.0) & (percent / 100.0 < says.free_thresh)
-            continue
-        occupancy = shade if says.negate else 1.0 - shade
-        opaque = (alpha == QUANTA) | (says.mode == "trinary")
-        free[first : first + BLOCK] = opaque & (occupancy < says.free_thresh)
-    return free[::-1]
-
-
 def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
     """The points on which every cell that they share some area with is free.
 
@@ -245,46 +218,6 @@ def _overlaps(cells: int, resolution: float, point: float) -> tuple[NDArray[np.i
     first = np.floor(index * point / resolution + TOLERANCE).astype(np.int64)
     after = np.ceil((index + 1.0) * point / resolution - TOLERANCE).astype(np.int64)
     return first, np.minimum(after, cells)
-
-
-def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
-    """The image as uint16 (rows, columns, channels), 0 to QUANTA, and whether the last channel is opacity."""
-    where = f"{says.path}: image = {says.image}"
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of sizes, which MAX_CELLS judges, and of oddities in what can be read
-            with Image.open(says.image, formats=FORMATS) as image:
-                if image.width * image.height > MAX_CELLS:
-                    raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {MAX_CELLS}; crop it")
-                image.load()
-                return _channels(image, where)
-    except FileNotFoundError:
-        raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
-    except UnidentifiedImageError:
-        raise BadInput(f"{where}: is not a PGM, PNG, BMP or JPEG image; give one") from None
-    except Image.DecompressionBombError:
-        raise BadInput(f"{where}: more than {MAX_CELLS} pixels; crop it") from None
-    except BadInput:
-        raise
-    except Exception as error:  # noqa: BLE001 - a broken file can make an image decoder raise anything
-        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise BadInput(f"{where}: cannot be read ({reason}); give an undamaged PGM, PNG, BMP or JPEG image") from None
-
-
-def _channels(image: Image.Image, where: str) -> tuple[NDArray[np.uint16], bool]:
-    if image.mode.startswith("I"):
-        return np.clip(np.asarray(image), 0, QUANTA).astype(np.uint16)[..., None], False
-    if image.mode == "F":
-        raise BadInput(f"{where}: has floating-point pixels; give a grey or colour image of 8 or 16 bits")
-    has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
-    if has_alpha:
-        image = image.convert("RGBA")
-    elif image.mode in ("1", "L"):
-        image = image.convert("L")
-    else:
-        image = image.convert("RGB")
-    levels = np.asarray(image, dtype=np.uint16) * np.uint16(QUANTA // 255)
-    return (levels[..., None] if levels.ndim == 2 else levels), has_alpha
 
 
 def _value(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:

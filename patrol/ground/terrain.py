@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,7 @@ class Terrain:
         origin: x and y in m of the outer corner of point (0, 0).
         keep_out: bool (height, width), read-only; True where bodies may not go although a sensor sees across. All False
             when omitted.
+        source: the YAML file of the map that it was read from, for errors; None for any other terrain.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Terrain:
     point: float
     origin: tuple[float, float] = (0.0, 0.0)
     keep_out: BoolGrid = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
+    source: Path | None = None
 
     def __post_init__(self) -> None:
         passable = frozen_grid(self.passable)

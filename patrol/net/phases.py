@@ -34,6 +34,9 @@ PHASE_B_SHARE = 0.2
 NO_RUN = 0
 """The run in the answer of a robot that no world has greeted yet; the robot thereby asks for a greeting."""
 
+UNLIKE = "this process was started with another "
+"""How the reason of a Stop begins that turns away a process whose scenario or protocol is not the world's."""
+
 MAX_REPLY = 2048
 """Size of the longest message from a robot, bytes."""
 

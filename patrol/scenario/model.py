@@ -367,6 +367,11 @@ class Scenario(Section):
             if self.radio.trail and m_to_cm(spec.speed * self.step) >= MAX_STEP_CM:
                 limit = f"a trail holds steps below {cm_to_m(MAX_STEP_CM):g} m per tick; set radio.trail to 0"
                 raise wrong(f"{field}.speed", limit, spec.speed)
+            if spec.speed * self.step > (most := 2.0 * self.sensor.range):
+                leap = f"a stride of {spec.speed * self.step:g} m leaps over ground that a sensor with a range of "
+                remedy = f"give at most {most / self.step:g}, a shorter step or a longer sensor.range"
+                limit = f"{leap}{most / 2.0:g} m never sees; {remedy}"
+                raise wrong(f"{field}.speed", limit, spec.speed)
 
 
 def _at(model: BaseModel, field: str) -> Any:

@@ -1,4 +1,4 @@
-"""Policies for tests: each is fine until tick 20, when robot 2's fails."""
+"""Policies for tests: each is fine until tick 20, when robot 2's fails; the last one cannot even be made."""
 
 import math
 import time
@@ -45,3 +45,9 @@ class Leaving(Sound):
 class Nonsense(Sound):
     def answer(self, view: View) -> Intent:
         return Bearing((math.nan if self._failing and view.tick == FAILS_AT else 0.3 * view.tick,))
+
+
+class Unmade(Sound):
+    def __init__(self, setup: PolicySetup) -> None:
+        super().__init__(setup)
+        raise ZeroDivisionError("no idea")

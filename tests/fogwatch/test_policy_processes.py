@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -92,6 +93,19 @@ def test_a_policy_that_cannot_be_had_is_one_line_and_no_run(
     assert len(lines) == 1
     assert "patrol.policy" in lines[0]
     assert says in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("way", ["--in-process", "--no-page"])
+def test_a_policy_that_cannot_be_made_is_bad_input_in_one_process_and_in_many(
+    way: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(json.dumps(scenario(f"{HERE / 'policies_that_fail.py'}:Unmade")), encoding="utf-8")
+    assert fogwatch("run", str(path), way, "--out", str(tmp_path / "out")) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert re.fullmatch(r"fogwatch: policy .*: cannot be made: ZeroDivisionError: no idea", last)
     assert not (tmp_path / "out").exists()
 
 

@@ -1,14 +1,19 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from patrol.errors import BadInput
+from patrol.ground.builtins import builtin_terrain
 from patrol.ground.fields import cspace_of
+from patrol.ground.maps import read_terrain
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
@@ -162,15 +167,50 @@ def two_rooms(left: int, door: int) -> Terrain:
     return Terrain("rooms", free, 0.1)
 
 
-def test_a_body_that_fits_nowhere_is_refused() -> None:
-    with pytest.raises(BadInput, match="fits nowhere on rooms"):
+def test_a_body_that_fits_nowhere_is_refused_with_the_largest_radius_that_fits() -> None:
+    with pytest.raises(BadInput, match=r"fits nowhere on rooms, .*use a radius of at most 1\.9 m$") as caught:
         place_starts(two_rooms(0, 9), robots(2.5), 1)
+    most = float(str(caught.value).split()[-2])
+    assert place_starts(two_rooms(0, 9), robots(most, starts=(Pose(3.0, 2.0, 0.0),)), 1)
+    with pytest.raises(BadInput):
+        place_starts(two_rooms(0, 9), robots(most + 0.02), 1)
+
+
+@pytest.mark.parametrize(("name", "coarse"), [("yards", 5.0), ("clutter", 5.0), ("clutter", 10.0)])
+def test_points_that_are_too_coarse_are_to_be_smaller_and_then_the_body_fits(name: str, coarse: float) -> None:
+    with pytest.raises(BadInput, match=r"use a smaller point, such as [0-9.]+") as caught:
+        place_starts(builtin_terrain(name, coarse), robots(1.0, 1.0), 1)
+    advice = re.search(r"a smaller point, such as ([0-9.]+)", str(caught.value))
+    assert advice
+    assert "radius of 0 m" not in str(caught.value)
+    assert place_starts(builtin_terrain(name, float(advice[1].rstrip("."))), robots(1.0, 1.0), 1)
+
+
+def test_a_crowd_on_coarse_points_is_told_so() -> None:
+    coarse = Terrain("lane", np.ones((3, 4), dtype=np.bool_), 2.0)
+    with pytest.raises(BadInput, match=r"4 robots do not fit.*; use a smaller point, such as 0\.05, or fewer"):
+        place_starts(coarse, robots(0.3, 0.3, 0.3, 0.3), 1)
+
+
+def test_a_map_whose_settings_leave_only_the_walls_is_to_blame_and_not_the_body(tmp_path: Path) -> None:
+    picture = np.pad(np.full((398, 398), 254, dtype=np.uint8), 1)
+    Image.fromarray(picture).save(tmp_path / "plan.png")
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(
+        "image: plan.png\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 1\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(BadInput, match=r"no room for a body .*make 1\.0 % of its cells free.*negate: 0") as caught:
+        place_starts(read_terrain(plan, 0.1), robots(0.3), 1)
+    assert str(caught.value).startswith(str(plan))
+    assert "smaller radius" not in str(caught.value)
 
 
 def test_a_body_too_wide_for_every_door_is_refused_unless_told_where_to_start() -> None:
     assert place_starts(two_rooms(0, 9), robots(0.4), 1)
     with pytest.raises(
-        BadInput, match=r"too wide for every door of rooms; the widest, at \(6\.05, .* radius of 0\.4 m"
+        BadInput,
+        match=r"too wide for every door of rooms, .*; the widest, at \(6\.05, .* radius of 0\.4 m",
     ):
         place_starts(two_rooms(0, 9), robots(0.45), 1)
     chosen = Pose(3.0, 2.0, 0.0)

@@ -22,6 +22,7 @@ from patrol.net.link import open_link
 from patrol.net.phases import PhaseA, ReplyA, Stop, encode
 from patrol.pose import Pose
 from patrol.process.warmup import COMPILING, WAITING
+from patrol.scenario import load_scenario, scenario_hash
 from tests.routers import free_endpoint
 from worldsim.run_record import DESERTED
 
@@ -257,15 +258,31 @@ def test_a_run_ends_when_nobody_is_living(hand: Hand) -> None:
     assert summary["ticks"] < 200_000
 
 
-def test_another_scenario_is_refused(hand: Hand) -> None:
+def test_another_scenario_is_refused_and_both_sides_say_why(hand: Hand) -> None:
     hand.start_router()
     hand.start_world()
     other = hand.folder / "other.yaml"
     other.write_text(json.dumps({**SCENARIO, "seed": 8}), encoding="utf-8")
-    hand.start("bert", "agent", *hand.common()[:-1], str(other), "--robot", "bert")
+    hand.start("bert", "agent", *hand.common()[:-1], str(other), "--robot", "bert", "--wait", "100000")
+    assert hand.code("bert") == 2
+    hashes = [scenario_hash(load_scenario(path))[:12] for path in (other, hand.scenario)]
+    why = f"another scenario (hash {hashes[0]}, the world's is {hashes[1]}); give all processes the same file"
+    assert hand.said("bert").splitlines()[-1] == f"bert: this process was started with {why}"
     hand.until(lambda: hand.processes["world"].poll() is not None)
     assert hand.code("world") == 2
-    assert "bert was started with another scenario" in hand.said("world")
+    assert f"world: bert was started with {why}" in hand.said("world")
+
+
+def test_a_robot_that_the_worlds_scenario_does_not_have_is_told_that_nobody_greets_it(hand: Hand) -> None:
+    hand.start_router()
+    hand.start_world()
+    other = hand.folder / "other.yaml"
+    other.write_text(json.dumps({**SCENARIO, "robots": [{"name": "carl"}]}), encoding="utf-8")
+    hand.start("carl", "agent", *hand.common()[:-1], str(other), "--robot", "carl")
+    hand.until(lambda: "the world of fleet by-hand-1 is there, but has not greeted carl" in hand.said("carl"))
+    for name in ("carl", "world"):
+        hand.processes[name].terminate()
+    assert [hand.code(name) for name in ("world", "carl")] == [130, 130]
 
 
 def test_without_a_router_or_a_world_people_are_told(hand: Hand) -> None:

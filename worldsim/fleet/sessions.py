@@ -11,9 +11,9 @@ Time is what `now` says, and messages come from a mailbox, so that all of this c
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 from patrol.errors import BadInput
 from patrol.net.keys import FleetKeys
@@ -21,6 +21,7 @@ from patrol.net.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,
+    UNLIKE,
     Failed,
     Hello,
     HelloReply,
@@ -318,7 +319,8 @@ class Sessions:
         elif session is None and not self._is_expected(number, message.incarnation):
             self._turn_away(number, message, f"no process is expected for {name} now")
         elif session is None:
-            self._check(name, message)
+            if unlike := self._unlike(message):
+                self._call_off(number, message, unlike)
             self._sessions[number] = _Session(message.incarnation, message.instance)
         elif session.instance != message.instance:
             self._turn_away(number, message, f"another process is {name} already")
@@ -328,16 +330,32 @@ class Sessions:
     def _is_expected(self, number: int, incarnation: int) -> bool:
         return number in self._expected and self._expected[number] in (None, incarnation)
 
-    def _check(self, name: str, message: HelloReply) -> None:
+    def _unlike(self, message: HelloReply) -> str:
+        """What of a process is not as in this world, and the remedy; empty when all is."""
         if message.protocol != PROTOCOL:
-            raise BadInput(
-                f"{name} speaks protocol {message.protocol}, this world {PROTOCOL}; run the same version on all hosts"
-            )
+            versions = f"{message.protocol}, the world's is {PROTOCOL}"
+            return f"protocol ({versions}); run the same version of fogwatch on all hosts"
         if message.scenario != self._scenario:
-            raise BadInput(
-                f"{name} was started with another scenario (hash {message.scenario[:12]}, the world's is "
-                f"{self._scenario[:12]}); give all processes the same file"
-            )
+            hashes = f"hash {message.scenario[:12]}, the world's is {self._scenario[:12]}"
+            return f"scenario ({hashes}); give all processes the same file"
+        return ""
+
+    def _call_off(self, number: int, message: HelloReply, unlike: str) -> NoReturn:
+        """Turn a process away, tell the others that the run cannot begin, and raise BadInput."""
+        why = f"{self._connection.names[number]} was started with another {unlike}"
+        self._turn_away(number, message, f"{UNLIKE}{unlike}")
+        for other in self._sessions:
+            self.dismiss(other, f"the run cannot begin: {why}", orderly=False)
+        self._await_absence([number, *self._sessions])
+        raise BadInput(why)
+
+    def _await_absence(self, numbers: Sequence[int]) -> None:
+        """Wait up to `DISMISSAL_S` until processes are gone: the link must not close before they have been told."""
+        until = self.now + DISMISSAL_S
+        while self.now < until and not self._present.isdisjoint(numbers):
+            arrived = self._connection.mailbox.get(POLL_S)
+            if arrived is not None and arrived[0] in self._number_of and hasattr(arrived[1], "present"):
+                self._note_presence(self._number_of[arrived[0]], present=arrived[1].present)
 
     def _turn_away(self, number: int, message: HelloReply, reason: str) -> None:
         stop = Stop(message.incarnation, message.instance, self._k, orderly=False, reason=reason)

@@ -15,6 +15,7 @@ from patrol.journal.records import DEAD_END, FORGED, standing_after
 from patrol.pose import command_of
 from worldsim.motion import length
 from worldsim.output.direct_radio import as_measured
+from worldsim.output.intruder_facts import IntruderFacts
 from worldsim.output.traffic import Traffic
 from worldsim.radio.ether import there
 
@@ -121,6 +122,7 @@ class Totals:
         self._seen = 0
         self._forged = 0
         self._traffic = Traffic(header, events)
+        self._intruders = IntruderFacts(header, events)
 
     def tick(self, record: TickRecord) -> None:
         """Add the next tick."""
@@ -129,6 +131,7 @@ class Totals:
         self._seen = record.seen
         self._forged += len(record.forged)
         self._traffic.tick(record)
+        self._intruders.tick(record)
         _take(self._robots, record, self._step)
 
     def summary(self, journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
@@ -172,6 +175,7 @@ class Totals:
             "robots": {facts.name: self._robots[facts.number].facts(step) for facts in header.robots},
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
+            **self._intruders.facts(),
             **_of_processes(journal),
             "verdict": {
                 "valid": verdict.valid,
@@ -194,6 +198,7 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
 
     - `links`: by sender and receiver, for fleets of at most `worldsim.output.traffic.MOST_ROBOTS`.
     - `faults`: by id, the frames on a fault's links while it was active, and its effects on them.
+    - `intruders`: see `worldsim.output.intruder_facts`; missing where there are none.
     - `bytes_per_robot_s`: bytes that a living robot sends per second.
     - `longest_stay_s`: the longest time that a living robot kept within `STAY_M` of one place.
     - `missed`: ticks in which no command came in time.

@@ -53,7 +53,11 @@ def check_faults(
     for place, fault in enumerate(faults):
         where = f"faults.{place}"
         if tick_of(fault.at, step) >= ticks:
-            ends = f"the run ends at {ticks * step:g} s, so it would never happen; give an earlier time"
+            latest = max(fault.at for fault in faults)
+            ends = (
+                f"the run ends at {ticks * step:g} s, so it would never happen; give an earlier time or a duration "
+                f"above {latest:g}, or leave the {fault.kind} out"
+            )
             raise wrong(f"{where}.at", ends, fault.at)
         for name, field in type(fault).model_fields.items():
             if name in ("who", "sources", "targets", "victims"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,16 @@ def read(folder: Path) -> dict[str, RunResult]:
 def test_what_was_added_is_there(tmp_path: Path) -> None:
     write(tmp_path / "new" / "folder", result("a"), result("b", 0.1 + 0.2))
     assert read(tmp_path / "new" / "folder") == {"a": result("a"), "b": result("b", 0.1 + 0.2)}
+
+
+def test_a_line_carries_the_settings_of_its_case_and_older_ones_have_none(tmp_path: Path) -> None:
+    settings = {"patrol.separation": ["claims", "repulsion"], "robots.count": 3}
+    file = write(tmp_path, replace(result("a"), settings=settings), result("b"))
+    assert [json.loads(line)["settings"] for line in file.read_text().splitlines()] == [settings, {}]
+    older = json.loads(file.read_text().splitlines()[1])
+    del older["settings"]
+    file.write_text(f"{file.read_text().splitlines()[0]}\n{json.dumps(older)}\n")
+    assert {key: dict(found.settings) for key, found in read(tmp_path).items()} == {"a": settings, "b": {}}
 
 
 def test_a_later_result_of_a_run_counts(tmp_path: Path) -> None:

@@ -87,8 +87,20 @@ def test_quiet_prints_the_folder_and_nothing_else(
         (["open", "--out", "full"], "--out full: is not empty"),
         (["open", "--out", "noise"], "--out noise: cannot be written"),
         (["open", "--out", "noise/run"], "--out noise/run: cannot be written"),
-        (["open", "--bogus"], "--bogus"),
-        ([], "SCENARIO"),
+        (["open", "--bogus"], "--bogus: no such option; leave it out"),
+        (["open", "--robot", "5"], "--robot: no such option; did you mean --robots?"),
+        (["open", "--sped", "5"], "--sped: no such option; did you mean --speed?"),
+        (["open", "--robots", "five"], "--robots five: expected a whole number, such as --robots 5"),
+        (["open", "--robots", "2.5"], "--robots 2.5: expected a whole number, such as --robots 5"),
+        (["open", "--radius", "30cm"], "--radius 30cm: expected a number in m, such as --radius 0.3"),
+        (["open", "--radius", "0,3"], "--radius 0,3: expected a number in m, such as --radius 0.3"),
+        (["open", "--radius", "wide"], "--radius wide: expected a number in m, such as --radius 0.3"),
+        (["open", "--speed", "3.6km/h"], "--speed 3.6km/h: expected a number in m/s, such as --speed 1"),
+        (["open", "--duration", "10min"], "--duration 10min: expected a number in s, such as --duration 600"),
+        (["open", "--seed", "k"], "--seed k: expected a whole number, such as --seed 7"),
+        (["open", "--speed", "300"], "robots.speed = 300: a stride of 150 m leaps over ground"),
+        (["open", "--radius", "300"], "fits nowhere on open, on points of 0.5 m; use a radius of at most 43.5 m"),
+        ([], "SCENARIO is missing; for example: fogwatch run yards"),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(
@@ -115,6 +127,43 @@ def test_other_commands_fail_in_one_line_too(fogwatch: Callable[..., int], capsy
     for arguments in (["map", "check", "nowhere.yaml"], ["scenario", "show", "nowhere.yaml"], ["march"]):
         assert fogwatch(*arguments) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("way", ["--in-process", pytest.param("--no-page", marks=pytest.mark.processes)])
+def test_an_error_in_a_map_names_the_map_and_not_its_copy(
+    way: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from PIL import Image
+
+    picture = Image.new("L", (400, 400), 254)
+    picture.paste(0, (0, 0, 400, 2))
+    picture.save(tmp_path / "plan.png")
+    says = {"image": "plan.png", "resolution": 0.1, "origin": [0, 0, 0], "negate": 1}
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(json.dumps({**says, "occupied_thresh": 0.65, "free_thresh": 0.196}), encoding="utf-8")
+    assert fogwatch("run", str(plan), "--radius", "0.3", way, "--out", str(tmp_path / "run")) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith(f"fogwatch: {plan}: leaves no room for a body with a radius of 0.3 m: negate = true, ")
+    assert "make 0.5 % of its cells free, 99.5 % occupied and 0.0 % unknown" in last
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["repot"], "repot: no such command; did you mean report?"),
+        (["map", "check", "yards", "--range", "far"], "--range far: expected a number in m, such as --range 10"),
+        (["control", "RUN", "go", "--wait", "1m"], "--wait 1m: expected a number in s, such as --wait 15"),
+        (["chaos", "--runs", "0"], "--runs 0: expected 1 or more"),
+        (["paper", "table", "two"], "N... two: expected a whole number, such as 5"),
+        (["sweep"], "FILE is missing; for example: fogwatch sweep"),
+    ],
+)
+def test_every_command_names_the_argument_its_value_and_the_remedy(
+    arguments: list[str], words: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch(*arguments) == 2
+    assert words in capsys.readouterr().err
 
 
 def test_version_names_what_it_stands_on(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:

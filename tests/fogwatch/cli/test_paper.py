@@ -89,7 +89,7 @@ def test_calibration_prints_what_each_radius_comes_to(
     ("words", "problem"),
     [
         (["table", "9"], "table 9: no such table; choose from 2 to 8"),
-        (["table", "two"], "valid integer"),
+        (["table", "two"], "N... two: expected a whole number"),
         (["table", "2", "--rows", "f6"], "--rows = f6: table 2 has no such row"),
         (["table", "2", "--point", "0"], "override point = 0"),
         (["table", "2", "--point", "nan"], "override point = NaN"),

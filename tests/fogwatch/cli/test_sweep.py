@@ -18,9 +18,12 @@ import pytest
 import yaml
 from rich.console import Console
 
+from experiments.sweeps.casetable import CaseRow
 from experiments.sweeps.plan import Run, read_plan
 from experiments.sweeps.results import RunResult
+from experiments.sweeps.stats import Estimate
 from fogwatch.cli.app import guarded, main
+from fogwatch.cli.sweep import SHOWN, print_cases, told_apart
 from fogwatch.progress import SweepProgress, duration
 from patrol.errors import BadInput
 
@@ -105,6 +108,12 @@ def test_a_sweep_killed_half_way_makes_only_the_runs_that_are_missing(
     assert after[: len(before)] == before
     assert set(Counter(one["key"] for one in after).values()) == {1}
     assert len(after) == 24
+    assert Counter(json.dumps(one["settings"]) for one in after) == {
+        json.dumps({"patrol.direction": direction, "robots.count": count, "patrol.dilatation": dilatation}): 2
+        for direction in ("mode", "vector")
+        for count in (1, 2, 3)
+        for dilatation in (0, 3)
+    }
     code, _, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "whole"), "--workers", "2")
     assert code == 0
     assert numbers(after) == numbers(results(tmp_path / "whole"))
@@ -158,7 +167,7 @@ def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, capsys: py
         ({}, ["--workers", "1", "--cluster", "tcp://127.0.0.1:9"], "--workers and --cluster"),
         ({}, ["--cluster", "nowhere"], "--cluster = nowhere: cannot be reached"),
         ({}, ["--seeds", "0"], "--seeds = 0"),
-        ({}, ["--seeds", "many"], "valid integer"),
+        ({}, ["--seeds", "many"], "--seeds many: expected a whole number"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -215,3 +224,52 @@ def test_an_interruption_is_130_and_bad_input_2(capsys: pytest.CaptureFixture[st
     assert guarded(interrupted) == 130
     assert guarded(bad) == 2
     assert capsys.readouterr().err == "fogwatch: interrupted\nfogwatch: no\n"
+
+
+# --- the table of the cases ------------------------------------------------------------------------------------------
+
+
+def table_of(names: list[str], width: int, against: str | None = None) -> list[str]:
+    """The lines of a table of cases with large numbers."""
+    metrics = {name: Estimate(1234.5, 1114.2, 1354.8, 3) for name in SHOWN}
+    metrics["collisions"] = Estimate(12345.0, 11145.0, 13545.0, 3)
+    change = {"mfow_mean_s": Estimate(-12.3, -15.7, -8.9, 3)}
+    rows = [CaseRow(name, {}, 3, 0, metrics, {}, None if name == against else against, change) for name in names]
+    text = io.StringIO()
+    print_cases(Console(file=text, width=width), rows)
+    return text.getvalue().splitlines()
+
+
+COMMON = "point=0.5 goal_distance=1.6 refine_side=0.6"
+LONG = [f"{COMMON} separation={one} dilatation={two}" for one in "xy" for two in "12"]
+
+
+@pytest.mark.parametrize("against", [None, LONG[0]])
+@pytest.mark.parametrize("width", [80, 100, 120, 200])
+def test_at_any_width_cases_can_be_told_apart_and_no_number_is_cut(width: int, against: str | None) -> None:
+    lines = table_of(LONG, width, against)
+    assert lines[0] == f"all cases: {COMMON}"
+    text = "\n".join(lines)
+    assert "…" not in text
+    for one in "xy":
+        for two in "12":
+            assert f"separation={one} dilatation={two}" in text
+    assert text.count("12345.0") == text.count("±1200.0") == 4
+    assert max(len(line) for line in lines[1:]) <= width
+
+
+def test_narrow_tables_have_numbers_for_names_that_do_not_fit() -> None:
+    lines = [line.rstrip() for line in table_of(LONG, 80, LONG[0])]
+    assert lines[1:5] == [
+        f"case {number}: {name.removeprefix(f'{COMMON} ')}" for number, name in enumerate(LONG, start=1)
+    ]
+    assert lines[6].split()[:3] == ["case", "runs", "MFoW"]
+    assert [line.split()[0] for line in lines[7::2]] == ["1", "2", "3", "4"]
+    assert [line.split()[-1] for line in lines[9::2]] == ["1", "1", "1"]
+
+
+def test_only_words_that_all_names_share_are_left_out() -> None:
+    assert told_apart(["open 3", "open 5"]) == ({"open 3": "3", "open 5": "5"}, "open")
+    assert told_apart(["base"]) == ({"base": "base"}, "")
+    assert told_apart(["open", "open 5"]) == ({"open": "open", "open 5": "open 5"}, "")
+    assert told_apart(["a b", "b a"]) == ({"a b": "a b", "b a": "b a"}, "")

@@ -71,3 +71,16 @@ def test_a_child_that_ends_before_it_is_ready_reports_nothing(module: str, child
     how = "child was killed by SIGKILL" if killed else "child ended with exit code 1"
     assert child.describe_end().startswith(how)
     assert killed or "No module named fogwatch.nothing" in child.describe_end()
+
+
+def test_a_quoted_log_cannot_disturb_a_terminal(children: Children, tmp_path: Path) -> None:
+    child = children.spawn("child", "fogwatch.nothing", [], tmp_path / "log")
+    child.process.wait()
+    child.poll()
+    child.log.write_bytes(b"one\nchild: \x1b[2J\x07tab\there \xff\n\n")
+    assert child.log_tail() == "    one\n    child: \\x1b[2J\\x07tab here \N{REPLACEMENT CHARACTER}"
+    assert all(line.isprintable() for line in child.describe_end().splitlines())
+    child.log.write_bytes(b"one\nchild: \x1b[2Jtwo\n")
+    assert child.last_words() == "\\x1b[2Jtwo"
+    child.log.unlink()
+    assert (child.log_tail(), child.last_words()) == ("", "")

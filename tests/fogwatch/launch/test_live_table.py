@@ -1,18 +1,22 @@
 from __future__ import annotations
 
 import io
+import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console
 
 from fogwatch.launch.live_table import LiveTable, PlainDisplay, SilentDisplay, clock, headline, make_display
 from fogwatch.launch.summary_text import measures, print_summary
+from patrol.journal import Status
 from patrol.net.telemetry import Metrics, Notice, RobotView
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
 METRICS = Metrics(120, 600, 60.0, 20.0, 12.5, 30.0, 0.75, 40.0, ROBOTS)
-SUMMARY = {
+SUMMARY: dict[str, Any] = {
     "name": "five",
     "simulated_s": 300.0,
     "ticks": 600,
@@ -25,7 +29,15 @@ SUMMARY = {
     "bound_s": 40.0,
     "seen_share": 1.0,
     "patrolled_area_m2": 8800.0,
-    "messages": {"sent": 10, "delivered": 9, "dropped": 1, "rejected": 0, "bytes_per_robot_s": 56.0},
+    "messages": {
+        "frames": 5,
+        "sent": 10,
+        "delivered": 8,
+        "dropped": 1,
+        "in_flight": 1,
+        "rejected": 0,
+        "bytes_per_robot_s": 56.0,
+    },
     "robots": {
         "anna": {
             "status": "alive",
@@ -101,7 +113,60 @@ def test_a_large_fleet_is_cut() -> None:
     many = tuple(RobotView(f"r{number}", 1, "holding", 0.0, 0.0, 0.0) for number in range(1, 101))
     table.metrics(Metrics(1, 2, 0.5, 0.0, 0.0, 0.0, 0.1, 0.0, many))
     table.close()
-    assert "and 80 more" in text.getvalue()
+    assert re.search(r"^ *and 80 more robots *$", text.getvalue(), flags=re.MULTILINE)
+
+
+def test_the_line_after_a_long_table_widens_no_column(tmp_path: Path) -> None:
+    """At 80 columns a row of this length would break the heads of all columns."""
+    text = io.StringIO()
+    fleet = {f"r{number}": SUMMARY["robots"]["anna"] for number in range(1, 61)}
+    print_summary(Console(file=text, width=80), {**SUMMARY, "robots": fleet}, tmp_path)
+    lines = text.getvalue().splitlines()
+    head = next(number for number, line in enumerate(lines) if line.startswith("robot"))
+    heads = "robot status distance m dead end % collisions decisions p50 ms p99 ms"
+    assert " ".join(lines[head].split()) == heads
+    assert lines[head + 1].split()[:2] == ["r1", "alive"]
+    assert lines[head + 40].split()[0] == "r40"
+    assert lines[head + 41] == "and 20 more robots, which are in summary.json"
+
+
+def test_robots_that_never_came_are_not_listed(tmp_path: Path) -> None:
+    text = io.StringIO()
+    absent = {**SUMMARY["robots"]["bert"], "status": "absent"}
+    print_summary(Console(file=text, width=80), {**SUMMARY, "robots": {**SUMMARY["robots"], "zoe": absent}}, tmp_path)
+    assert "absent" not in text.getvalue()
+    views = (*METRICS.robots, RobotView("zoe", Status.ABSENT, "", 0.0, 0.0, 0.0))
+    table = LiveTable(Console(file=text, force_terminal=True, width=120))
+    table.metrics(replace(METRICS, robots=views))
+    table.close()
+    assert "zoe" not in text.getvalue()
+    assert "1/2 robots (1 lost)" in headline(replace(METRICS, robots=views))
+
+
+def test_who_sends_with_nobody_to_hear_it_sends_all_the_same() -> None:
+    alone = {**SUMMARY["messages"], "frames": 600, "sent": 0, "delivered": 0, "dropped": 0, "in_flight": 0}
+    lines = measures({**SUMMARY, "messages": alone})
+    assert "messages    600 sent, 56 bytes per robot per second; no other robot was there to receive them" in lines
+    assert not [line for line in lines if line.startswith("received")]
+
+
+@pytest.mark.parametrize(
+    ("first", "around", "words"),
+    [
+        (
+            32.5,
+            40.0,
+            "1 of 2 found, the first at 32.5 s, 12.5 s after it came; surrounded for 40 s, by at most 5 robots",
+        ),
+        (32.5, 0.0, "1 of 2 found, the first at 32.5 s, 12.5 s after it came; never surrounded"),
+        (None, 0.0, "0 of 2 found"),
+    ],
+)
+def test_the_summary_says_what_became_of_the_intruders(first: float | None, around: float, words: str) -> None:
+    one = {"at_s": 20.0, "first_reported_s": first, "surrounded_s": around, "most_robots": 5}
+    other = {"at_s": 0.0, "first_reported_s": None, "surrounded_s": 0.0, "most_robots": 0}
+    (line,) = [line for line in measures({**SUMMARY, "intruders": [one, other]}) if line.startswith("intruders")]
+    assert line == f"intruders   {words}"
 
 
 def test_where_it_shows_depends_on_where_it_goes() -> None:
@@ -119,7 +184,8 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
         "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
         "MFoW        mean 60.0 s, maximum 90.0 s; lower bound 40.0 s, ratio 1.50",
         "coverage    100.00 % of 8800 m² to patrol",
-        "10 sent, 9 delivered, 1 dropped, 0 rejected",
+        "messages    5 sent, 56 bytes per robot per second\n",
+        "received    8 of 10, 1 dropped, 0 rejected, 1 under way at the end\n",
         "missed by 5 commands and 1 frames; 1 of them came too late",
         "verdict     invalid",
         "nobody lost: bert",

@@ -16,7 +16,8 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.ground.maps import free_cells, load_terrain, read_map_file, read_terrain, resample
+from patrol.ground.map_cells import free_cells
+from patrol.ground.maps import load_terrain, read_map_file, read_terrain, resample, suspicious_reading
 from patrol.scenario import TerrainSpec
 
 SAYS: dict[str, Any] = {
@@ -223,6 +224,39 @@ def test_what_the_yaml_says_wrong_is_named(tmp_path: Path, says: dict[str, Any],
     assert problem in line
     assert line.startswith(str(path))
     assert "\n" not in line
+
+
+WALLED = np.pad(np.full((38, 38), 254, dtype=np.uint8), 1)
+"""A room of 38 x 38 free cells with walls of one cell."""
+
+
+@pytest.mark.parametrize(
+    ("says", "words"),
+    [
+        ({"negate": 1}, "negate = true, mode = trinary, free_thresh = 0.196 and occupied_thresh = 0.65 make 9.8 % of"),
+        ({"negate": 1}, "90.2 % occupied and 0.0 % unknown; if the image shows something else, correct negate, mode"),
+        ({"negate": 1}, "or the thresholds (negate: 0 would make 90.2 % free)"),
+        ({"mode": "raw"}, "9.8 % of its cells free, 0.0 % occupied and 90.2 % unknown"),
+        ({"mode": "raw"}, "(mode: trinary would make 90.2 % free)"),
+    ],
+    ids=str,
+)
+def test_settings_that_leave_only_the_walls_free_are_suspicious(
+    tmp_path: Path, says: dict[str, Any], words: str
+) -> None:
+    terrain = read_terrain(write_map(tmp_path, Image.fromarray(WALLED), says), 0.1)
+    assert words in suspicious_reading(terrain)
+    assert suspicious_reading(read_terrain(write_map(tmp_path, Image.fromarray(WALLED)), 0.1)) == ""
+
+
+def test_too_coarse_points_are_not_blamed_where_the_settings_are(tmp_path: Path) -> None:
+    wide = np.pad(np.full((398, 398), 254, dtype=np.uint8), 1)
+    with pytest.raises(BadInput, match=r"no free point of 0\.2 m: negate = true.*make 1\.0 % of its cells free"):
+        read_terrain(write_map(tmp_path, Image.fromarray(wide), {"negate": 1}), 0.2)
+    with pytest.raises(BadInput, match=r"no free cell in plan\.pgm: .*free_thresh: 0\.196 .* make 99\.0 % free"):
+        read_terrain(write_map(tmp_path, Image.fromarray(wide), {"free_thresh": 0.0}), 0.2)
+    with pytest.raises(BadInput, match=r"no free point of 50 m; .*choose a smaller point"):
+        read_terrain(write_map(tmp_path, Image.fromarray(wide), {"resolution": 0.15}), 50.0)
 
 
 @pytest.mark.parametrize(

@@ -136,6 +136,16 @@ def test_spare_robots_that_cannot_be(robots: Any, problem: str) -> None:
         load_scenario({**YARDS, "robots": robots})
 
 
+def test_a_robot_must_not_leap_over_what_it_should_see() -> None:
+    """Discs of sight that do not touch leave ground between them unseen."""
+    load_scenario({**YARDS, "step": 0.5, "robots": {"speed": 40}, "sensor": {"range": 10}})
+    leaping = r"robots\.speed = 40\.2: a stride of 20\.1 m leaps over ground .* of 10 m never sees; give at most 40,"
+    with pytest.raises(BadInput, match=leaping):
+        load_scenario({**YARDS, "step": 0.5, "robots": {"speed": 40.2}, "sensor": {"range": 10}})
+    with pytest.raises(BadInput, match=r"robots\.1\.speed = 4\.4: a stride of 6\.6 m .* give at most 4, a shorter"):
+        load_scenario({**YARDS, "step": 1.5, "robots": [{"speed": 1}, {"speed": 4.4}], "sensor": {"range": 3}})
+
+
 def test_sizes_are_of_the_robots_that_are_not_spare() -> None:
     fault = {"kind": "kill", "at": 1, "who": {"count": 3}}
     with pytest.raises(BadInput, match="there are 2 robots; give at most 2"):

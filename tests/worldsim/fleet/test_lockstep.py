@@ -13,6 +13,7 @@ from patrol.net.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,
+    UNLIKE,
     Hello,
     HelloReply,
     PhaseA,
@@ -61,15 +62,31 @@ def test_a_hello_is_repeated_to_those_who_are_there() -> None:
 @pytest.mark.parametrize(
     ("reply", "problem"),
     [
-        (HelloReply(1, 5, 0, RUN, "d" * 64), "r1 was started with another scenario"),
-        (HelloReply(1, 5, 0, RUN, HASH, PROTOCOL + 1), "r1 speaks protocol"),
+        (HelloReply(1, 5, 0, RUN, "d" * 64), "scenario (hash dddddddddddd, the world's is cccccccccccc); give all"),
+        (
+            HelloReply(1, 5, 0, RUN, HASH, PROTOCOL + 1),
+            f"protocol ({PROTOCOL + 1}, the world's is {PROTOCOL}); run",
+        ),
     ],
 )
-def test_a_robot_that_means_something_else_is_bad_input(reply: HelloReply, problem: str) -> None:
+def test_a_robot_that_means_something_else_is_bad_input_and_all_are_told(reply: HelloReply, problem: str) -> None:
     net = Net()
-    net.deliver(1, reply)
-    with pytest.raises(BadInput, match=problem):
-        net.sessions.gather(5.0, lambda _names, _s: None)
+    net.presence(2, True)
+    net.presence(1, True)
+    net.mute = {1}
+    net.deliver(1, reply, 1.0)
+    began = net.time
+    with pytest.raises(BadInput) as caught:
+        net.sessions.gather(60.0, lambda _names, _s: None)
+    assert str(caught.value).startswith(f"r1 was started with another {problem}")
+    assert net.time - began < 5.0
+    (stop,) = net.told(Stop, 1)
+    assert isinstance(stop, Stop)
+    assert (stop.incarnation, stop.instance, stop.orderly) == (1, 5, False)
+    assert stop.reason.startswith(f"{UNLIKE}{problem}")
+    (other,) = net.told(Stop, 2)
+    assert isinstance(other, Stop)
+    assert other.reason.startswith("the run cannot begin: r1 was started with another")
 
 
 def test_an_answer_to_another_world_takes_no_seat() -> None:

@@ -21,10 +21,11 @@ WITHIN = 5.0
 
 
 class Recovers(Check):
-    """Once all faults are over, every patrolled point is seen again within 5 x the fault-free mean MFoW.
+    """Once the faults are over, every patrolled point is seen again within 5 x the fault-free mean MFoW.
 
-    It is judged only where the whole fleet is there again, there is a fault-free run of the same seed to compare with,
-    and the run goes on for long enough.
+    The time counts from the first tick in which no fault is active any more and the whole fleet is there: the process
+    of a robot that the last fault starts may take some ticks to come. It is judged only where that happens, there is a
+    fault-free run of the same seed to compare with, and the run goes on for long enough.
     """
 
     name = "recovery"
@@ -38,6 +39,7 @@ class Recovers(Check):
         self._healed = run.timeline.healed
         self._missing = ""
         self._truth: Truth | None = None
+        self._whole_at = 0
         self._seen_at: int | None = None
         self._last = -1
 
@@ -48,13 +50,16 @@ class Recovers(Check):
 
     def _tick(self, record: TickRecord) -> None:
         self._last = record.k
-        if self._healed is None or record.k < self._healed or self._seen_at is not None or self._missing:
+        if self._healed is None or record.k < self._healed or self._seen_at is not None:
             return
         if self._truth is None:
             gone = [row for row in record.robots if row.status is not Status.ALIVE and not self._stays_away(row)]
             if gone:
-                self._missing = f"{self._names.get(gone[0].number, gone[0].number)} is {gone[0].status.name.lower()}"
+                status = "away" if gone[0].status is Status.LEFT else gone[0].status.name.lower()
+                self._missing = f"{self._names.get(gone[0].number, gone[0].number)} is still {status}"
                 return
+            self._missing = ""
+            self._whole_at = record.k
             prepared = self._run.prepared
             footprint = sensor_footprint(prepared.scenario, prepared.terrain)
             self._truth = Truth(footprint, prepared.patrolled)
@@ -66,7 +71,7 @@ class Recovers(Check):
     def result(self) -> CheckResult:
         """The result, once all ticks are in and the journal has ended."""
         step = self._run.step
-        took_s = None if self._seen_at is None else (self._seen_at - (self._healed or 0)) * step
+        took_s = None if self._seen_at is None else (self._seen_at - self._whole_at) * step
         took = "not every point was seen again" if took_s is None else f"every point was seen again in {took_s:g} s"
         limit_s = math.ceil(WITHIN * (self._run.baseline_s or 0.0) / step) * step
         why = self._why_not(took, took_s, limit_s)
@@ -94,9 +99,9 @@ class Recovers(Check):
         elif self._last < healed:
             why = "the run ended before all faults were over"
         elif self._missing:
-            why = f"{self._missing} when all faults are over"
+            why = f"{self._missing} at the end, after all faults"
         elif self._run.baseline_s is None:
             why = f"{took}; there is no fault-free run to compare with"
-        elif took_s is None and (self._last - healed) * self._run.step < limit_s:
+        elif took_s is None and (self._last - self._whole_at) * self._run.step < limit_s:
             why = f"the run goes on for less than {limit_s:g} s after the faults, {WITHIN:g} x the fault-free MFoW"
         return why

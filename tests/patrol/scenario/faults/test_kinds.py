@@ -48,6 +48,16 @@ def problem(*faults: Any, overrides: dict[str, object] | None = None) -> str:
     return str(caught.value)
 
 
+def test_a_fault_after_the_end_is_refused_with_the_duration_that_all_faults_need() -> None:
+    at = {"who": "one", "kind": "kill"}, {"who": "one", "kind": "restart"}
+    faults = [{**at[0], "at": 20}, {**at[0], "at": 60}, {**at[1], "at": 90}]
+    assert problem(*faults, overrides={"duration": 50}).endswith(
+        "faults.1.at = 60: the run ends at 50 s, so it would never happen; give an earlier time or a duration above "
+        "90, or leave the kill out"
+    )
+    load_scenario({**YARDS, "faults": faults}, {"duration": 90.5})
+
+
 # --- what is understood ----------------------------------------------------------------------------------------------
 
 

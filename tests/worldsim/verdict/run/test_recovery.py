@@ -83,12 +83,32 @@ def test_a_quiet_window_that_is_too_short_is_not_judged(lab: Lab) -> None:
     assert check.ok
 
 
-def test_a_fleet_that_is_not_whole_again_is_not_judged(lab: Lab) -> None:
+def gone(journal: MemoryJournal, ticks: range, status: Status) -> None:
+    """Let the last robot have another status in some ticks."""
+    for k in ticks:
+        robots = journal.records[k].robots
+        journal.records[k] = replace(journal.records[k], robots=(*robots[:3], replace(robots[3], status=status)))
+
+
+def test_a_fleet_that_is_never_whole_again_is_not_judged(lab: Lab) -> None:
     found = world(lab, SILENCE)
     journal = lab.run(found)
-    robots = journal.records[10].robots
-    journal.records[10] = replace(journal.records[10], robots=(*robots[:3], replace(robots[3], status=Status.LEFT)))
-    assert recovery(found, journal, 2.0).detail == "not judged: r4 is left when all faults are over"
+    gone(journal, range(10, 40), Status.LEFT)
+    assert recovery(found, journal, 2.0).detail == "not judged: r4 is still away at the end, after all faults"
+
+
+def test_a_robot_that_comes_some_ticks_after_the_last_fault_does_not_prevent_judging(lab: Lab) -> None:
+    """A process that is started again is there some ticks later; recovery counts from then on."""
+    found = world(lab, SILENCE)
+    journal = lab.run(found)
+    gone(journal, range(10, 17), Status.DEAD)
+    seen = "every point was seen again in 0 s; at most 10 s are allowed"
+    assert recovery(found, journal, 2.0) == CheckResult("recovery", True, seen)
+    short = world(lab, SILENCE, sensor={"range": 2.0})
+    journal = lab.run(short)
+    gone(journal, range(10, 30), Status.DEAD)
+    detail = "not judged: the run goes on for less than 5 s after the faults, 5 x the fault-free MFoW"
+    assert recovery(short, journal, 1.0).detail == detail
 
 
 def test_a_run_that_ends_before_the_healing_is_not_judged(lab: Lab) -> None:

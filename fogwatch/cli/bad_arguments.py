@@ -1,0 +1,136 @@
+"""What the command line says about arguments that cannot be parsed: the option, its value, its unit and the remedy."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any
+
+from typer.core import TyperCommand
+
+from patrol.errors import BadInput, quoted
+
+
+@dataclass(frozen=True, slots=True)
+class _Quantity:
+    """What an option of a certain metavar takes.
+
+    Attributes:
+        unit: The unit, empty for a whole number.
+        example: A typical value.
+        factors: Other spellings of a unit, and how many of our unit each of them is.
+    """
+
+    unit: str
+    example: str
+    factors: dict[str, float]
+
+
+_LENGTHS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "km": 1000.0}
+_TIMES = {"ms": 0.001, "s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
+_SPEEDS = {"cm/s": 0.01, "m/s": 1.0, "km/h": 1.0 / 3.6}
+_QUANTITIES = {
+    "M": _Quantity("m", "0.3", _LENGTHS),
+    "R": _Quantity("m", "10", _LENGTHS),
+    "S": _Quantity("s", "600", _TIMES),
+    "M/S": _Quantity("m/s", "1", _SPEEDS),
+    "N": _Quantity("", "5", {}),
+    "N...": _Quantity("", "5", {}),
+    "K": _Quantity("", "7", {}),
+}
+"""By the metavar that the help shows."""
+
+_NUMBER = re.compile(r"\s*([-+]?[0-9]*[.,]?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z/]*)\s*")
+
+
+class HelpfulCommand(TyperCommand):
+    """A command whose errors name the argument, the value that was given, and what to give instead."""
+
+    example = ""
+    """A command line that shows how the command is used."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments.
+
+        Args:
+            ctx: The context of the call.
+            args: The arguments.
+
+        Returns:
+            What is left of them.
+
+        Raises:
+            BadInput: An argument is missing, unknown or no number.
+        """
+        given = list(args)
+        try:
+            return super().parse_args(ctx, args)
+        except Exception as error:
+            line = self._explained(error, ctx, given)
+            if line is None:
+                raise
+            raise BadInput(line) from None
+
+    def _explained(self, error: Exception, ctx: Any, given: list[str]) -> str | None:
+        """An error of the parser in our words; None to leave it as it is."""
+        if hasattr(error, "possibilities") and hasattr(error, "option_name"):
+            return self._unknown(str(error.option_name))
+        param = getattr(error, "param", None)
+        if param is None:
+            return None
+        if type(error).__name__ == "MissingParameter":
+            name = getattr(param, "metavar", None) or param.name
+            return f"{name} is missing; for example: {self.example}"
+        values, *_ = self.make_parser(ctx).parse_args(args=given)
+        value = values.get(param.name)
+        texts = [value] if isinstance(value, str) else list(value or ())
+        name = next((text for text in reversed(param.opts) if text.startswith("--")), param.metavar)
+        quantity = _QUANTITIES.get(param.metavar)
+        if quantity is None:
+            return None
+        if isinstance(param.default, float):
+            quantity = replace(quantity, example=f"{param.default:g}")
+        return _not_a_number(name, texts, quantity, error)
+
+    def _unknown(self, option: str) -> str:
+        known = [text for param in self.params for text in (*param.opts, *param.secondary_opts) if text[:2] == "--"]
+        return f"{option}: no such option; {_nearest(option, [*known, '--help'], self.example)}"
+
+
+def _nearest(option: str, known: Sequence[str], example: str) -> str:
+    """The known option that an unknown one begins, or else the one most like it."""
+    begun = sorted((name for name in known if name.startswith(option)), key=len)
+    words = [name[2:] for name in known]
+    near = begun[:1] or [f"--{word}" for word in get_close_matches(option[2:], words, n=1, cutoff=0.6)]
+    return f"did you mean {near[0]}?" if near else f"leave it out, or see --help; for example: {example}"
+
+
+def _not_a_number(name: str, texts: Sequence[str], quantity: _Quantity, error: Any) -> str:
+    whole = not quantity.unit
+    wrong = next((text for text in texts if not _is_number(text, whole)), None)
+    if wrong is None:  # a number, but out of range
+        reason = str(getattr(error, "message", error)).rstrip(".").lower()
+        least = re.search(r"(?:greater than or equal to |x>=)(\S+)", reason)
+        return f"{name} {' '.join(texts)}: {f'expected {least[1]} or more' if least else reason}"
+    what = "a whole number" if whole else f"a number in {quantity.unit}"
+    option = f"{name} " if name.startswith("--") else ""
+    return f"{name} {quoted(wrong)[1:-1]}: expected {what}, such as {option}{_meant(wrong, quantity)}"
+
+
+def _is_number(text: str, whole: bool) -> bool:
+    try:
+        int(text) if whole else float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _meant(text: str, quantity: _Quantity) -> str:
+    """The number that a text such as "30cm" or "0,3" means in the quantity's unit, or else the example."""
+    found = _NUMBER.fullmatch(text)
+    if found is None or not quantity.unit:
+        return quantity.example
+    factor = quantity.factors.get(found[2].lower(), None) if found[2] else 1.0
+    return quantity.example if factor is None else f"{float(found[1].replace(',', '.')) * factor:g}"

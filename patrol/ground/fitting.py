@@ -1,0 +1,131 @@
+"""Why a body does not fit on a terrain, and what would help: other settings of the map, a smaller point or radius."""
+
+from __future__ import annotations
+
+import math
+
+from patrol.ground.fields import clearance_levels
+from patrol.ground.rooms import Door
+from patrol.ground.terrain import Terrain
+
+LEAST_SHARE = 0.05
+"""The smallest point that is worth advising, as a share of the body's radius."""
+
+LEAST_RADIUS = 0.01
+"""The smallest radius that is worth advising, m. Radii are advised in whole hundredths of a metre."""
+
+
+def fits_nowhere(terrain: Terrain, radius: float) -> str:
+    """The error for a body that fits nowhere.
+
+    Args:
+        terrain: the ground.
+        radius: of the body, m.
+
+    Returns:
+        one line that names the cause and the remedy.
+    """
+    most = largest_radius(terrain)
+    if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m"):
+        return f"{why}; as it is, the largest radius that fits is {most:g} m" if most >= LEAST_RADIUS else why
+    remedies = _finer_points(most + 0.5 * terrain.point - radius, radius, terrain.point)
+    if most >= LEAST_RADIUS:
+        remedies.append(f"a radius of at most {most:g} m")
+    return (
+        f"robots.radius = {radius:g}: a body this wide fits nowhere on {terrain.name}, on points of {terrain.point:g} "
+        f"m; use {' or '.join(remedies or ['a smaller radius'])}"
+    )
+
+
+def fits_no_door(terrain: Terrain, radius: float, widest: Door) -> str:
+    """The error for a body that fits through no door around the place where it would start.
+
+    Args:
+        terrain: the ground.
+        radius: of the body, m.
+        widest: of these doors.
+
+    Returns:
+        one line that names the door and the remedy.
+    """
+    if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m to move"):
+        return why
+    passing = _hundredths(widest.radius)
+    lets = f"lets a radius of {passing:g} m pass" if passing >= LEAST_RADIUS else "lets no body pass"
+    remedies = _finer_points(0.5 * widest.width - radius, radius, terrain.point)
+    if passing >= LEAST_RADIUS or not remedies:
+        remedies.append("a smaller radius")
+    return (
+        f"robots.radius = {radius:g}: too wide for every door of {terrain.name}, on points of {terrain.point:g} m; the "
+        f"widest, at ({widest.x:.2f}, {widest.y:.2f}), is {widest.width:.2f} m wide and {lets}; use "
+        f"{' or '.join(remedies)}, or give starts to patrol one room"
+    )
+
+
+def no_room_for_all(terrain: Terrain, radius: float, robots: int, placed: int) -> str:
+    """The error for a fleet that finds no room at the start.
+
+    Args:
+        terrain: the ground.
+        radius: of the robot for which there is no place left, m.
+        robots: number of robots in the fleet.
+        placed: number of robots that have a place.
+
+    Returns:
+        one line that names the cause and the remedy.
+    """
+    fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
+    if why := _map_to_blame(terrain, f"{fleet} with a radius of {radius:g} m"):
+        return why
+    remedies = [*_finer_points(0.0, radius, terrain.point), "fewer or smaller robots"]
+    return (
+        f"robots: {fleet} do not fit on {terrain.name}: no place is left for a body of radius {radius:g} m after "
+        f"{placed}; use {', or '.join(remedies)}"
+    )
+
+
+def _map_to_blame(terrain: Terrain, what: str) -> str:
+    """The error where not the body but the settings of the terrain's map seem to be wrong; empty otherwise."""
+    from patrol.ground.maps import suspicious_reading  # here: it needs the image library
+
+    why = suspicious_reading(terrain)
+    return f"{terrain.source}: leaves no room for {what}: {why}" if why else ""
+
+
+def largest_radius(terrain: Terrain) -> float:
+    """The largest radius of a body that fits somewhere on a terrain, rounded down to hundredths of a metre.
+
+    Args:
+        terrain: the ground.
+
+    Returns:
+        the radius, m; 0 where no body fits.
+    """
+    level = int(clearance_levels(terrain.free, max(terrain.shape)).max())
+    return _hundredths(0.5 * terrain.point * (math.sqrt(level) - 1.0))
+
+
+def _hundredths(length: float) -> float:
+    return max(math.floor(100.0 * length + 1e-6) / 100.0, 0.0)
+
+
+def _finer_points(spare: float, radius: float, point: float) -> list[str]:
+    """The advice to use smaller points; none where points are no coarser than suits the body.
+
+    A body needs half a point more than its radius, and a finer grid may be shifted against the place by a point.
+
+    Args:
+        spare: what the place is wider than the radius, m.
+        radius: of the body, m.
+        point: side of a point, m.
+    """
+    finer = _nice(spare / 1.5) if spare > 0.0 else 0.0
+    if finer < LEAST_SHARE * radius:  # nobody knows whether the place is wide enough, unless points are coarse
+        finer = _nice(0.25 * radius) if point > radius else 0.0
+    return [f"a smaller point, such as {finer:g}"] if 0.0 < finer < point else []
+
+
+def _nice(length: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is not above a length."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return next(factor * power for factor in (5.0, 2.0, 1.0) if factor * power <= length * (1.0 + 1e-9))

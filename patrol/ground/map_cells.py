@@ -1,0 +1,185 @@
+"""The cells of a map: which pixels of its image are free, and what its settings make of all of them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from patrol.errors import BadInput
+from patrol.ground.terrain import BoolGrid
+
+if TYPE_CHECKING:
+    from patrol.ground.maps import MapFile
+
+FORMATS = ("PPM", "PNG", "BMP", "JPEG")
+MAX_CELLS = 100_000_000
+
+QUANTA = 65535
+"""The scale on which the map server adds a pixel's channels."""
+
+BLOCK = 256
+"""Rows of an image that are judged at a time."""
+
+NEARLY_NOTHING = 0.05
+"""Share of free cells below which a map's settings rather than its walls are to blame."""
+
+SEVERAL = 4.0
+"""How many times as many free cells make another value of a setting more likely than the one given."""
+
+
+def free_cells(says: MapFile) -> BoolGrid:
+    """The cells of a map that are free, that is neither occupied nor unknown.
+
+    As nav2: a pixel's shade is the mean of its channels (with alpha in mode trinary) and its occupancy 1 - shade, or
+    shade where negate is set; free is what lies below free_thresh. In mode scale a pixel that is not opaque is unknown.
+    In mode raw the pixel itself, 0 to 100, is the occupancy in percent, and more is unknown.
+
+    Args:
+        says: the map's YAML file.
+
+    Returns:
+        bool (rows, columns), the lowest y first.
+
+    Raises:
+        BadInput: when the image cannot be read.
+    """
+    levels, has_alpha = _pixels(says)
+    free = np.empty(levels.shape[:2], dtype=np.bool_)
+    for first in range(0, levels.shape[0], BLOCK):
+        known, occupancy = _occupancy(says, levels[first : first + BLOCK].astype(np.float64), has_alpha)
+        free[first : first + BLOCK] = known & (occupancy < says.free_thresh)
+    return free[::-1]
+
+
+def _occupancy(says: MapFile, block: NDArray[np.float64], has_alpha: bool) -> tuple[BoolGrid, NDArray[np.float64]]:
+    """Which cells of some rows are not unknown for the image's sake, and the occupancy of each, 0 to 1."""
+    alpha = block[..., -1] if has_alpha else np.full(block.shape[:2], float(QUANTA))
+    colours = block[..., :-1] if has_alpha and says.mode != "trinary" else block
+    shade = colours.sum(axis=-1) / colours.shape[-1] / QUANTA
+    if says.mode == "raw":
+        percent = np.floor(shade * 255.0 + 0.5)
+        return percent <= 100.0, percent / 100.0
+    return (alpha == QUANTA) | (says.mode == "trinary"), shade if says.negate else 1.0 - shade
+
+
+@dataclass(frozen=True, slots=True)
+class CellShares:
+    """What a map's settings make of its cells.
+
+    Attributes:
+        free: Share of the free cells, 0 to 1.
+        occupied: Share of those whose occupancy is above occupied_thresh.
+    """
+
+    free: float
+    occupied: float
+
+    def __str__(self) -> str:
+        """The three shares in percent."""
+        unknown = max(1.0 - self.free - self.occupied, 0.0)
+        free, occupied = _percent(self.free), _percent(self.occupied)
+        return f"{free} of its cells free, {occupied} occupied and {_percent(unknown)} unknown"
+
+
+def cell_shares(says: MapFile) -> CellShares:
+    """The shares of free and occupied cells.
+
+    Args:
+        says: the map's YAML file.
+
+    Raises:
+        BadInput: when the image cannot be read.
+    """
+    levels, has_alpha = _pixels(says)
+    free = occupied = 0
+    for first in range(0, levels.shape[0], BLOCK):
+        known, occupancy = _occupancy(says, levels[first : first + BLOCK].astype(np.float64), has_alpha)
+        free += int(np.count_nonzero(known & (occupancy < says.free_thresh)))
+        occupied += int(np.count_nonzero(known & (occupancy > says.occupied_thresh)))
+    cells = levels.shape[0] * levels.shape[1]
+    return CellShares(free / cells, occupied / cells)
+
+
+def suspicious(says: MapFile) -> str:
+    """What a map's settings make of its cells, and which setting to correct, where they seem wrong.
+
+    They seem wrong where nearly nothing is free, and where another value of one of them would free several times more.
+
+    Args:
+        says: the map's YAML file.
+
+    Returns:
+        the end of an error, empty where nothing seems wrong.
+
+    Raises:
+        BadInput: when the image cannot be read.
+    """
+    shares = cell_shares(says)
+    others = {
+        f"negate: {int(not says.negate)}": replace(says, negate=not says.negate),
+        "mode: trinary": replace(says, mode="trinary"),
+        "free_thresh: 0.196 and occupied_thresh: 0.65": replace(says, free_thresh=0.196, occupied_thresh=0.65),
+    }
+    freed = {spelled: cell_shares(other).free for spelled, other in others.items()}
+    best = max(freed, key=lambda spelled: freed[spelled])
+    better = freed[best] > max(SEVERAL * shares.free, NEARLY_NOTHING)
+    if shares.free >= NEARLY_NOTHING and not better:
+        return ""
+    remedy = "correct negate, mode or the thresholds"
+    if shares.free >= NEARLY_NOTHING:
+        remedy = f"if the image shows something else, {remedy}"
+    if better:
+        remedy += f" ({best} would make {_percent(freed[best])} free)"
+    return (
+        f"negate = {str(says.negate).lower()}, mode = {says.mode}, free_thresh = {says.free_thresh:g} and "
+        f"occupied_thresh = {says.occupied_thresh:g} make {shares}; {remedy}"
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
+
+
+def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
+    """The image as uint16 (rows, columns, channels), 0 to QUANTA, and whether the last channel is opacity."""
+    where = f"{says.path}: image = {says.image}"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of sizes, which MAX_CELLS judges, and of oddities in what can be read
+            with Image.open(says.image, formats=FORMATS) as image:
+                if image.width * image.height > MAX_CELLS:
+                    raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {MAX_CELLS}; crop it")
+                image.load()
+                return _channels(image, where)
+    except FileNotFoundError:
+        raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
+    except UnidentifiedImageError:
+        raise BadInput(f"{where}: is not a PGM, PNG, BMP or JPEG image; give one") from None
+    except Image.DecompressionBombError:
+        raise BadInput(f"{where}: more than {MAX_CELLS} pixels; crop it") from None
+    except BadInput:
+        raise
+    except Exception as error:  # noqa: BLE001 - a broken file can make an image decoder raise anything
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise BadInput(f"{where}: cannot be read ({reason}); give an undamaged PGM, PNG, BMP or JPEG image") from None
+
+
+def _channels(image: Image.Image, where: str) -> tuple[NDArray[np.uint16], bool]:
+    if image.mode.startswith("I"):
+        return np.clip(np.asarray(image), 0, QUANTA).astype(np.uint16)[..., None], False
+    if image.mode == "F":
+        raise BadInput(f"{where}: has floating-point pixels; give a grey or colour image of 8 or 16 bits")
+    has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
+    if has_alpha:
+        image = image.convert("RGBA")
+    elif image.mode in ("1", "L"):
+        image = image.convert("L")
+    else:
+        image = image.convert("RGB")
+    levels = np.asarray(image, dtype=np.uint16) * np.uint16(QUANTA // 255)
+    return (levels[..., None] if levels.ndim == 2 else levels), has_alpha

@@ -1,0 +1,125 @@
+"""What became of a run's intruders, for the summary: when each was found, and for how long it was surrounded."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from patrol.journal.records import FORGED, SURROUNDING, Status
+from patrol.radio.message import CONTACT, Position, Rejected, decode
+from patrol.scenario import load_scenario
+from patrol.scenario.controls import OPERATOR, operated
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from patrol.journal.records import Event, Header, TickRecord
+    from patrol.scenario import Scenario
+
+BESIDE = 1.5
+"""A robot that surrounds an intruder stands at it within this many times `patrol.surround_distance`."""
+
+RING = 2
+"""Robots that have to stand around an intruder for it to be surrounded."""
+
+
+@dataclass(slots=True)
+class _Intruder:
+    place: tuple[float, float]
+    at_s: float
+    until_s: float | None
+    first_reported: int | None = None
+    reported: int = 0
+    surrounded: int = 0
+    most_robots: int = 0
+
+    def is_there(self, time_s: float) -> bool:
+        return self.at_s <= time_s and (self.until_s is None or time_s < self.until_s)
+
+    def facts(self, step: float) -> dict[str, Any]:
+        first = self.first_reported
+        return {
+            "place_m": list(self.place),
+            "at_s": self.at_s,
+            "until_s": self.until_s,
+            "first_reported_s": None if first is None else first * step,
+            "reported_s": self.reported * step,
+            "surrounded_s": self.surrounded * step,
+            "most_robots": self.most_robots,
+        }
+
+
+class IntruderFacts:
+    """Follows the intruders of a run tick by tick; see `facts`."""
+
+    def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
+        """Start before the first tick.
+
+        Args:
+            header: The run's first record.
+            events: Those of the whole run, among which operators may have added intruders.
+        """
+        self._step = float(header.scenario["step"])
+        self._intruders: list[_Intruder] = []
+        self._beside = 0.0
+        if header.scenario.get("intruders") or any(event.kind == OPERATOR for event in events):
+            self._expect(operated(load_scenario(header.scenario), events))
+
+    def _expect(self, scenario: Scenario) -> None:
+        self._beside = BESIDE * scenario.patrol.surround_distance
+        for spec in scenario.intruders:
+            until_s = None if spec.stay is None else spec.at + spec.stay
+            self._intruders.append(_Intruder(spec.place, spec.at, until_s))
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        present = [intruder for intruder in self._intruders if intruder.is_there(record.k * self._step)]
+        if not present:
+            return
+        reported = {id(found): found for found in (_nearest(present, place) for place in _contacts(record))}
+        for intruder in reported.values():
+            intruder.reported += 1
+            if intruder.first_reported is None:
+                intruder.first_reported = record.k
+        places = [(row.x, row.y) for row in record.robots if row.status is Status.ALIVE and row.state == SURROUNDING]
+        for intruder in present:
+            around = sum(
+                math.dist(place, intruder.place) <= self._beside and _nearest(present, place) is intruder
+                for place in places
+            )
+            intruder.most_robots = max(intruder.most_robots, around)
+            intruder.surrounded += around >= RING
+
+    def facts(self) -> dict[str, Any]:
+        """The summary's entry `intruders`, or nothing for a run without any.
+
+        Per intruder: `place_m`; `at_s` and `until_s`, when it comes and goes (None: it stays to the end);
+        `first_reported_s`, when a robot first reported it (None: never); `reported_s`, for how long one did;
+        `surrounded_s`, for how long at least `RING` robots stood around it; `most_robots`, how many did at most.
+        """
+        if not self._intruders:
+            return {}
+        return {"intruders": [intruder.facts(self._step) for intruder in self._intruders]}
+
+
+def _nearest(intruders: Sequence[_Intruder], place: tuple[float, float]) -> _Intruder:
+    return min(intruders, key=lambda intruder: math.dist(intruder.place, place))
+
+
+def _contacts(record: TickRecord) -> list[tuple[float, float]]:
+    """The places of the intruders that robots report in a tick, m; a robot's contacts follow its position."""
+    places = []
+    earlier = FORGED
+    for source, frame in record.frames:
+        if source == earlier != FORGED and (position := _read(frame)) is not None and position.robot == CONTACT:
+            places.append((position.pose.x, position.pose.y))
+        earlier = source
+    return places
+
+
+def _read(frame: bytes) -> Position | None:
+    try:
+        return decode(frame)
+    except Rejected:
+        return None
