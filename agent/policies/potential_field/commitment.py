@@ -7,12 +7,14 @@ it. It chooses again once the point has been seen, when no way leads there any m
 
 In a large building whatever is stale may lie beyond the reach of the law, where forces are too small to matter. So the
 law's unit of length stretches until the farthest point of the robot's own ground is within reach. Own are the points
-that no other robot has a shorter way to.
+that no other robot has a shorter way to; with claims, a robot leaves the others' points alone as long as one of its own
+pulls.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -50,6 +52,15 @@ LONGEST_SHUNNED_S = 960.0
 
 NEARER = 0.1
 """Least share of a stride by which a way must get shorter to count as progress."""
+
+ROAM_S = 45.0
+"""A robot that has stayed within a circle of `ROAM_REACH` for so long looks for a target outside and leaves, s."""
+
+ROAM_REACH = 5.0
+"""Radius of that circle, in radii and strides of the robot."""
+
+HAND_OVER = 2.0
+"""A point is a robot's own if no other robot's way there is shorter by more than so many strides."""
 
 STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
@@ -99,6 +110,10 @@ class Commitment:
         self._sight = Footprint(setup.terrain, sensor.range, 360.0, sensor.line_of_sight) if looks_round else None
         # A car ends up near the place that it heads for, and not exactly on it.
         self._slack = math.ceil(setup.spec.speed * setup.step / self._point) if setup.spec.model == "car" else 0
+        self._roam = ROAM_REACH * (setup.spec.radius + setup.spec.speed * setup.step)
+        self._often = max(1, round(1.0 / setup.step))
+        self._been: deque[tuple[float, float]] = deque(maxlen=math.ceil(ROAM_S / (self._often * setup.step)))
+        self._hand_over = round(100.0 * HAND_OVER * setup.spec.speed * setup.step / self._point)
         self._around = 2.0 * max(setup.spec.radius, self._point)
         self._reach = _reach(setup)
         self._target: Target | None = None
@@ -120,6 +135,8 @@ class Commitment:
         Returns:
             None where nothing pulls.
         """
+        if view.tick % self._often == 0:
+            self._been.append((view.pose.x, view.pose.y))
         way = self._way(view, start)
         if way is None:
             way = self._choose(view, start, rivals)
@@ -139,7 +156,7 @@ class Commitment:
         target = self._target
         if target is None:
             return None
-        if self._age(view, target.point) < STILL_STALE * target.age:
+        if self._age(view, target.point) < STILL_STALE * target.age and self._home() is None:
             self._given_up = 0
             return None
         way = self._way_to(view, start, target.stand)
@@ -188,9 +205,12 @@ class Commitment:
         decay = log_distance_force(patrol.distance, np.arange(longest + 1).clip(1) * unit, patrol.beta, patrol.length)
         fow = np.arange(view.mfow + 1).clip(1) / max(view.mfow, 1)
         pull = log_fow_force(patrol.fow, fow, patrol.alpha)
-        shunned = np.array([(row, col, self._squared) for row, col, _ in self._shunned], dtype=np.int64).reshape(-1, 3)
+        left_out = [(row, col, self._squared) for row, col, _ in self._shunned]
+        if (home := self._home()) is not None:
+            left_out.append((*view.point_of(home), math.ceil((self._roam / self._point) ** 2)))
+        shunned = np.array(left_out, dtype=np.int64).reshape(-1, 3)
         found = self._hardest(view, pull, decay, rival, shunned)
-        if found is None and self._shunned:
+        if found is None and left_out:
             self._shunned.clear()
             found = self._hardest(view, pull, decay, rival, shunned[:0])
         if found is None:
@@ -201,6 +221,14 @@ class Commitment:
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         self._least, self._least_at = math.inf, tick
         return self._way_to(view, start, stand)
+
+    def _home(self) -> tuple[float, float] | None:
+        """The centre, x and y in m, of the circle in which the robot has stayed for too long; None if it has not."""
+        if len(self._been) < (self._been.maxlen or 0):
+            return None
+        xs, ys = zip(*self._been, strict=True)
+        centre = 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))
+        return centre if all(math.dist(centre, place) <= self._roam for place in self._been) else None
 
     @property
     def _squared(self) -> int:
@@ -215,16 +243,21 @@ class Commitment:
         rival: NDArray[np.int32],
         shunned: NDArray[np.int64],
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
-        """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none."""
+        """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
+
+        What a rival has the shorter way to counts only where none of the robot's own points pulls.
+        """
         paths, fog = self._paths, view.fog
-        best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
-        for points in (None, self._posts.rows):
-            grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
-            hardest(points, *grids, view.tick, pull, decay, rival, self._width, shunned, best, place)
-        if best[0] == -np.inf:
-            return None
-        row, col, stand_row, stand_col = (int(number) for number in place)
-        return (row, col), (stand_row, stand_col)
+        grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
+        for hand_over in (self._hand_over, FAR):
+            best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
+            for points in (None, self._posts.rows):
+                law = (view.tick, pull, decay, rival, self._width, hand_over)
+                hardest(points, *grids, *law, shunned, best, place)
+            if best[0] > -np.inf:
+                row, col, stand_row, stand_col = (int(number) for number in place)
+                return (row, col), (stand_row, stand_col)
+        return None
 
     def _nearest_in_sight(self, point: tuple[int, int], settled: NDArray[np.bool_]) -> tuple[int, int] | None:
         """The reachable point with the shortest way from which the sensor shows a point; None if it is not known."""

@@ -42,7 +42,8 @@ def own_reach(state, length, rival):
 @njit(
     [
         types.void(
-            posts, STATE, GRID, int64, int64, GRID, GRID, int64, TABLE, TABLE, GRID, float64, SHUNNED, BEST, PLACES,
+            posts, STATE, GRID, int64, int64, GRID, GRID, int64, TABLE, TABLE, GRID, float64, int64, SHUNNED, BEST,
+            PLACES,
         )
         for posts in (types.none, ROWS)
     ],
@@ -50,7 +51,8 @@ def own_reach(state, length, rival):
     nogil=True,
 )
 def hardest(
-    posts, state, length, row0, col0, seen, looked, tick, log_pull, log_decay, rival, width, shunned, best, place,
+    posts, state, length, row0, col0, seen, looked, tick, log_pull, log_decay, rival, width, hand_over, shunned, best,
+    place,
 ):
     """Find the point with the greatest force, as logarithms: f and g may be too small for a float.
 
@@ -69,6 +71,8 @@ def hardest(
         log_decay: float64, log g by length in hundredths of a point, at least up to the longest settled path.
         rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point.
         width: Of the claims, in hundredths of a point; 0 without claims.
+        hand_over: Points that a rival has a way to that is shorter by more than this are left out, in hundredths of a
+            point.
         shunned: int64 (n, 3), row, column and squared radius, in points of the terrain, of what is left out.
         best: float64 (1,), the greatest logarithm so far; updated in place.
         place: int64 (4,), row and column in the terrain of the point that exerts it and of the place to stand on;
@@ -90,11 +94,14 @@ def hardest(
         if when >= tick or looked[seen_row, seen_col] >= tick:
             continue
         far = max(length[row, col], 1)
+        if far - rival[row, col] > hand_over:
+            continue
         force = log_pull[tick - when] + log_decay[far]
         if force <= best[0]:
             continue
         if width > 0.0:
-            force -= math.log1p(math.exp(min(max((far - rival[row, col]) / width, -40.0), 40.0)))
+            behind = (far - rival[row, col]) / width
+            force -= behind if behind > 40.0 else math.log1p(math.exp(max(behind, -40.0)))
             if force <= best[0]:
                 continue
         away = True
