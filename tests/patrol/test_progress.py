@@ -228,7 +228,7 @@ def test_the_fog_is_asked_for_only_when_a_robot_stays() -> None:
 @pytest.mark.parametrize("doors", [True, False])
 def test_what_a_robot_cannot_get_to_does_not_trap_it(doors: bool) -> None:
     ready = prepared(rooms(doors), LEFT, RIGHT)
-    first, second = own_grounds(ready).values()
+    first, second = (own.patrolled for own in own_grounds(ready).values())
     assert bool(first[5, 60]) is doors
     assert bool(second[5, 10]) is doors
     assert first[5, 10]
@@ -264,5 +264,6 @@ def test_of_equally_stale_points_the_nearest_outside_of_the_circle_counts() -> N
 
 def test_a_scenario_of_the_project_has_a_ground_for_each_robot() -> None:
     ready = prepare(load_scenario({"terrain": {"builtin": "clutter"}, "point": 0.5, "robots": {"count": 2}}))
-    for number, ground in own_grounds(ready).items():
-        assert np.array_equal(ground, ready.fields[number].patrolled)
+    for number, own in own_grounds(ready).items():
+        assert np.array_equal(own.patrolled, ready.fields[number].patrolled)
+        assert np.array_equal(own.reach, ready.fields[number].reach)

@@ -1,0 +1,443 @@
+"""A short closed tour from which all of some ground is seen: what a fleet could do with a plan for everybody.
+
+Robots that follow such a tour of length L at equal distances see each point at least once in L / (N v), so that time
+bounds the MFoW that a fleet of N robots of speed v needs. The tour is the best that was found, not the shortest:
+greedy choice of places, then 2-opt and Or-opt on their path lengths. It is the same for the same ground.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.footprint import Footprint
+from patrol.ground.kernels.tour import FAR, lengths_between, shorten, way_between
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.pose import Pose
+
+SPACING = 0.4
+"""Distance of the candidate places, as a share of the sensor's range."""
+
+MOST_CANDIDATES = 6000
+"""Candidate places at most: on larger ground they lie farther apart."""
+
+MOST_PLACES = 2000
+"""Places of the largest tour: more take minutes."""
+
+NEAR = 6.0
+"""Length of the paths that are searched for first, in distances of candidate places."""
+
+SAMPLES = 0.25
+"""Distance of the places on the way from which the ground is seen, as a share of the sensor's range."""
+
+ROUNDS = 4
+"""How often the places are put in order anew and the tour tightened, at most."""
+
+PULLS = (1.0, 0.5, 0.2)
+"""How far a place is pulled towards the middle of its neighbours, as shares of the distance."""
+
+GAIN = 0.01
+"""By how much a change shortens the tour at least, in distances of samples."""
+
+ROUGH = 50.0
+"""Points of a thinned grid along the sensor's range: the search thins the ground out, the result is exact."""
+
+NEIGHBOURS = 4
+"""Places of a tour beside which a new one may be put in."""
+
+PASSES = 8
+"""How often all places are tried at most in one round."""
+
+REMEMBERED = 512
+"""Views kept at most, for the whole grid; more for a thinned one."""
+
+Flat = NDArray[np.int64]
+"""Flat indices of points."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tour:
+    """A closed tour.
+
+    Attributes:
+        length_m: Its length, m.
+        places: The places that it visits in order, x and y in m.
+    """
+
+    length_m: float
+    places: tuple[tuple[float, float], ...]
+
+
+def find_tour(
+    terrain: Terrain, part: BoolGrid, ground: BoolGrid, proxy: NDArray[np.int32], footprint: Footprint
+) -> Tour | None:
+    """Find a short closed tour through a part of the reachable ground on which all of some ground is seen.
+
+    Args:
+        terrain: The terrain.
+        part: bool (height, width), one connected part of where the body's centre may be.
+        ground: bool (height, width), what is to be seen; all of it can be seen from the part.
+        proxy: int32 (height, width), for a point of the ground outside of the part the flat index of a point of the
+            part that sees it.
+        footprint: The sensor, which looks all around.
+
+    Returns:
+        The tour; None on ground that needs more than `MOST_PLACES`.
+    """
+    spacing = max(SPACING * footprint.radius, math.sqrt(np.count_nonzero(part) / MOST_CANDIDATES), 1.0)
+    looks = _Looks(terrain, footprint)
+    exact = _Views(looks, ground, 1)
+    rough = _Views(looks, ground, max(round(footprint.radius / ROUGH), 1))
+    chosen = _needed(_choose(_candidates(part, spacing), rough) + _rest(rough, part, proxy), rough)
+    if len(chosen) > MOST_PLACES:
+        return None
+    ways = _Ways(part, max(SAMPLES * footprint.radius, 1.0), NEAR * spacing)
+    best: list[int] = []
+    length = math.inf
+    for _ in range(ROUNDS):
+        rough.clear()
+        tour = _Patrol(ways.ordered(chosen), rough, ways)
+        tour.complete(_rest(rough, part, proxy))
+        tour.tighten()
+        if tour.length >= length:
+            break
+        best, length = tour.places, tour.length
+        chosen = best
+    tour = _Patrol(best, exact, ways)
+    tour.complete(_rest(exact, part, proxy))
+    tour.tighten()
+    return Tour(tour.length * terrain.point, tuple(looks.place(place) for place in tour.places))
+
+
+class _Looks:
+    """What is seen from a point, remembered for a while."""
+
+    def __init__(self, terrain: Terrain, footprint: Footprint) -> None:
+        self._terrain = terrain
+        self._footprint = footprint
+
+    def place(self, place: int) -> tuple[float, float]:
+        """x and y of a point's centre, m."""
+        return self._terrain.centre(*divmod(place, self._terrain.width))
+
+    def window(self, place: int, every: int) -> tuple[slice, slice, BoolGrid]:
+        """Rows and columns of a thinned grid around a place, and which of its points are seen from there.
+
+        Args:
+            place: Flat index.
+            every: The grid holds every so many points of each row and column.
+        """
+        view = self._footprint.visible(Pose(*self.place(place), 0.0))
+        top, left = max(0, -(-view.row0 // every)), max(0, -(-view.col0 // every))
+        mask = view.mask[top * every - view.row0 :: every, left * every - view.col0 :: every]
+        height, width = (-(-size // every) for size in self._terrain.shape)
+        mask = mask[: height - top, : width - left] != 0
+        return slice(top, top + mask.shape[0]), slice(left, left + mask.shape[1]), mask
+
+
+class _Views:
+    """How often each point of some ground is seen from the chosen places.
+
+    Attributes:
+        ground: bool, every so many points of each row and column of the ground.
+        count: int32, likewise: how many chosen places see a point.
+    """
+
+    def __init__(self, looks: _Looks, ground: BoolGrid, every: int) -> None:
+        """Begin with no chosen place.
+
+        Args:
+            looks: What is seen from where.
+            ground: bool (height, width), what is to be seen.
+            every: Only every so many points of each row and column count.
+        """
+        self.ground = ground[::every, ::every].copy()
+        self.count: NDArray[np.int32] = np.zeros(self.ground.shape, dtype=np.int32)
+        self._every = every
+        self._width = ground.shape[1]
+        self._looks = looks
+        self._window = lru_cache(maxsize=REMEMBERED * every * every)(self._look)
+
+    def clear(self) -> None:
+        """Begin anew, with no chosen place."""
+        self.count[:] = 0
+
+    def _look(self, place: int) -> tuple[slice, slice, BoolGrid]:
+        rows, cols, seen = self._looks.window(place, self._every)
+        return rows, cols, seen & self.ground[rows, cols]
+
+    def gain(self, place: int) -> int:
+        """How many points are seen from a place and from no chosen one."""
+        rows, cols, seen = self._window(place)
+        return int(np.count_nonzero(seen & (self.count[rows, cols] == 0)))
+
+    def add(self, place: int) -> None:
+        """Count what is seen from a place."""
+        rows, cols, seen = self._window(place)
+        self.count[rows, cols] += seen
+
+    def take(self, place: int) -> bool:
+        """Take a chosen place back; whether all that is seen from it is still seen from another one."""
+        rows, cols, seen = self._window(place)
+        count = self.count[rows, cols]
+        count -= seen
+        return not (seen & (count == 0)).any()
+
+    def unseen(self) -> int | None:
+        """The first point of the ground that is seen from no chosen place, its flat index in the terrain."""
+        missing = self.ground & (self.count == 0)
+        at = int(missing.argmax())
+        row, col = divmod(at, missing.shape[1])
+        return row * self._every * self._width + col * self._every if missing[row, col] else None
+
+    def forget(self, point: int) -> None:
+        """Leave a point out of the ground."""
+        row, col = divmod(point, self._width)
+        self.ground[row // self._every, col // self._every] = False
+
+
+def _candidates(part: BoolGrid, spacing: float) -> list[int]:
+    """One point of a part for each square of a lattice, the nearest to the square's centre; spacing in points."""
+    inside = np.flatnonzero(part)
+    rows, cols = np.divmod(inside, part.shape[1])
+    row, col = (rows / spacing).astype(np.int64), (cols / spacing).astype(np.int64)
+    off = (rows - (row + 0.5) * spacing) ** 2 + (cols - (col + 0.5) * spacing) ** 2
+    order = np.lexsort((off, col, row))
+    square = (row * part.shape[1] + col)[order]
+    first = np.ones(len(order), dtype=np.bool_)
+    first[1:] = square[1:] != square[:-1]
+    return [int(place) for place in inside[order[first]]]
+
+
+def _choose(candidates: list[int], views: _Views) -> list[int]:
+    """Greedy cover: always the place that adds most, until none adds anything."""
+    waiting = [(-views.gain(place), place) for place in candidates]
+    heapq.heapify(waiting)
+    chosen = []
+    while waiting:
+        gain, place = heapq.heappop(waiting)
+        now = views.gain(place)  # at most what it was when it was put in
+        if now == -gain:
+            if now == 0:
+                break
+            views.add(place)
+            chosen.append(place)
+        elif now:
+            heapq.heappush(waiting, (-now, place))
+    return chosen
+
+
+def _rest(views: _Views, part: BoolGrid, proxy: NDArray[np.int32]) -> list[int]:
+    """Places for what no candidate sees: the unseen point itself, or the point of the part that sees it."""
+    inside, posts = part.reshape(-1), proxy.reshape(-1)
+    added = []
+    last = None
+    while (here := views.unseen()) is not None:
+        if here == last:  # seen from nowhere in this part
+            views.forget(here)
+            continue
+        last = here
+        place = here if inside[here] else int(posts[here])
+        views.add(place)
+        added.append(place)
+    return added
+
+
+def _needed(chosen: list[int], views: _Views) -> list[int]:
+    """The chosen places without those that see nothing alone."""
+    needed = []
+    for place in dict.fromkeys(chosen):
+        if not views.take(place):
+            views.add(place)
+            needed.append(place)
+    return needed
+
+
+class _Ways:
+    """Ways between the points of a part of the reachable ground, and tours in a short order."""
+
+    def __init__(self, part: BoolGrid, stride: float, near: float) -> None:
+        """Know no way yet.
+
+        Args:
+            part: As for `find_tour`.
+            stride: Distance of the samples on a way, points.
+            near: Length of the paths that are searched for first, points.
+        """
+        self._framed = np.pad(part, 1).view(np.uint8)
+        self.width = part.shape[1]
+        self.stride = stride
+        self._near = near
+        size = self._framed.size
+        self._length = np.full(size, FAR, dtype=np.int32)
+        self._queues = [np.empty(2 * size + 2, dtype=np.int32) for _ in range(2)]
+        self._corners = np.empty(size, dtype=np.int32)
+        self._known: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {}
+
+    def inside(self, row: int, col: int) -> bool:
+        """Whether the body's centre may be on a point."""
+        rows, cols = self._framed.shape
+        return 0 <= row < rows - 2 and 0 <= col < cols - 2 and bool(self._framed[row + 1, col + 1])
+
+    def way(self, first: int, last: int) -> tuple[float, tuple[int, ...]]:
+        """The way between two points, the same in both directions.
+
+        Args:
+            first: Flat index.
+            last: Flat index.
+
+        Returns:
+            Its length in points, and the samples on it, without its ends.
+        """
+        pair = (min(first, last), max(first, last))
+        if pair not in self._known:
+            ends = (self._flat(place) for place in pair)
+            count = way_between(self._framed, *ends, self._length, *self._queues, self._corners)
+            rows, cols = np.divmod(self._corners[:count].astype(np.int64), self._framed.shape[1])
+            self._known[pair] = self._sampled(rows - 1, cols - 1)
+        return self._known[pair]
+
+    def _sampled(self, rows: Flat, cols: Flat) -> tuple[float, tuple[int, ...]]:
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(rows), np.diff(cols)))])
+        at = np.linspace(0.0, along[-1], math.ceil(along[-1] / self.stride) + 1)[1:-1]
+        on_rows = np.floor(np.interp(at, along, rows) + 0.5).astype(np.int64)
+        on_cols = np.floor(np.interp(at, along, cols) + 0.5).astype(np.int64)
+        return float(along[-1]), tuple(int(place) for place in on_rows * self.width + on_cols)
+
+    def _flat(self, place: int) -> int:
+        row, col = divmod(place, self.width)
+        return (row + 1) * self._framed.shape[1] + col + 1
+
+    def ordered(self, places: list[int]) -> list[int]:
+        """Places in the order of a short closed tour."""
+        flat = np.array([self._flat(place) for place in places], dtype=np.int64)
+        lengths = np.empty((len(places), len(places)), dtype=np.int32)
+        limit = round(100.0 * self._near)
+        while lengths_between(self._framed, flat, lengths, self._length, *self._queues, limit):
+            if limit > 141 * self._framed.size:
+                raise ValueError("the places of a tour are not connected")
+            limit *= 2
+        tour = _nearest_neighbours(lengths)
+        shorten(lengths, tour)
+        return [places[at] for at in tour]
+
+
+class _Patrol:
+    """A closed tour and what is seen on it, which becomes shorter while it still sees all.
+
+    Attributes:
+        places: Flat indices of its places, in order.
+    """
+
+    def __init__(self, places: list[int], views: _Views, ways: _Ways) -> None:
+        self.places = list(places)
+        self._views = views
+        self._ways = ways
+        for index, place in enumerate(self.places):
+            views.add(place)
+            self._add(self.places[index - 1], place)
+
+    @property
+    def length(self) -> float:
+        """Of the tour, points."""
+        return sum(self._ways.way(self.places[at - 1], place)[0] for at, place in enumerate(self.places))
+
+    def complete(self, added: list[int]) -> None:
+        """Put in places that are counted already, each where it lengthens the tour least."""
+        for place in added:
+            _, at = min((self._detour(self.places[at - 1], place, self.places[at]), at) for at in self._beside(place))
+            before, after = self.places[at - 1], self.places[at]
+            self.places.insert(at, place)
+            self._add(before, place)
+            self._add(place, after)
+            for sample in self._ways.way(before, after)[1]:
+                self._views.take(sample)
+
+    def tighten(self) -> None:
+        """Leave places out, and pull others closer to their neighbours, until nothing is gained."""
+        for _ in range(PASSES):
+            if not self.drop() + self._pull():
+                break
+
+    def drop(self) -> int:
+        """Leave out places that are not needed, those first that save most; how many."""
+        saved = {
+            place: self._detour(self.places[at - 1], place, self.places[(at + 1) % len(self.places)])
+            for at, place in enumerate(self.places)
+        }
+        return sum(
+            self._replace(self.places.index(place), [])
+            for place in sorted(saved, key=lambda place: (-saved[place], place))
+            if len(self.places) > 1
+        )
+
+    def _pull(self) -> int:
+        """Move places towards the middle of their neighbours; how many."""
+        moved = 0
+        width = self._ways.width
+        for at in range(len(self.places)):
+            row, col = divmod(self.places[at], width)
+            (row0, col0), (row1, col1) = (
+                divmod(self.places[(at + side) % len(self.places)], width) for side in (-1, 1)
+            )
+            for share in PULLS:
+                to = round(row + share * (0.5 * (row0 + row1) - row)), round(col + share * (0.5 * (col0 + col1) - col))
+                if self._ways.inside(*to) and self._replace(at, [to[0] * width + to[1]]):
+                    moved += 1
+                    break
+        return moved
+
+    def _replace(self, at: int, new: list[int]) -> bool:
+        """Replace a place by another one or none, if that shortens the tour and all is still seen; whether it did."""
+        before, old, after = self.places[at - 1], self.places[at], self.places[(at + 1) % len(self.places)]
+        if new == [old] or set(new) & set(self.places):
+            return False
+        now = [before, *new, after]
+        length = sum(self._ways.way(*pair)[0] for pair in pairwise(now))
+        if length > self._ways.way(before, old)[0] + self._ways.way(old, after)[0] - GAIN * self._ways.stride:
+            return False
+        added = [*new, *(sample for pair in pairwise(now) for sample in self._ways.way(*pair)[1])]
+        gone = [old, *self._ways.way(before, old)[1], *self._ways.way(old, after)[1]]
+        for place in added:
+            self._views.add(place)
+        for count, place in enumerate(gone, start=1):
+            if not self._views.take(place):
+                for back in gone[:count]:
+                    self._views.add(back)
+                for back in added:
+                    self._views.take(back)
+                return False
+        self.places[at : at + 1] = new
+        return True
+
+    def _beside(self, place: int) -> list[int]:
+        """The numbers of the places next to the `NEIGHBOURS` that are nearest to a point in a straight line."""
+        rows, cols = np.divmod(np.array(self.places), self._ways.width)
+        row, col = divmod(place, self._ways.width)
+        nearest = np.argsort((rows - row) ** 2 + (cols - col) ** 2, kind="stable")[:NEIGHBOURS]
+        return sorted({int(at + side) % len(self.places) for at in nearest for side in (0, 1)})
+
+    def _detour(self, before: int, place: int, after: int) -> float:
+        """By how much a place lengthens the way between two others, points."""
+        way = self._ways.way
+        return way(before, place)[0] + way(place, after)[0] - way(before, after)[0]
+
+    def _add(self, first: int, last: int) -> None:
+        for sample in self._ways.way(first, last)[1]:
+            self._views.add(sample)
+
+
+def _nearest_neighbours(lengths: NDArray[np.int32]) -> Flat:
+    """A first tour: from place 0 always on to the nearest place that is left."""
+    left = np.ones(len(lengths), dtype=np.bool_)
+    tour = np.zeros(len(lengths), dtype=np.int64)
+    for step in range(1, len(tour)):
+        left[tour[step - 1]] = False
+        tour[step] = np.argmin(np.where(left, lengths[tour[step - 1]], FAR))
+    return tour
