@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from patrol.ground.footprint import Footprint
-from patrol.progress import OwnGround, own_grounds
+from patrol.own_ground import OwnGround, own_grounds
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid, Terrain

@@ -148,6 +148,7 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
         table.add_column("compared with")
     for row in rows:
         runs = f"{row.runs}" + (f", {row.failed} failed" if row.failed else "")
+        runs += f", {row.warned} with warnings" if row.warned else ""
         change = [with_interval(row.change.get("mfow_mean_s")), row.against or ""] if compared else []
         table.add_row(row.case, runs, *(with_interval(row.metrics.get(name)) for name in shown), *change)
     console.print(table, highlight=False, markup=False)

@@ -7,10 +7,8 @@ greedy choice of places, then 2-opt and Or-opt on their path lengths. It is the 
 
 from __future__ import annotations
 
-import heapq
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +17,7 @@ from numpy.typing import NDArray
 from patrol.ground.footprint import Footprint
 from patrol.ground.kernels.tour import FAR, lengths_between, shorten, way_between
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.pose import Pose
+from patrol.ground.tour_cover import Looks, Views, choose, complete, lattice, needed
 
 SPACING = 0.4
 """Distance of the candidate places, as a share of the sensor's range."""
@@ -54,8 +52,6 @@ NEIGHBOURS = 4
 PASSES = 8
 """How often all places are tried at most in one round."""
 
-REMEMBERED = 512
-"""Views kept at most, for the whole grid; more for a thinned one."""
 
 Flat = NDArray[np.int64]
 """Flat indices of points."""
@@ -91,172 +87,25 @@ def find_tour(
         The tour; None on ground that needs more than `MOST_PLACES`.
     """
     spacing = max(SPACING * footprint.radius, math.sqrt(np.count_nonzero(part) / MOST_CANDIDATES), 1.0)
-    looks = _Looks(terrain, footprint)
-    exact = _Views(looks, ground, 1)
-    rough = _Views(looks, ground, max(round(footprint.radius / ROUGH), 1))
-    chosen = _needed(_choose(_candidates(part, spacing), rough) + _rest(rough, part, proxy), rough)
+    looks = Looks(terrain, footprint)
+    exact = Views(looks, ground, 1)
+    rough = Views(looks, ground, max(round(footprint.radius / ROUGH), 1))
+    chosen = needed(choose(lattice(part, spacing), rough) + complete(rough, part, proxy), rough)
     if len(chosen) > MOST_PLACES:
         return None
     ways = _Ways(part, max(SAMPLES * footprint.radius, 1.0), NEAR * spacing)
-    best: list[int] = []
-    length = math.inf
+    best, length = chosen, math.inf
     for _ in range(ROUNDS):
-        rough.clear()
-        tour = _Patrol(ways.ordered(chosen), rough, ways)
-        tour.complete(_rest(rough, part, proxy))
+        tour = _Patrol(ways.ordered(best), rough, ways)
+        tour.complete(part, proxy)
         tour.tighten()
         if tour.length >= length:
             break
         best, length = tour.places, tour.length
-        chosen = best
     tour = _Patrol(best, exact, ways)
-    tour.complete(_rest(exact, part, proxy))
+    tour.complete(part, proxy)
     tour.tighten()
     return Tour(tour.length * terrain.point, tuple(looks.place(place) for place in tour.places))
-
-
-class _Looks:
-    """What is seen from a point, remembered for a while."""
-
-    def __init__(self, terrain: Terrain, footprint: Footprint) -> None:
-        self._terrain = terrain
-        self._footprint = footprint
-
-    def place(self, place: int) -> tuple[float, float]:
-        """x and y of a point's centre, m."""
-        return self._terrain.centre(*divmod(place, self._terrain.width))
-
-    def window(self, place: int, every: int) -> tuple[slice, slice, BoolGrid]:
-        """Rows and columns of a thinned grid around a place, and which of its points are seen from there.
-
-        Args:
-            place: Flat index.
-            every: The grid holds every so many points of each row and column.
-        """
-        view = self._footprint.visible(Pose(*self.place(place), 0.0))
-        top, left = max(0, -(-view.row0 // every)), max(0, -(-view.col0 // every))
-        mask = view.mask[top * every - view.row0 :: every, left * every - view.col0 :: every]
-        height, width = (-(-size // every) for size in self._terrain.shape)
-        mask = mask[: height - top, : width - left] != 0
-        return slice(top, top + mask.shape[0]), slice(left, left + mask.shape[1]), mask
-
-
-class _Views:
-    """How often each point of some ground is seen from the chosen places.
-
-    Attributes:
-        ground: bool, every so many points of each row and column of the ground.
-        count: int32, likewise: how many chosen places see a point.
-    """
-
-    def __init__(self, looks: _Looks, ground: BoolGrid, every: int) -> None:
-        """Begin with no chosen place.
-
-        Args:
-            looks: What is seen from where.
-            ground: bool (height, width), what is to be seen.
-            every: Only every so many points of each row and column count.
-        """
-        self.ground = ground[::every, ::every].copy()
-        self.count: NDArray[np.int32] = np.zeros(self.ground.shape, dtype=np.int32)
-        self._every = every
-        self._width = ground.shape[1]
-        self._looks = looks
-        self._window = lru_cache(maxsize=REMEMBERED * every * every)(self._look)
-
-    def clear(self) -> None:
-        """Begin anew, with no chosen place."""
-        self.count[:] = 0
-
-    def _look(self, place: int) -> tuple[slice, slice, BoolGrid]:
-        rows, cols, seen = self._looks.window(place, self._every)
-        return rows, cols, seen & self.ground[rows, cols]
-
-    def gain(self, place: int) -> int:
-        """How many points are seen from a place and from no chosen one."""
-        rows, cols, seen = self._window(place)
-        return int(np.count_nonzero(seen & (self.count[rows, cols] == 0)))
-
-    def add(self, place: int) -> None:
-        """Count what is seen from a place."""
-        rows, cols, seen = self._window(place)
-        self.count[rows, cols] += seen
-
-    def take(self, place: int) -> bool:
-        """Take a chosen place back; whether all that is seen from it is still seen from another one."""
-        rows, cols, seen = self._window(place)
-        count = self.count[rows, cols]
-        count -= seen
-        return not (seen & (count == 0)).any()
-
-    def unseen(self) -> int | None:
-        """The first point of the ground that is seen from no chosen place, its flat index in the terrain."""
-        missing = self.ground & (self.count == 0)
-        at = int(missing.argmax())
-        row, col = divmod(at, missing.shape[1])
-        return row * self._every * self._width + col * self._every if missing[row, col] else None
-
-    def forget(self, point: int) -> None:
-        """Leave a point out of the ground."""
-        row, col = divmod(point, self._width)
-        self.ground[row // self._every, col // self._every] = False
-
-
-def _candidates(part: BoolGrid, spacing: float) -> list[int]:
-    """One point of a part for each square of a lattice, the nearest to the square's centre; spacing in points."""
-    inside = np.flatnonzero(part)
-    rows, cols = np.divmod(inside, part.shape[1])
-    row, col = (rows / spacing).astype(np.int64), (cols / spacing).astype(np.int64)
-    off = (rows - (row + 0.5) * spacing) ** 2 + (cols - (col + 0.5) * spacing) ** 2
-    order = np.lexsort((off, col, row))
-    square = (row * part.shape[1] + col)[order]
-    first = np.ones(len(order), dtype=np.bool_)
-    first[1:] = square[1:] != square[:-1]
-    return [int(place) for place in inside[order[first]]]
-
-
-def _choose(candidates: list[int], views: _Views) -> list[int]:
-    """Greedy cover: always the place that adds most, until none adds anything."""
-    waiting = [(-views.gain(place), place) for place in candidates]
-    heapq.heapify(waiting)
-    chosen = []
-    while waiting:
-        gain, place = heapq.heappop(waiting)
-        now = views.gain(place)  # at most what it was when it was put in
-        if now == -gain:
-            if now == 0:
-                break
-            views.add(place)
-            chosen.append(place)
-        elif now:
-            heapq.heappush(waiting, (-now, place))
-    return chosen
-
-
-def _rest(views: _Views, part: BoolGrid, proxy: NDArray[np.int32]) -> list[int]:
-    """Places for what no candidate sees: the unseen point itself, or the point of the part that sees it."""
-    inside, posts = part.reshape(-1), proxy.reshape(-1)
-    added = []
-    last = None
-    while (here := views.unseen()) is not None:
-        if here == last:  # seen from nowhere in this part
-            views.forget(here)
-            continue
-        last = here
-        place = here if inside[here] else int(posts[here])
-        views.add(place)
-        added.append(place)
-    return added
-
-
-def _needed(chosen: list[int], views: _Views) -> list[int]:
-    """The chosen places without those that see nothing alone."""
-    needed = []
-    for place in dict.fromkeys(chosen):
-        if not views.take(place):
-            views.add(place)
-            needed.append(place)
-    return needed
 
 
 class _Ways:
@@ -271,12 +120,12 @@ class _Ways:
             near: Length of the paths that are searched for first, points.
         """
         self._framed = np.pad(part, 1).view(np.uint8)
-        self.width = part.shape[1]
+        self.width = int(part.shape[1])
         self.stride = stride
         self._near = near
         size = self._framed.size
         self._length = np.full(size, FAR, dtype=np.int32)
-        self._queues = [np.empty(2 * size + 2, dtype=np.int32) for _ in range(2)]
+        self._straight, self._diagonal = (np.empty(2 * size + 2, dtype=np.int32) for _ in range(2))
         self._corners = np.empty(size, dtype=np.int32)
         self._known: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {}
 
@@ -297,8 +146,9 @@ class _Ways:
         """
         pair = (min(first, last), max(first, last))
         if pair not in self._known:
-            ends = (self._flat(place) for place in pair)
-            count = way_between(self._framed, *ends, self._length, *self._queues, self._corners)
+            first, last = (self._flat(place) for place in pair)
+            scratch, straight, diagonal = self._length, self._straight, self._diagonal
+            count: int = way_between(self._framed, first, last, scratch, straight, diagonal, self._corners)
             rows, cols = np.divmod(self._corners[:count].astype(np.int64), self._framed.shape[1])
             self._known[pair] = self._sampled(rows - 1, cols - 1)
         return self._known[pair]
@@ -312,14 +162,17 @@ class _Ways:
 
     def _flat(self, place: int) -> int:
         row, col = divmod(place, self.width)
-        return (row + 1) * self._framed.shape[1] + col + 1
+        return (row + 1) * (self.width + 2) + col + 1
 
     def ordered(self, places: list[int]) -> list[int]:
         """Places in the order of a short closed tour."""
+        if len(places) < 4:
+            return places
         flat = np.array([self._flat(place) for place in places], dtype=np.int64)
         lengths = np.empty((len(places), len(places)), dtype=np.int32)
         limit = round(100.0 * self._near)
-        while lengths_between(self._framed, flat, lengths, self._length, *self._queues, limit):
+        scratch, straight, diagonal = self._length, self._straight, self._diagonal
+        while lengths_between(self._framed, flat, lengths, scratch, straight, diagonal, limit):
             if limit > 141 * self._framed.size:
                 raise ValueError("the places of a tour are not connected")
             limit *= 2
@@ -335,10 +188,11 @@ class _Patrol:
         places: Flat indices of its places, in order.
     """
 
-    def __init__(self, places: list[int], views: _Views, ways: _Ways) -> None:
+    def __init__(self, places: list[int], views: Views, ways: _Ways) -> None:
         self.places = list(places)
         self._views = views
         self._ways = ways
+        views.clear()
         for index, place in enumerate(self.places):
             views.add(place)
             self._add(self.places[index - 1], place)
@@ -348,16 +202,27 @@ class _Patrol:
         """Of the tour, points."""
         return sum(self._ways.way(self.places[at - 1], place)[0] for at, place in enumerate(self.places))
 
-    def complete(self, added: list[int]) -> None:
-        """Put in places that are counted already, each where it lengthens the tour least."""
-        for place in added:
-            _, at = min((self._detour(self.places[at - 1], place, self.places[at]), at) for at in self._beside(place))
-            before, after = self.places[at - 1], self.places[at]
-            self.places.insert(at, place)
-            self._add(before, place)
-            self._add(place, after)
-            for sample in self._ways.way(before, after)[1]:
-                self._views.take(sample)
+    def complete(self, part: BoolGrid, proxy: NDArray[np.int32]) -> None:
+        """Put in places until all is seen, each where it lengthens the tour least; see `find_tour`."""
+        while added := complete(self._views, part, proxy):
+            for place in added:
+                if place in self.places:
+                    self._views.take(place)
+                else:
+                    self._insert(place)
+
+    def _insert(self, place: int) -> None:
+        """Put in a place that is counted already."""
+        if not self.places:
+            self.places.append(place)
+            return
+        _, at = min((self._detour(self.places[at - 1], place, self.places[at]), at) for at in self._beside(place))
+        before, after = self.places[at - 1], self.places[at]
+        self.places.insert(at, place)
+        self._add(before, place)
+        self._add(place, after)
+        for sample in self._ways.way(before, after)[1]:
+            self._views.take(sample)
 
     def tighten(self) -> None:
         """Leave places out, and pull others closer to their neighbours, until nothing is gained."""

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import RobotTick, Status, TickRecord
+from patrol.own_ground import own_grounds
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
 from patrol.progress import (
@@ -20,7 +21,6 @@ from patrol.progress import (
     Stays,
     Traps,
     judged_places,
-    own_grounds,
     roaming_radius,
     stalest_outside,
 )
