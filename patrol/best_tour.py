@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 VERSION = 1
 """Of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
 
+NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
+"""Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
+
 _known: dict[str, float | None] = {}
 """Lengths in m by digest, of this process."""
 

@@ -241,7 +241,7 @@ class Trap:
         point: A point that it could go and see, the stalest outside of the circle when the trap was found; x and y of
             its centre, m.
         unseen_since: The tick in which anybody last saw that point; -1 when nobody had seen it.
-        until: The tick in which the stay had ended, or None while it goes on.
+        until: The tick in which the stay was found to have ended, or None while it goes on.
     """
 
     robot: int
@@ -259,7 +259,7 @@ class Trap:
 class Traps:
     """Finds the robots that are trapped, tick after tick.
 
-    The fog is asked for only while a robot has stayed for `TRAPPED_S`, and then every `LOOK_S`.
+    It looks every `LOOK_S`, and asks for the fog only while a robot has stayed for `TRAPPED_S`.
 
     Attributes:
         stays: The stays that it follows.
@@ -293,13 +293,13 @@ class Traps:
         """
         k = record.k
         self.stays.tick(k, *judged_places(record))
+        if k % self._every:
+            return []
         news = []
         for number, trap in list(self.open.items()):
             stay = self.stays.stay(number)
             if stay is None or stay.since != trap.stay.since:
                 news.append(replace(self.open.pop(number), until=k))
-        if k % self._every:
-            return news
         terrain = self._prepared.terrain
         for number, long in self.stays.long(k).items():
             if number in self.open:

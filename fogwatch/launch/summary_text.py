@@ -11,10 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fogwatch.launch.live_table import STATUS_STYLES, clock
+from patrol.best_tour import NO_BOUND
 from patrol.journal import Status
 
-NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
-"""Why the lower bound of MFoW is 0."""
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
 """Robots listed at most."""
@@ -109,11 +108,7 @@ def _stalest(summary: Mapping[str, Any]) -> list[str]:
         place = places.get(name)
         if place is not None:
             unseen = "" if place["seen"] else ", never seen until then"
-            near = (
-                ""
-                if place["nearest"] is None
-                else f", nearest robot {place['nearest']} {place['nearest_m']:.0f} m away"
-            )
+            near = f", nearest robot {place['nearest']} {place['nearest_m']:.0f} m away" if place["nearest"] else ""
             where = f"({place['x']:.1f}, {place['y']:.1f}), {place['age_s']:g} s at {place['at_s']:g} s"
             told.append(f"{head} {where}{unseen}{near}")
     return [f"stalest     {'; '.join(told)}"] if told else []

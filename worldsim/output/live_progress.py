@@ -39,7 +39,10 @@ class LiveProgress:
             The measures, when they are due; and a notice for each robot that is found to be trapped, or is free again.
         """
         fog = self._world.truth.fog
-        notices = [self._notice(record.k, trap) for trap in self._traps.tick(record, lambda: fog.last_seen)]
+        traps = self._traps.tick(record, lambda: fog.last_seen)
+        # Who leaves one circle and has long been in the next is not free.
+        again = {trap.robot for trap in traps if trap.until is None}
+        notices = [self._notice(record.k, trap) for trap in traps if trap.until is None or trap.robot not in again]
         return self._watcher.take(record, self._stalest), notices
 
     def event(self, event: Event) -> Notice:

@@ -176,7 +176,7 @@ class Totals:
                 "valid": verdict.valid,
                 "outcome": verdict.outcome,
                 "warnings": list(verdict.warnings),
-                "checks": [asdict(check) for check in verdict.checks],
+                "checks": [{**asdict(check), "warnings": list(check.warnings)} for check in verdict.checks],
             },
         }
         return as_measured(summary, journal) if header.scenario["radio"].get("via") == "direct" else summary

@@ -37,6 +37,7 @@ NAMES = [
     "radio",
     "drops",
     "fog",
+    "progress",
 ]
 
 
