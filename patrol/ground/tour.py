@@ -63,11 +63,12 @@ class Tour:
 
     Attributes:
         length_m: Its length, m.
-        places: The places that it visits in order, x and y in m.
+        way: Its corners in order, x and y in m. It leads straight from each to the next, and from the last to the
+            first.
     """
 
     length_m: float
-    places: tuple[tuple[float, float], ...]
+    way: tuple[tuple[float, float], ...]
 
 
 def find_tour(
@@ -105,7 +106,7 @@ def find_tour(
     tour = _Patrol(best, exact, ways)
     tour.complete(part, proxy)
     tour.tighten()
-    return Tour(tour.length * terrain.point, tuple(looks.place(place) for place in tour.places))
+    return Tour(tour.length * terrain.point, tuple(looks.place(place) for place in tour.corners))
 
 
 class _Ways:
@@ -128,6 +129,7 @@ class _Ways:
         self._straight, self._diagonal = (np.empty(2 * size + 2, dtype=np.int32) for _ in range(2))
         self._corners = np.empty(size, dtype=np.int32)
         self._known: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {}
+        self._bends: dict[tuple[int, int], tuple[int, ...]] = {}
 
     def inside(self, row: int, col: int) -> bool:
         """Whether the body's centre may be on a point."""
@@ -151,7 +153,15 @@ class _Ways:
             count: int = way_between(self._framed, first, last, scratch, straight, diagonal, self._corners)
             rows, cols = np.divmod(self._corners[:count].astype(np.int64), self._framed.shape[1])
             self._known[pair] = self._sampled(rows - 1, cols - 1)
+            self._bends[pair] = tuple(int(place) for place in (rows - 1) * self.width + cols - 1)
         return self._known[pair]
+
+    def corners(self, first: int, last: int) -> tuple[int, ...]:
+        """The corners of a way that is known, from its first point to before its last; flat indices."""
+        if first == last:
+            return (first,)
+        bends = self._bends[min(first, last), max(first, last)]
+        return (bends if first < last else bends[::-1])[:-1]
 
     def _sampled(self, rows: Flat, cols: Flat) -> tuple[float, tuple[int, ...]]:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(rows), np.diff(cols)))])
@@ -201,6 +211,12 @@ class _Patrol:
     def length(self) -> float:
         """Of the tour, points."""
         return sum(self._ways.way(self.places[at - 1], place)[0] for at, place in enumerate(self.places))
+
+    @property
+    def corners(self) -> list[int]:
+        """The corners of the tour in order, flat indices."""
+        pairs = [(place, self.places[(at + 1) % len(self.places)]) for at, place in enumerate(self.places)]
+        return [corner for pair in pairs for corner in self._ways.corners(*pair)]
 
     def complete(self, part: BoolGrid, proxy: NDArray[np.int32]) -> None:
         """Put in places until all is seen, each where it lengthens the tour least; see `find_tour`."""

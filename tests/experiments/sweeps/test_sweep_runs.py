@@ -235,7 +235,7 @@ def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
     assert (bad["runs"], bad["failed"], len(says["failed"])) == (0, 3, 3)
     header, first, second = as_csv.read_text().splitlines()
     assert header.startswith(
-        "case,sensor.range,robots.starts,runs,failed,mfow_mean_s,mfow_mean_s_low,mfow_mean_s_high,"
+        "case,sensor.range,robots.starts,runs,failed,warned,mfow_mean_s,mfow_mean_s_low,mfow_mean_s_high,"
     )
     assert first.startswith("a,10,random,3,0,")
     assert second.startswith('bad,,"[[3, 3], [3.5, 3]]",0,3,,')
