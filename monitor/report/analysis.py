@@ -141,6 +141,13 @@ def warnings_of(run: Run) -> Sequence[str]:
     return [str(line) for line in warnings] if isinstance(warnings, list) else []
 
 
+def outcome_of(run: Run) -> str:
+    """The verdict in a few words, such as "valid, with warnings"; "not judged" without one."""
+    verdict = verdict_of(run)
+    outcome = "not judged" if verdict is None else str(verdict.get("outcome", "unknown"))
+    return f"{outcome}, with warnings" if warnings_of(run) else outcome
+
+
 def _ratio(run: Run, name: str, mean: float, of: float | None, area: float, without: str) -> Measure:
     """A mean MFoW over what it is compared with (s), once all is seen and the run is long enough for that."""
     if not of:

@@ -20,7 +20,7 @@ from monitor.replay.belief_errors import SAMPLES
 from monitor.replay.run import Run
 from monitor.replay.run_files import RECORDING, REPORT, SCENARIO, check_out
 from monitor.report import charts, html, map_charts
-from monitor.report.analysis import Analysis, best_tour_s, measures, state_of, verdict_of, warnings_of
+from monitor.report.analysis import Analysis, best_tour_s, measures, outcome_of, state_of, verdict_of, warnings_of
 from monitor.report.radio_section import links_section
 from monitor.report.style import Drawing, draw
 from patrol.errors import BadInput
@@ -196,10 +196,7 @@ def write_page(document: str, out: Path) -> None:
 
 
 def _outcome(run: Run) -> tuple[str, str]:
-    verdict = verdict_of(run)
-    outcome = "not judged" if verdict is None else str(verdict.get("outcome", "unknown"))
-    if warnings_of(run):
-        return f"{outcome}, with warnings", "invalid" if outcome == "invalid" else "unknown"
+    outcome = outcome_of(run)
     return outcome, outcome if outcome in ("valid", "invalid") else "unknown"
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
-    from worldsim.verdict.run.progress import LongestStay, Stalest
+    from worldsim.verdict.run.progress import LongestStay, Stalest, TrappedRobot
 
 
 @dataclass(slots=True)
@@ -161,6 +161,7 @@ class Totals:
             "seen_share": self._seen / patrolled,
             "bound_s": header.bound_s,
             **_tour(prepared),
+            "trapped": [] if progress is None else [_trapped(one) for one in progress.trapped],
             "stalest": {} if progress is None else {"worst": _as_facts(progress.worst), "end": _as_facts(progress.end)},
             "patrolled_area_m2": header.patrolled_area_m2,
             "point_m": header.terrain.point,
@@ -197,6 +198,7 @@ def summarise(
     - `links`: by sender and receiver, for fleets of at most `worldsim.output.traffic.MOST_ROBOTS`.
     - `faults`: by id, the frames on a fault's links while it was active, and its effects on them.
     - `bytes_per_robot_s`: bytes that a living robot sends per second.
+    - `trapped`: every time for which a robot was trapped (`worldsim.verdict.run.progress.TrappedRobot`).
     - `stalest`: the stalest place over the run (`worst`) and at its end (`end`), with its age, the time, and the robot
       that was nearest to it then.
     - `longest_stay_s`: the longest time for which a robot that took part stayed in one circle of four times its radius
@@ -233,6 +235,10 @@ def _tour(prepared: Prepared | None) -> dict[str, float | None]:
     tour = best_tour(prepared)
     shares = {spec.number: 1.0 for spec in prepared.scenario.roster if not spec.spare}
     return {"best_tour_s": tour.bound_s(shares), "best_tour_m": tour.length_m}
+
+
+def _trapped(one: TrappedRobot) -> dict[str, Any]:
+    return {**asdict(one), "stale": list(one.stale)}
 
 
 def _as_facts(stalest: Stalest | None) -> dict[str, Any] | None:

@@ -72,6 +72,31 @@ class LongestStay:
 
 
 @dataclass(frozen=True, slots=True)
+class TrappedRobot:
+    """A time for which a robot was trapped.
+
+    Attributes:
+        robot: Its name.
+        x: Of the circle's centre, m.
+        y: Of the circle's centre, m.
+        radius_m: Of the circle, m.
+        from_s: When it came, s.
+        until_s: When it left, s; None where it was still there at the end.
+        stale: x and y in m of a stale point outside of the circle that it could have gone to and seen.
+        seen_s: When that point had last been seen, s; None where nobody had seen it.
+    """
+
+    robot: str
+    x: float
+    y: float
+    radius_m: float
+    from_s: float
+    until_s: float | None
+    stale: Place
+    seen_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class RunProgress:
     """How a patrol got on.
 
@@ -79,11 +104,13 @@ class RunProgress:
         worst: The stalest place over the whole run; None without a tick.
         end: The stalest place at the end; None without a tick.
         stays: The longest stays by robot number.
+        trapped: Every time for which a robot was trapped, in the order in which they began.
     """
 
     worst: Stalest | None
     end: Stalest | None
     stays: dict[int, LongestStay]
+    trapped: tuple[TrappedRobot, ...]
 
 
 class Progress(Check):
@@ -131,14 +158,16 @@ class Progress(Check):
         """How the patrol got on, once all ticks are in."""
         last, step = self._last, self._run.step
         if last is None or self._worst is None:
-            return RunProgress(None, None, {})
+            return RunProgress(None, None, {}, ())
         point = self._fog.stalest()
         end = self._fog.mfow(last.k), last.k, point, int(self._fog.last_seen[point]), last.robots
         stays = {
             number: LongestStay(ticks * step, stay.since * step, stay.x, stay.y, stay.radius)
             for number, (ticks, stay) in self._stays.items()
         }
-        return RunProgress(self._stalest(*self._worst), self._stalest(*end), stays)
+        traps = sorted(self._found.values(), key=lambda trap: (trap.stay.since, trap.robot))
+        trapped = tuple(self._trapped_robot(trap) for trap in traps)
+        return RunProgress(self._stalest(*self._worst), self._stalest(*end), stays, trapped)
 
     def result(self) -> CheckResult:
         """The result, once all ticks are in."""
@@ -165,6 +194,19 @@ class Progress(Check):
                 total = f"; {len(traps)} times in all, {sum(map(self._ticks, traps)) * self._run.step:g} s"
                 lines.append(f"{name} was trapped: {self._told(longest)}{total if len(traps) > 1 else ''}")
         return lines
+
+    def _trapped_robot(self, trap: Trap) -> TrappedRobot:
+        stay, step = trap.stay, self._run.step
+        return TrappedRobot(
+            self._run.names[trap.robot],
+            stay.x,
+            stay.y,
+            stay.radius,
+            stay.since * step,
+            None if trap.until is None else trap.until * step,
+            trap.point,
+            None if trap.unseen_since == NEVER else trap.unseen_since * step,
+        )
 
     def _ticks(self, trap: Trap) -> int:
         return (self._end if trap.until is None else trap.until) - trap.stay.since

@@ -117,9 +117,16 @@ def test_several_traps_of_one_robot_are_one_line_about_the_longest() -> None:
     def path(k: int) -> Place:
         return (2.0, 2.0) if k < 500 else (18.0, 8.0) if k < 1400 else WHOLE(k)
 
-    result = result_of(Progress, ready, made(ready, 1600, path, lambda _: (2.0, 8.0)))
+    journal = made(ready, 1600, path, lambda _: (2.0, 8.0))
+    result = result_of(Progress, ready, journal)
     assert result.warnings[0].startswith("r1 was trapped: it stayed within 3.2 m of (18.0, 8.0) from 250 s to 700 s")
     assert result.warnings[0].endswith("; 2 times in all, 700 s")
+    progress = judge(journal, {}, ready).progress
+    assert progress is not None
+    first, other, second = progress.trapped
+    assert (first.robot, first.from_s, first.until_s, first.seen_s) == ("r1", 0.0, 250.0, None)
+    assert (other.robot, other.from_s, other.until_s) == ("r2", 0.0, None)
+    assert (second.robot, second.from_s, second.until_s) == ("r1", 250.0, 700.0)
 
 
 @pytest.mark.parametrize("free", [{"status": Status.PAUSED}, {"status": Status.DEAD}, {"state": "surrounding"}])
