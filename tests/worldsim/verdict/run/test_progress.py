@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from patrol.ground.fields import compute_fields
-from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import RobotTick
@@ -217,11 +216,3 @@ def test_a_run_without_a_tick_is_not_judged() -> None:
     ready = rooms()
     result = result_of(Progress, ready, made(ready, 0, WHOLE, WHOLE))
     assert (result.ok, result.judged, result.detail) == (True, False, "not judged: the run has no tick")
-
-
-def test_the_stalest_point_stays_the_same_while_it_is_one_of_the_stalest() -> None:
-    fog = Fog(np.ones((4, 5), dtype=np.bool_))
-    first = fog.stalest()
-    assert first == (0, 0)
-    fog.last_seen[:] = fog.last_seen  # nothing seen
-    assert fog.stalest() == first
