@@ -25,6 +25,9 @@ SPACING = 0.4
 MOST_CANDIDATES = 6000
 """Candidate places at most: on larger ground they lie farther apart."""
 
+MOST_POINTS = 20_000_000
+"""Points of the largest terrain with a tour: the search needs about 25 bytes for each."""
+
 MOST_PLACES = 2000
 """Places of the largest tour: more take minutes."""
 
@@ -85,8 +88,10 @@ def find_tour(
         footprint: The sensor, which looks all around.
 
     Returns:
-        The tour; None on ground that needs more than `MOST_PLACES`.
+        The tour; None on ground of more than `MOST_POINTS`, or that needs more than `MOST_PLACES`.
     """
+    if part.size > MOST_POINTS:
+        return None
     spacing = max(SPACING * footprint.radius, math.sqrt(np.count_nonzero(part) / MOST_CANDIDATES), 1.0)
     looks = Looks(terrain, footprint)
     exact = Views(looks, ground, 1)

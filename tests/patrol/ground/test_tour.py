@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import patrol.ground.tour
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.footprint import Footprint
 from patrol.ground.kernels.tour import FAR, clear_line, lengths_between, shorten, way_between
@@ -72,6 +73,15 @@ def test_what_is_seen_from_one_place_needs_no_way() -> None:
 def test_a_corridor_is_driven_up_and_down() -> None:
     tour, _ = tour_of(Terrain("corridor", np.ones((3, 100), dtype=np.bool_), 0.5), 3.0, 2.0, 0.75)
     assert 2 * (50.0 - 2 * 3.0) <= tour.length_m <= 2 * 50.0
+
+
+@pytest.mark.parametrize("limit", ["MOST_PLACES", "MOST_POINTS"])
+def test_ground_that_is_too_large_has_no_tour(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    terrain = building(1)
+    fields = compute_fields(terrain, 0.3, 2.0, True, [Pose(1.0, 1.0, 0.0)])
+    monkeypatch.setattr(patrol.ground.tour, limit, 2)
+    footprint = Footprint(terrain, 2.0)
+    assert find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, footprint) is None
 
 
 def test_the_tour_is_the_same_each_time() -> None:
