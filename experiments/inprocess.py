@@ -175,6 +175,7 @@ def run_in_process(
     keep: bool = True,
     verify_fog: bool = True,
     look: Callable[[World, Mapping[int, Mind]], None] | None = None,
+    watch: Callable[[World], Callable[[TickRecord], None]] | None = None,
     baseline_s: float | None = None,
 ) -> Outcome:
     """Run a scenario to its end, or until `stop` (asked between ticks) says so.
@@ -185,8 +186,9 @@ def run_in_process(
     threads: minds that step at once; one where the policy is not ours.
     verify_fog: without `keep`, whether the verdict recomputes the fog (see `worldsim.verdict.Judge`); it always does
     where there are records to read again. look: called after each tick with the world and the minds by robot number,
-    to compare what is with what they believe; it must change nothing. baseline_s: what `fault_free_mfow` gives, for the
-    verdict to judge recovery by.
+    to compare what is with what they believe; it must change nothing. watch: makes, from the world before its first
+    tick, what takes each tick's record after `progress`. baseline_s: what `fault_free_mfow` gives, for the verdict to
+    judge recovery by.
 
     Raises BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
     """
@@ -207,16 +209,18 @@ def run_in_process(
     fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S)
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]
+    if watch is not None:
+        watchers.append(watch(world))
     if look is not None:
         watchers.append(lambda _: look(world, fleet.minds))
     begun = time.perf_counter()
     if journal is None and not keep:
         memory = MemoryJournal(header, keep)
-        judging = Judge(memory, {}, prepared, verify_fog=verify_fog, baseline_s=baseline_s)
+        judging = Judge(memory, {}, prepared, verify_fog=verify_fog, baseline_s=baseline_s, fog=world.truth.fog)
         totals = Totals(header)
         _run(world, fleet, memory, (judging.tick, totals.tick, *watchers), events, stop)
         verdict = judging.verdict()
-        return Outcome(memory, totals.summary(memory, verdict, time.perf_counter() - begun), verdict)
+        return Outcome(memory, totals.summary(memory, verdict, time.perf_counter() - begun, prepared), verdict)
     record: RunRecord
     if journal is None:
         record = memory = MemoryJournal(header)
@@ -227,7 +231,7 @@ def run_in_process(
         record = read_journal(journal)
     wall_s = time.perf_counter() - begun
     verdict = judge(record, {}, prepared, baseline_s=baseline_s)
-    return Outcome(record, summarise(record, verdict, wall_s), verdict)
+    return Outcome(record, summarise(record, verdict, wall_s, prepared), verdict)
 
 
 def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False) -> float | None:

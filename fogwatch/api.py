@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fogwatch.launch.live_table import RunDisplay, SilentDisplay
 from fogwatch.launch.runfolder import RunFolder, create
 from patrol.errors import BadInput
-from patrol.net.telemetry import Metrics, Notice, Watcher
+from patrol.net.telemetry import Metrics, Notice
 from patrol.process.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
+    from worldsim.world import World
 
 MOST_THREADS = 8
 """Threads that minds in one process use at most."""
@@ -67,7 +68,8 @@ class Result:
         mean, bound = self.summary["mfow_mean_s"], self.summary["bound_s"]
         mfow = "no ticks" if mean is None else f"MFoW mean {mean:.1f} s (bound {bound:.1f} s)"
         done = f"{self.summary['simulated_s']:g} s simulated{', interrupted' if self.interrupted else ''}"
-        return f"<Result {self.summary['name']}: {mfow}, {done}, verdict {self.verdict.outcome}, in {self.folder}>"
+        verdict = f"{self.verdict.outcome}{', with warnings' if self.verdict.warnings else ''}"
+        return f"<Result {self.summary['name']}: {mfow}, {done}, verdict {verdict}, in {self.folder}>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,34 +193,41 @@ def _begin(options: RunOptions) -> None:
 def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
     from experiments.inprocess import run_in_process
     from patrol.prepare import prepare
+    from worldsim.output.live_progress import LiveProgress
     from worldsim.output.ticks_table import TicksTable
 
     prepared = prepare(scenario)
     _announce(scenario, folder, options)
-    names = {spec.number: spec.name for spec in scenario.roster}
-    points = int(np.count_nonzero(prepared.patrolled))
-    watcher = Watcher(names, points, scenario.step, scenario.ticks, time.monotonic)
+    shown: list[LiveProgress] = []
     _begin(options)
     baseline_s = _baseline(prepared, options)
     with closing(TicksTable(folder.ticks, scenario.step)) as table:
 
-        def on_tick(record: TickRecord) -> None:
-            table.tick(record)
-            metrics = watcher.take(record)
-            if metrics is not None:
-                options.display.metrics(metrics)
+        def watch(world: World) -> Callable[[TickRecord], None]:
+            progress = LiveProgress(world, time.monotonic)
+            shown.append(progress)
+
+            def on_tick(record: TickRecord) -> None:
+                table.tick(record)
+                metrics, notices = progress.tick(record)
+                for notice in notices:
+                    options.display.notice(notice)
+                if metrics is not None:
+                    options.display.metrics(metrics)
+
+            return on_tick
 
         def on_event(event: Event) -> None:
-            options.display.notice(watcher.notice(event))
+            options.display.notice(shown[0].event(event))
 
         outcome = run_in_process(
             prepared,
             journal=folder.journal,
             started=datetime.now(UTC).isoformat(timespec="seconds"),
-            progress=on_tick,
+            watch=watch,
             events=on_event,
             stop=options.stop,
-            threads=min(len(names), os.cpu_count() or 1, MOST_THREADS),
+            threads=min(len(scenario.roster), os.cpu_count() or 1, MOST_THREADS),
             baseline_s=baseline_s,
         )
     return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
@@ -270,7 +279,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     operated = prepared_as_operated(prepared, journal.events)
     verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, options))
     wall_s = journal.end.notes.get("wall_s") if journal.end else None
-    summary = {**summarise(journal, verdict, wall_s), "exit_codes": dict(exit_codes)}
+    summary = {**summarise(journal, verdict, wall_s, operated), "exit_codes": dict(exit_codes)}
     return _result(folder, operated, journal, verdict, summary, options)
 
 

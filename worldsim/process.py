@@ -158,11 +158,14 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
 
     journal = read_journal(out / "journal")
     verdict = judge(journal, {}, prepared)
-    summary = summarise(journal, verdict, wall_s)
+    summary = summarise(journal, verdict, wall_s, prepared)
     (out / "summary.json").write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
     mean = summary["mfow_mean_s"]
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"
-    _say(f"verdict {verdict.outcome}, {mfow}; see {out / 'summary.json'}")
+    warned = ", with warnings" if verdict.warnings else ""
+    _say(f"verdict {verdict.outcome}{warned}, {mfow}; see {out / 'summary.json'}")
+    for line in verdict.warnings:
+        _say(f"  warning: {line}")
     for check in verdict.failed:
         _say(f"  {check.name}: {check.detail}")
     return verdict.exit_code

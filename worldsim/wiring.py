@@ -18,7 +18,7 @@ from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox, Presence, Question
 from patrol.net.phases import MAX_REPLY, ToWorld, decode_to_world
-from patrol.net.telemetry import EVENTS, METRICS, Watcher, pack_view, read_traffic
+from patrol.net.telemetry import EVENTS, METRICS, pack_view, read_traffic
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import Scenario, scenario_hash
 from patrol.scenario.controls import ASK, MAX_CONTROL
@@ -28,6 +28,7 @@ from worldsim.fleet.process_control import ControlFailed, LauncherControl
 from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
 from worldsim.operator import Operator, RunState
 from worldsim.output.feed_publisher import Feed
+from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
 from worldsim.requests import ControlMailbox, keep_timeline
 from worldsim.timeline import Timeline
@@ -173,21 +174,23 @@ class Wiring:
         Returns:
             What takes the ticks, and what takes the events.
         """
-        names = {spec.number: spec.name for spec in self.scenario.roster}
-        watcher = Watcher(names, world.truth.fog.points, self.scenario.step, self.scenario.ticks, time.monotonic)
+        progress = LiveProgress(world, time.monotonic)
         to_metrics, to_events = (self.link.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
 
         def on_tick(record: TickRecord) -> None:
             recorder.tick(record)
             table.tick(record)
-            metrics = watcher.take(record)
+            metrics, notices = progress.tick(record)
+            for notice in notices:
+                to_events(pack_view(notice))
+                self.say(f"tick {record.k}: {notice.robot} {notice.detail}")
             if metrics is not None:
                 to_metrics(pack_view(metrics))
             between()
 
         def on_event(event: Event) -> None:
             recorder.event(event)
-            notice = watcher.notice(event)
+            notice = progress.event(event)
             to_events(pack_view(notice))
             self.say(
                 " ".join(part for part in (f"tick {event.k}:", notice.robot, f"{event.kind}:", event.detail) if part)

@@ -241,7 +241,7 @@ class Finding:
         delivered: Share of the frames that were delivered.
         belief: Mean error of the believed ages, s.
         collisions: Number of collisions.
-        stay: Longest time that any robot of any run stayed within 1 m of one place, s.
+        stay: Longest time that any robot of any run stayed in one circle of four radii and strides, s.
     """
 
     condition: Condition

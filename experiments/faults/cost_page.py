@@ -60,8 +60,8 @@ def _head(setup: FaultSetup, command: str, wall_s: float, failed: int, pictures:
         "Numbers are means over the seeds ± half their 95 % interval. Cost: mean MFoW as a ratio to the run of the "
         "same variant and seed without faults. Late: mean MFoW of the second half of the run, whether or not faults "
         "are active then. Belief error: absolute difference between the believed and the true age of a point, averaged "
-        "over points, robots and time. Longest stay: the longest time that a living robot of any run stayed within a "
-        "metre of one place."
+        "over points, robots and time. Longest stay: the longest time that a living robot of any run stayed in one "
+        "circle of four radii and strides."
     )
     if failed:
         yield ""

@@ -25,6 +25,7 @@ class CaseRow:
         settings: What it sets in the base scenario, by dotted field.
         runs: Number of its runs that have results.
         failed: Number of its runs that failed.
+        warned: Number of its runs whose verdict has warnings.
         metrics: Mean of each metric over the seeds.
         values: Values of each metric by seed.
         against: The case that it is compared with, or None.
@@ -36,6 +37,7 @@ class CaseRow:
     settings: Mapping[str, object]
     runs: int
     failed: int
+    warned: int
     metrics: Mapping[str, Estimate]
     values: Mapping[str, Mapping[int, float]]
     against: str | None
@@ -65,7 +67,8 @@ def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
             if other is not None and (found := _change(own, outcome.values(other.name, name))) is not None
         }
         named = other.name if other is not None else None
-        rows.append(CaseRow(case.name, case.settings, good, len(runs) - good, metrics, values, named, change))
+        warned = sum(value > 0.0 for value in values.get("warnings", {}).values())
+        rows.append(CaseRow(case.name, case.settings, good, len(runs) - good, warned, metrics, values, named, change))
     return rows
 
 
@@ -161,13 +164,13 @@ def _csv_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
     changes = list(dict.fromkeys(name for row in rows for name in row.change))
     columns = [*names, *(f"{name}_change_percent" for name in changes)]
     numbered = [f"{name}{end}" for name in columns for end in ("", "_low", "_high")]
-    yield ["case", *fields, "runs", "failed", *numbered, *(["against"] if changes else [])]
+    yield ["case", *fields, "runs", "failed", "warned", *numbered, *(["against"] if changes else [])]
     for row in rows:
         settings = [_csv_value(row.settings.get(field)) for field in fields]
         numbers: list[float | None] = []
         for found in (*map(row.metrics.get, names), *map(row.change.get, changes)):
             numbers += [None, None, None] if found is None else [found.mean, found.low, found.high]
-        yield [row.case, *settings, row.runs, row.failed, *numbers, *([row.against] if changes else [])]
+        yield [row.case, *settings, row.runs, row.failed, row.warned, *numbers, *([row.against] if changes else [])]
 
 
 def _csv_value(value: object) -> object:
@@ -180,6 +183,7 @@ def _json_row(row: CaseRow) -> dict[str, Any]:
         "set": dict(row.settings),
         "runs": row.runs,
         "failed": row.failed,
+        "warned": row.warned,
         "metrics": {
             name: {
                 "mean": found.mean,

@@ -132,6 +132,7 @@ def metrics_of(summary: Mapping[str, Any]) -> dict[str, float | None]:
         "fog_mean_s",
         "seen_share",
         "bound_s",
+        "best_tour_s",
         "patrolled_area_m2",
     )
     messages = ("frames", "sent", "delivered", "dropped", "rejected", "bytes_per_robot_s")
@@ -139,7 +140,8 @@ def metrics_of(summary: Mapping[str, Any]) -> dict[str, float | None]:
         **{name: summary[name] for name in plain},
         "dead_end_percent": 100.0 * sum(robot["dead_end_share"] for robot in robots) / len(robots),
         "collisions": sum(robot["collisions"] for robot in robots),
-        "longest_stay_s": max(robot["longest_stay_s"] for robot in robots),
+        "longest_stay_s": max(robot["longest_stay_s"] or 0.0 for robot in robots),
+        "warnings": len(summary["verdict"]["warnings"]),
         "distance_m": sum(robot["distance_m"] for robot in robots),
         **{f"messages_{name}": summary["messages"][name] for name in messages},
     }

@@ -182,6 +182,7 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
         table.add_column(f"compared{between}with")
     for row in rows:
         runs = f"{row.runs}" + (f",{between}{row.failed} failed" if row.failed else "")
+        runs += f",{between}{row.warned} with warnings" if row.warned else ""
         found = [row.metrics.get(name) for name in shown] + ([row.change.get("mfow_mean_s")] if compared else [])
         against = "" if row.against is None else names.get(row.against, row.against)
         cells = [with_interval(one).replace(" ", between) for one in found]

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from patrol.journal import Status
-from patrol.net.telemetry import Metrics, Notice
+from patrol.net.telemetry import FREE, TRAPPED, Metrics, Notice
 
 PLAIN_S = 5.0
 """Wall time between two lines where there is no terminal."""
@@ -164,7 +164,7 @@ def headline(metrics: Metrics) -> str:
     step = metrics.time_s / metrics.k
     parts = [
         f"tick {metrics.k}/{metrics.ticks} ({metrics.time_s:.0f} s)",
-        f"MFoW {metrics.mfow_s:.1f} s, mean {metrics.mfow_mean_s:.1f} s",
+        f"MFoW {metrics.mfow_s:.1f} s{_place(metrics.stalest)}, mean {metrics.mfow_mean_s:.1f} s",
         f"seen {100.0 * metrics.seen_share:.1f} %",
         _standing(metrics),
         f"{rate:.1f} ticks/s, {rate * step:.1f} x real time",
@@ -190,7 +190,13 @@ def clock(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
+def _place(place: tuple[float, float] | None) -> str:
+    return "" if place is None else f" at ({place[0]:.1f}, {place[1]:.1f})"
+
+
 def _news(notice: Notice) -> str:
+    if notice.kind in (TRAPPED, FREE):
+        return f"tick {notice.k}: {notice.robot} {notice.detail}"
     return " ".join(part for part in (f"tick {notice.k}:", notice.robot, f"{notice.kind}:", notice.detail) if part)
 
 

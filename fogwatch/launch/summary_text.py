@@ -11,11 +11,14 @@ from rich.table import Table
 from rich.text import Text
 
 from fogwatch.launch.live_table import STATUS_STYLES, clock
+from patrol.best_tour import NO_BOUND
 from patrol.journal import Status
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
 """Robots listed at most."""
+MOST_WARNINGS = 20
+"""Warnings listed at most."""
 ABSENT = Status.ABSENT.name.lower()
 
 
@@ -34,9 +37,16 @@ def print_summary(console: Console, summary: Mapping[str, Any], folder: Path) ->
         console.print(f"and {left_out} more robots, which are in summary.json", highlight=False)
     verdict = summary["verdict"]
     text = Text("verdict     ").append(verdict["outcome"], _VERDICTS[verdict["outcome"]])
+    warnings = verdict.get("warnings", ())
+    if warnings:
+        text.append(", ").append("with warnings", "bold yellow")
     if verdict["valid"]:
         text.append(f": {sum(check['judged'] for check in verdict['checks'])} checks passed")
     console.print(text, highlight=False)
+    for line in warnings[:MOST_WARNINGS]:
+        console.print(f"  warning: {line}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+    if len(warnings) > MOST_WARNINGS:
+        console.print(f"  {len(warnings) - MOST_WARNINGS} more warnings are in summary.json", style="yellow")
     for check in verdict["checks"]:
         if not check["ok"] or not check["judged"]:
             style = "yellow" if check["ok"] else "red"
@@ -59,7 +69,9 @@ def measures(summary: Mapping[str, Any]) -> list[str]:
     if not summary["ticks"]:
         return lines
     mean, bound = summary["mfow_mean_s"], summary["bound_s"]
-    lines.append(f"MFoW        mean {mean:.1f} s, maximum {summary['mfow_max_s']:.1f} s{_bound(mean, bound, summary)}")
+    lines.append(f"MFoW        mean {mean:.1f} s, maximum {summary['mfow_max_s']:.1f} s")
+    lines += _bounds(mean, bound, summary)
+    lines += _stalest(summary)
     lines.append(f"mean fog    {summary['fog_mean_s']:.1f} s")
     area = f"{summary['patrolled_area_m2']:.0f} m² to patrol"
     lines.append(f"coverage    {100.0 * summary['seen_share']:.2f} % of {area}")
@@ -105,12 +117,31 @@ def _intruders(intruders: Sequence[Mapping[str, Any]]) -> str:
     return f"{text}; surrounded for {around:g} s, by at most {most} robots" if around else f"{text}; never surrounded"
 
 
-def _bound(mean: float, bound: float, summary: Mapping[str, Any]) -> str:
-    """The lower bound of the mean; with the ratio, once all is seen and the run long enough for the bound to hold."""
-    if not bound:
-        return ""
-    settled = summary["seen_share"] == 1.0 and summary["simulated_s"] >= 4.0 * bound
-    return f"; lower bound {bound:.1f} s" + (f", ratio {mean / bound:.2f}" if settled else "")
+def _bounds(mean: float, bound: float, summary: Mapping[str, Any]) -> list[str]:
+    """What the mean MFoW can be compared with; with the ratio, once all is seen and the run long enough for it."""
+
+    def ratio(of: float) -> str:
+        settled = summary["seen_share"] == 1.0 and summary["simulated_s"] >= 4.0 * of > 0.0
+        return f", ratio {mean / of:.2f}" if settled else ""
+
+    lower = f"lower bound {bound:.1f} s{ratio(bound)}" if bound else f"lower bound 0: {NO_BOUND}"
+    tour = summary.get("best_tour_s")
+    best = "" if tour is None else f"best tour found {tour:.1f} s{ratio(tour)}; "
+    return [f"bounds      {best}{lower}"]
+
+
+def _stalest(summary: Mapping[str, Any]) -> list[str]:
+    """Where the stalest place was over the run and at its end, and who was nearest."""
+    places = summary.get("stalest") or {}
+    told = []
+    for name, head in (("worst", "over the run"), ("end", "at the end")):
+        place = places.get(name)
+        if place is not None:
+            unseen = "" if place["seen"] else ", never seen until then"
+            near = f", nearest robot {place['nearest']} {place['nearest_m']:.0f} m away" if place["nearest"] else ""
+            where = f"({place['x']:.1f}, {place['y']:.1f}), {place['age_s']:g} s at {place['at_s']:g} s"
+            told.append(f"{head} {where}{unseen}{near}")
+    return [f"stalest     {'; '.join(told)}"] if told else []
 
 
 def _robots(robots: Mapping[str, Mapping[str, Any]]) -> Table:

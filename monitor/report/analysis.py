@@ -13,6 +13,7 @@ from monitor.replay.belief_errors import BeliefErrors, BeliefWatcher, exact_by_c
 from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.visits import VisitCounter, Visits
+from patrol.best_tour import NO_BOUND, best_tour
 from patrol.errors import BadInput
 from patrol.journal.records import Status
 from patrol.prepare import sensor_footprint
@@ -102,13 +103,16 @@ def measures(run: Run) -> list[Measure]:
     """
     step, header = run.step, run.journal.header
     mean, bound = float(run.mfow.mean()) * step, header.bound_s
+    tour_s = best_tour_s(run)
     area = float(np.count_nonzero(run.prepared.patrolled))
-    settled = run.seen[-1] == area and run.ticks * step >= 4.0 * bound > 0.0
+    lower = f"lower bound {bound:.1f} s" if bound else f"lower bound 0: {NO_BOUND}"
     decisions = run.decision_ms[~np.isnan(run.decision_ms)]
     return [
-        Measure("mean MFoW", mean, "s", f"lower bound {bound:.1f} s" if bound else ""),
+        Measure("mean MFoW", mean, "s", lower),
         Measure("largest MFoW", float(run.mfow.max()) * step, "s"),
-        Measure("mean MFoW / bound", mean / bound if settled else None, "", "" if settled else "run too short"),
+        Measure("best tour found", tour_s, "s", "" if tour_s is not None else "no tour for this ground or sensor"),
+        _ratio(run, "mean MFoW / best tour", mean, tour_s, area, "no tour"),
+        _ratio(run, "mean MFoW / bound", mean, bound or None, area, "the lower bound is 0"),
         Measure("mean fog", float(run.fog_mean.mean()) * step, "s"),
         Measure("seen", 100.0 * float(run.seen[-1]) / area, "%", f"of {header.patrolled_area_m2:.0f} m²"),
         Measure("delivered", _delivered(run), "%", "as robots report" if run.direct else "of the robots' frames"),
@@ -119,6 +123,39 @@ def measures(run: Run) -> list[Measure]:
             "robots at the end", float(np.count_nonzero(run.final_status == Status.ALIVE)), "", f"of {len(run.names)}"
         ),
     ]
+
+
+def best_tour_s(run: Run) -> float | None:
+    """The MFoW that all robots that are not spare keep on the best tour found, s; None where there is no tour.
+
+    Args:
+        run: The run.
+    """
+    shares = {spec.number: 1.0 for spec in run.prepared.scenario.roster if not spec.spare}
+    return best_tour(run.prepared).bound_s(shares)
+
+
+def warnings_of(run: Run) -> Sequence[str]:
+    """The warnings of the verdict in summary.json, one line each; none without a verdict."""
+    warnings = (verdict_of(run) or {}).get("warnings")
+    return [str(line) for line in warnings] if isinstance(warnings, list) else []
+
+
+def outcome_of(run: Run) -> str:
+    """The verdict in a few words, such as "valid, with warnings"; "not judged" without one."""
+    verdict = verdict_of(run)
+    outcome = "not judged" if verdict is None else str(verdict.get("outcome", "unknown"))
+    return f"{outcome}, with warnings" if warnings_of(run) else outcome
+
+
+def _ratio(run: Run, name: str, mean: float, of: float | None, area: float, without: str) -> Measure:
+    """A mean MFoW over what it is compared with (s), once all is seen and the run is long enough for that."""
+    if not of:
+        return Measure(name, None, "", without)
+    why = "" if run.seen[-1] == area else "not all was seen"
+    if not why and run.ticks * run.step < 4.0 * of:
+        why = "run too short"
+    return Measure(name, None if why else mean / of, "", why)
 
 
 def direct_of(run: Run) -> Mapping[str, Any]:

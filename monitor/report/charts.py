@@ -52,12 +52,13 @@ STATUS_WORDS = {int(status): status.name.lower() for status in Status}
 _PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(len(STATES))
 
 
-def mfow_chart(run: Run, bands: Sequence[Band]) -> Figure:
+def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> Figure:
     """MFoW and mean fog over time, below the faults.
 
     Args:
         run: The run.
         bands: Its faults.
+        tour_s: MFoW on the best tour found, s; None for none.
     """
     made, axes, rows = _with_lanes(run, bands, 3.4)
     times, mfow = thinned(run.times, run.mfow.astype(np.float64) * run.step)
@@ -67,6 +68,8 @@ def mfow_chart(run: Run, bands: Sequence[Band]) -> Figure:
     bound = run.journal.header.bound_s
     if bound > 0.0:
         axes.axhline(bound, color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)), label="lower bound of MFoW")
+    if tour_s:
+        axes.axhline(tour_s, color=MUTED, linewidth=1.0, linestyle=(0, (1, 2)), label="best tour found")
     axes.set_ylabel("fog (s)")
     axes.set_ylim(bottom=0.0)
     _legend(axes, rows)

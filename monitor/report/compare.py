@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor.replay.run import Run
 from monitor.report import html
-from monitor.report.analysis import Analysis, measures, state_of, verdict_of
+from monitor.report.analysis import Analysis, measures, outcome_of, state_of
 from monitor.report.charts import WIDTH, thinned
 from monitor.report.map_charts import fog_chart
 from monitor.report.style import Drawing, colour, draw, figure, plain
@@ -33,7 +33,7 @@ def names_of(runs: Sequence[Run]) -> list[str]:
 
 def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     """The rows of the table of measures: the measure's name, and its value in each run."""
-    outcomes = [str((verdict_of(run) or {}).get("outcome", "not judged")) for run in runs]
+    outcomes = [outcome_of(run) for run in runs]
     ended = [state_of(run)[0] for run in runs]
     lengths = [f"{run.ticks * run.step:g} s" for run in runs]
     rows: list[tuple[str, ...]] = [

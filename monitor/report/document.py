@@ -20,13 +20,14 @@ from monitor.replay.belief_errors import SAMPLES
 from monitor.replay.run import Run
 from monitor.replay.run_files import RECORDING, REPORT, SCENARIO, check_out
 from monitor.report import charts, html, map_charts
-from monitor.report.analysis import Analysis, direct_of, measures, state_of, verdict_of
+from monitor.report.analysis import Analysis, best_tour_s, measures, outcome_of, state_of, verdict_of, warnings_of
+from monitor.report.radio_section import links_section
 from monitor.report.style import Drawing, draw
 from patrol.errors import BadInput
 
 MOST_EVENTS = 300
-MOST_LINKS = 400
 MOST_ROBOTS = 100
+MOST_WARNINGS = 20
 
 
 def drawings(analysis: Analysis) -> list[Drawing]:
@@ -41,12 +42,13 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     run, bands, visits = analysis.run, analysis.bands, analysis.visits
     terrain, counted, step = run.prepared.terrain, run.prepared.patrolled, run.step
     red = " Red: faults." if bands else ""
+    tour_s = best_tour_s(run)
     made = [
         draw(
             "mfow",
             "MFoW over time",
             f"Age of the stalest point (MFoW), and mean age over all points.{red}",
-            lambda: charts.mfow_chart(run, bands),
+            lambda: charts.mfow_chart(run, bands, tour_s),
         ),
         draw(
             "states",
@@ -113,6 +115,8 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
     word, why = state_of(run, going)
     scenario, header = run.prepared.scenario, run.journal.header
     count = len(run.names)
+    warnings = warnings_of(run)
+    more = len(warnings) - MOST_WARNINGS
     sub = [
         f"{count} robot{'s' if count != 1 else ''} on {header.terrain.name}",
         f"{run.ticks * run.step:g} s in {run.ticks} ticks, {word}",
@@ -121,11 +125,11 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
     ]
     sections = [
         html.section("verdict", "Verdict", _verdict(run)),
-        html.section("fog", "Fog", html.figure(of.get("mfow")), _pair(of, "fog-mean", "fog-worst")),
+        html.section("fog", "Fog", html.figure(of.get("mfow")), _stalest(run), _pair(of, "fog-mean", "fog-worst")),
         html.section("visits", "Time between visits", html.figure(of.get("gaps"))),
         html.section("robots", "Robots", html.figure(of.get("states")), _robots(run), html.figure(of.get("troubles"))),
         html.section("paths", "Paths", html.figure(of.get("paths"))),
-        html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), _links(run)),
+        html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), links_section(run)),
         html.section("belief", "Belief error", _belief(analysis), html.figure(of.get("belief"))),
         html.section("decisions", "Decision times", html.figure(of.get("decisions"))),
         html.section("faults", "Faults", _faults(analysis)),
@@ -137,6 +141,8 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.text(" · ".join(sub), "sub"),
         html.banner(why),
         html.banner(_mismatch(analysis), bad=True),
+        *(html.banner(f"Warning: {line}", bad=True) for line in warnings[:MOST_WARNINGS]),
+        html.text(f"{more} more warnings are in summary.json" if more > 0 else "", "note"),
         html.boxes((measure.text, measure.name, measure.note) for measure in measures(run)),
         html.navigation(_contents(sections)),
         *(part for part in sections if part),
@@ -190,8 +196,7 @@ def write_page(document: str, out: Path) -> None:
 
 
 def _outcome(run: Run) -> tuple[str, str]:
-    verdict = verdict_of(run)
-    outcome = "not judged" if verdict is None else str(verdict.get("outcome", "unknown"))
+    outcome = outcome_of(run)
     return outcome, outcome if outcome in ("valid", "invalid") else "unknown"
 
 
@@ -206,16 +211,36 @@ def _verdict(run: Run) -> str:
         facts = (str(check.get("name")), str(check.get("detail", "")))
         if not check.get("ok"):
             open_checks.append((html.badge("failed", "failed"), *facts))
+        elif check.get("warnings"):
+            open_checks.append((html.badge("warning", "open"), *facts))
         elif not check.get("judged", True):
             open_checks.append((html.badge("not judged", "open"), *facts))
         else:
             passed.append((html.badge("ok", "ok"), *facts))
     failed = sum(not check.get("ok") for check in verdict["checks"])
     counts = [f"{len(passed)} checks passed", *([f"{failed} failed"] if failed else [])]
-    if len(open_checks) > failed:
-        counts.append(f"{len(open_checks) - failed} could not be judged")
+    warned = sum(bool(check.get("ok") and check.get("warnings")) for check in verdict["checks"])
+    if warned:
+        counts.append(f"{warned} with warnings")
+    if len(open_checks) > failed + warned:
+        counts.append(f"{len(open_checks) - failed - warned} could not be judged")
     shown = html.table(heads, open_checks) if open_checks else ""
     return html.text(f"{', '.join(counts)}.") + shown + html.details("checks passed", html.table(heads, passed))
+
+
+def _stalest(run: Run) -> str:
+    """Where the stalest place was over the run and at its end, and who was nearest."""
+    places = (run.summary or {}).get("stalest")
+    rows = []
+    for name, when in (("worst", "over the run"), ("end", "at the end")):
+        place = places.get(name) if isinstance(places, dict) else None
+        if isinstance(place, dict):
+            near = "-" if place["nearest"] is None else f"{place['nearest']}, {place['nearest_m']:.0f} m away"
+            since = f"{place['at_s'] - place['age_s']:g} s" if place["seen"] else "never"
+            numbers = (f"{place['x']:.1f}, {place['y']:.1f}", f"{place['at_s']:g}", f"{place['age_s']:g}")
+            rows.append((when, *numbers, since, near))
+    heads = ("stalest place", "x, y (m)", "at (s)", "age (s)", "last seen before at", "nearest robot then")
+    return html.table(heads, rows, numbers=(1, 2, 3)) if rows else ""
 
 
 def _robots(run: Run) -> str:
@@ -241,65 +266,6 @@ def _robots(run: Run) -> str:
     shown = html.table(heads, rows, numbers=range(2, 7))
     more = len(run.names) - MOST_ROBOTS
     return html.details("numbers", shown, html.text(f"{more} more are not listed" if more > 0 else "", "note"))
-
-
-def _links(run: Run) -> str:
-    if run.direct:
-        return _direct_links(run)
-    sent, lost = run.links.sent, run.links.lost
-    if not sent.any():
-        return html.text("No frames were sent.", "note")
-    in_flight = sent - run.links.delivered - lost
-    total, arrived, flying = (int(counts[1:].sum()) for counts in (sent, run.links.delivered, in_flight))
-    says = [f"{arrived} of {total} frames were delivered (counted once for each receiver)."]
-    if sent[0].any():
-        says.append(f"{int(run.links.delivered[0].sum())} forged frames were delivered.")
-    if flying:
-        says.append(f"{flying} were still in flight at the end.")
-    late = f"The largest delay was {run.links.late * run.step:g} s."
-    says += [late if run.links.late else "All arrived in the tick in which they were sent."]
-    says.append(f"Robots rejected {run.rejected} frames.")
-    causes = [(why, *(str(int(of.sum())) for of in (c[1:], c[0]))) for why, c in run.links.dropped.items()]
-    parts = [html.text(" ".join(says))]
-    if causes:
-        parts.append(html.table(("cause of loss", "frames", "forged frames"), causes, numbers=(1, 2)))
-    names = ("forger", *run.names)
-    rows = []
-    for row, column in zip(*np.nonzero(sent), strict=True):
-        delivered, number = int(run.links.delivered[row, column]), int(sent[row, column])
-        why = ", ".join(f"{cause} {c[row, column]}" for cause, c in run.links.dropped.items() if c[row, column])
-        settled = number - int(in_flight[row, column])
-        share = f"{100.0 * delivered / settled:.2f}" if settled else "-"
-        counts = (number, delivered, number - settled)
-        rows.append((names[row], names[column], *map(str, counts), share, why))
-    heads = ("from", "to", "sent", "delivered", "in flight", "delivered (%)", "cause of loss")
-    return "".join([*parts, _all_links(heads, rows, range(2, 6))])
-
-
-def _all_links(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
-    listed = html.table(heads, rows[:MOST_LINKS], numbers)
-    more = f"{len(rows) - MOST_LINKS} more links are not listed" if len(rows) > MOST_LINKS else ""
-    return html.details("all links", listed, html.text(more, "note"))
-
-
-def _direct_links(run: Run) -> str:
-    """What robots reported about a direct radio: how many frames they sent and heard."""
-    why = "Robots heard each other directly, so the fate of single frames is unknown"
-    said = direct_of(run)
-    links = said.get("links") or {}
-    if not links:
-        return html.text(f"{why}. No two robots reported at the end how many frames they sent and heard.", "note")
-    sent, heard = (sum(int(counts[what]) for counts in links.values()) for what in ("sent", "heard"))
-    missing = ", ".join(said.get("unsaid", ()))
-    unsaid = f" The counts of {missing} are missing or incomplete." if missing else ""
-    rows = []
-    for link, counts in links.items():
-        share = f"{100.0 * counts['heard'] / counts['sent']:.2f}" if counts["sent"] else "-"
-        rows.append((link, str(counts["sent"]), str(counts["heard"]), share))
-    says = html.text(
-        f"{why}. According to their reports they heard {heard} of {sent} frames and rejected {run.rejected}.{unsaid}"
-    )
-    return says + _all_links(("link", "sent", "heard", "heard (%)"), rows, range(1, 4))
 
 
 def _belief(analysis: Analysis) -> str:

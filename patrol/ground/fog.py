@@ -38,6 +38,7 @@ class Fog:
         self._oldest = 0
         self._sum = 0
         self._box = np.zeros(4, dtype=np.int64)
+        self._stalest = (0, 0)
 
     @classmethod
     def resumed(cls, patrolled: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Fog:
@@ -85,6 +86,19 @@ class Fog:
         while self._histogram[self._oldest] == 0:
             self._oldest += 1
         return tick - max(self._oldest - 1, 0)
+
+    def stalest(self) -> tuple[int, int]:
+        """One of the points that nobody has seen for longest: the same as before while it is one of them.
+
+        Returns:
+            its row and column.
+        """
+        self.mfow(0)
+        oldest = self._oldest - 1
+        if self.patrolled[self._stalest] == 0 or self.last_seen[self._stalest] != oldest:
+            at = int(np.argmax((self.last_seen == oldest) & (self.patrolled != 0)))
+            self._stalest = at // self.last_seen.shape[1], at % self.last_seen.shape[1]
+        return self._stalest
 
     def mean(self, tick: int) -> float:
         """The patrolled points' mean age, in ticks.

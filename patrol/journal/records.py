@@ -18,7 +18,7 @@ DEAD_END = "dead-end"
 """The state of a mind that is getting out of a dead end."""
 
 SURROUNDING = "surrounding"
-"""The state of a mind that takes part in surrounding an intruder."""
+"""The state of a mind whose robot stands around an intruder, or is on its way there."""
 
 
 def frame_sequence(k: int, place: int) -> int:

@@ -22,6 +22,9 @@ from patrol.scenario.controls import described
 
 METRICS = "metrics"
 EVENTS = "events"
+TRAPPED = "trapped"
+FREE = "free"
+"""Kinds of the notices about a robot that makes no progress; they are no events of the journal."""
 SHOW_S = 0.1
 """Wall time between two metrics."""
 MAX_VIEW = 1 << 22
@@ -72,6 +75,7 @@ class Metrics:
         seen_share: of the patrolled area.
         ticks_per_s: by the wall clock, over the last seconds.
         robots: in roster order.
+        stalest: x and y in m of the stalest place now, or None where nobody says.
     """
 
     k: int
@@ -83,6 +87,7 @@ class Metrics:
     seen_share: float
     ticks_per_s: float
     robots: tuple[RobotView, ...]
+    stalest: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,11 +177,12 @@ class Watcher:
         self._due = 0.0
         self._shown: deque[tuple[float, int]] = deque([(now(), 0)])
 
-    def take(self, record: TickRecord) -> Metrics | None:
+    def take(self, record: TickRecord, stalest: Callable[[], tuple[float, float]] | None = None) -> Metrics | None:
         """The next tick is done.
 
         Args:
             record: of the tick.
+            stalest: gives x and y in m of the stalest place; asked only when metrics are due.
 
         Returns:
             the metrics when they are due, and after the last tick; otherwise None.
@@ -201,6 +207,7 @@ class Watcher:
                 RobotView(self._names[row.number], int(row.status), row.state, row.x, row.y, row.heading)
                 for row in record.robots
             ),
+            stalest=None if stalest is None else stalest(),
         )
 
     def notice(self, event: Event) -> Notice:
@@ -254,6 +261,7 @@ def read_metrics(payload: bytes) -> Metrics:
         seen_share=_number(says, "seen_share"),
         ticks_per_s=_number(says, "ticks_per_s"),
         robots=tuple(map(_robot, robots)),
+        stalest=_place(says, "stalest"),
     )
 
 

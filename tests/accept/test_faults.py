@@ -28,7 +28,7 @@ MOST = {"50 % lost": 1.08, "90 % lost": 1.25, "total silence": 1.6}
 NEAR = 0.10
 """How far the late mean MFoW after a death may be from that of a fleet of that size."""
 LONGEST_STAY_S = 120.0
-"""A robot that keeps longer within a metre of one place has stopped."""
+"""A robot that stays longer in one circle of four radii and strides has stopped."""
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from patrol.best_tour import best_tour
 from patrol.journal import Event, Header, RobotTick, Status, TickRecord
 from patrol.journal.records import DEAD_END, FORGED, standing_after
 from patrol.pose import command_of
@@ -20,11 +20,10 @@ from worldsim.output.traffic import Traffic
 from worldsim.radio.ether import there
 
 if TYPE_CHECKING:
+    from patrol.prepare import Prepared
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
-
-STAY_M = 1.0
-"""A robot that keeps within this distance of a place stays there, m."""
+    from worldsim.verdict.run.progress import LongestStay, Stalest, TrappedRobot
 
 
 @dataclass(slots=True)
@@ -48,9 +47,6 @@ class _Robot:
     rejected: int = 0
     rejected_before: int = 0
     status: Status = Status.ABSENT
-    place: tuple[float, float] | None = None
-    stayed: int = 0
-    longest_stay: int = 0
     decision_ms: list[float] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
 
@@ -60,7 +56,6 @@ class _Robot:
         self.living += row.status is Status.ALIVE
         self.collisions += row.bumped
         self.refused += row.refused
-        self._stay(row)
         if not row.bumped:
             command = command_of(self.model, row.c0, row.c1)
             self.distance_m += length(command, step)
@@ -72,25 +67,20 @@ class _Robot:
                 self.rejected_before += self.rejected
             self.rejected = row.rejected
 
-    def _stay(self, row: RobotTick) -> None:
-        """A stay begins where the last one was left, and ends with the robot's life or `STAY_M` from there."""
-        if row.status is not Status.ALIVE:
-            self.place, self.stayed = None, 0
-        elif self.place is None or math.dist(self.place, (row.x, row.y)) > STAY_M:
-            self.place, self.stayed = (row.x, row.y), 0
-        else:
-            self.stayed += 1
-            self.longest_stay = max(self.longest_stay, self.stayed)
+    def facts(self, stay: LongestStay | None) -> dict[str, Any]:
+        """This robot's part of the summary.
 
-    def facts(self, step: float) -> dict[str, Any]:
-        """This robot's part of the summary; ``step`` in s."""
+        Args:
+            stay: Its longest stay; None where nobody looked.
+        """
         decisions = len(self.decision_ms)
         return {
             "status": self.status.name.lower(),
             "distance_m": self.distance_m,
             "dead_end_share": self.dead_ends / decisions if decisions else 0.0,
             "collisions": self.collisions,
-            "longest_stay_s": self.longest_stay * step,
+            "longest_stay_s": None if stay is None else stay.seconds,
+            "longest_stay": None if stay is None else asdict(stay),
             "decisions": decisions,
             "missed": self.living - decisions,
             "refused_commands": self.refused,
@@ -134,13 +124,16 @@ class Totals:
         self._intruders.tick(record)
         _take(self._robots, record, self._step)
 
-    def summary(self, journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
+    def summary(
+        self, journal: RunRecord, verdict: Verdict, wall_s: float | None, prepared: Prepared | None = None
+    ) -> dict[str, Any]:
         """The run's summary after its last tick, when the journal has ended; does not read the journal's ticks.
 
         Args:
             journal: The run's records.
             verdict: Of the run.
             wall_s: Wall time of the ticks, s; None when unknown.
+            prepared: As for `summarise`.
 
         Returns:
             See `summarise`.
@@ -151,6 +144,8 @@ class Totals:
             standing = standing_after(event.kind)
             if event.k >= ticks and event.robot in self._robots and standing is not None:
                 self._robots[event.robot].status = standing
+        progress = verdict.progress
+        stays = {} if progress is None else progress.stays
         patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
         summary = {
             "name": header.scenario["name"],
@@ -168,11 +163,16 @@ class Totals:
             "fog_mean_s": float(np.mean(self._fog)) * step if ticks else None,
             "seen_share": self._seen / patrolled,
             "bound_s": header.bound_s,
+            **_tour(prepared),
+            "trapped": [] if progress is None else [_trapped(one) for one in progress.trapped],
+            "stalest": {} if progress is None else {"worst": _as_facts(progress.worst), "end": _as_facts(progress.end)},
             "patrolled_area_m2": header.patrolled_area_m2,
             "point_m": header.terrain.point,
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
             "messages": {**_messages(list(self._robots.values()), step), "forged": self._forged},
-            "robots": {facts.name: self._robots[facts.number].facts(step) for facts in header.robots},
+            "robots": {
+                facts.name: self._robots[facts.number].facts(stays.get(facts.number)) for facts in header.robots
+            },
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
             **self._intruders.facts(),
@@ -180,13 +180,16 @@ class Totals:
             "verdict": {
                 "valid": verdict.valid,
                 "outcome": verdict.outcome,
-                "checks": [asdict(check) for check in verdict.checks],
+                "warnings": list(verdict.warnings),
+                "checks": [{**asdict(check), "warnings": list(check.warnings)} for check in verdict.checks],
             },
         }
         return as_measured(summary, journal) if header.scenario["radio"].get("via") == "direct" else summary
 
 
-def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dict[str, Any]:
+def summarise(
+    journal: RunRecord, verdict: Verdict, wall_s: float | None, prepared: Prepared | None = None
+) -> dict[str, Any]:
     """The run's summary, ready for JSON.
 
     Times are in simulated seconds unless the name says wall. Means are over all ticks from the first on;
@@ -200,7 +203,15 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
     - `faults`: by id, the frames on a fault's links while it was active, and its effects on them.
     - `intruders`: see `worldsim.output.intruder_facts`; missing where there are none.
     - `bytes_per_robot_s`: bytes that a living robot sends per second.
-    - `longest_stay_s`: the longest time that a living robot kept within `STAY_M` of one place.
+    - `trapped`: every time for which a robot was trapped (`worldsim.verdict.run.progress.TrappedRobot`).
+    - `stalest`: the stalest place over the run (`worst`) and at its end (`end`), with its age, the time, and the robot
+      that was nearest to it then.
+    - `longest_stay_s`: the longest time for which a robot that took part stayed in one circle of four times its radius
+      and its stride together; `longest_stay` says where and from when (`patrol.progress`).
+    - `bound_s`: a lower bound of MFoW, 0 where discs of the sensor's range around all robots have a larger area than
+      the ground.
+    - `best_tour_s`: the MFoW that the robots keep on the best tour found (`patrol.best_tour`), and `best_tour_m` its
+      length; None where there is no tour.
     - `missed`: ticks in which no command came in time.
     - `refused_commands`: invalid commands.
     - `refused`, for a fleet of processes: messages that the world dropped unread, by reason.
@@ -214,11 +225,29 @@ def summarise(journal: RunRecord, verdict: Verdict, wall_s: float | None) -> dic
         journal: The run's records.
         verdict: Of the run.
         wall_s: Wall time of the ticks, s; None when unknown.
+        prepared: The run's scenario and its terrain, for the best tour found; None leaves that out.
     """
     totals = Totals(journal.header, journal.events)
     for record in journal.ticks:
         totals.tick(record)
-    return totals.summary(journal, verdict, wall_s)
+    return totals.summary(journal, verdict, wall_s, prepared)
+
+
+def _tour(prepared: Prepared | None) -> dict[str, float | None]:
+    """The bound of the best tour found for all robots that are not spare."""
+    if prepared is None:
+        return {"best_tour_s": None, "best_tour_m": None}
+    tour = best_tour(prepared)
+    shares = {spec.number: 1.0 for spec in prepared.scenario.roster if not spec.spare}
+    return {"best_tour_s": tour.bound_s(shares), "best_tour_m": tour.length_m}
+
+
+def _trapped(one: TrappedRobot) -> dict[str, Any]:
+    return {**asdict(one), "stale": list(one.stale)}
+
+
+def _as_facts(stalest: Stalest | None) -> dict[str, Any] | None:
+    return None if stalest is None else asdict(stalest)
 
 
 def _of_processes(journal: RunRecord) -> dict[str, Any]:

@@ -26,9 +26,11 @@ from worldsim.verdict.run.exit_codes import ExitCodes
 from worldsim.verdict.run.fault_times import FaultsOnTime
 from worldsim.verdict.run.fog_check import FogIsTrue
 from worldsim.verdict.run.journal_checks import Complete, TraceAgrees
+from worldsim.verdict.run.progress import Progress, RunProgress
 from worldsim.verdict.run.recovery import Recovers
 
 if TYPE_CHECKING:
+    from patrol.ground.fog import Fog
     from patrol.journal import TickRecord
     from patrol.prepare import Prepared
     from worldsim.run_record import RunRecord
@@ -67,6 +69,7 @@ CHECKS: tuple[type[Check], ...] = (
     Hearing,
     ForgedAsConfigured,
     Recovers,
+    Progress,
 )
 """All checks, in the order in which a verdict lists their results; each says which runs call for it."""
 
@@ -78,10 +81,12 @@ class Verdict:
     Attributes:
         outcome: "valid", "invalid", or "unknown" when the journal does not reach its end, so that nobody can tell.
         checks: The results.
+        progress: How the patrol got on; None where nobody looked at the fog.
     """
 
     outcome: Outcome
     checks: tuple[CheckResult, ...]
+    progress: RunProgress | None = None
 
     @property
     def valid(self) -> bool:
@@ -98,6 +103,11 @@ class Verdict:
         """The results of the checks that failed."""
         return tuple(check for check in self.checks if not check.ok)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is wrong with the patrol although the run can be believed, one line each."""
+        return tuple(line for check in self.checks for line in check.warnings)
+
 
 class Judge:
     """A verdict in the making: give it every tick's record, then ask. It does not read the journal's ticks itself."""
@@ -110,6 +120,7 @@ class Judge:
         *,
         verify_fog: bool = True,
         baseline_s: float | None = None,
+        fog: Fog | None = None,
     ) -> None:
         """Choose the checks that the run calls for.
 
@@ -121,9 +132,11 @@ class Judge:
                 made of what they heard. Without it the verdict has no checks of these names. That is for a sweep, whose
                 world has just computed the same numbers from the same poses with the same code in the same process.
             baseline_s: As for `judge`.
+            fog: The true fog of that world, so that progress can be judged without `verify_fog`.
         """
         self._journal = journal
-        run = JudgedRun(journal, prepared, Timeline(prepared.scenario), exit_codes, verify_fog, baseline_s)
+        known = None if verify_fog else fog
+        run = JudgedRun(journal, prepared, Timeline(prepared.scenario), exit_codes, verify_fog, baseline_s, known)
         readings = Readings()
         listed = [kind for kind in CHECKS if kind.applies(run)]
         for kind in listed:
@@ -144,7 +157,8 @@ class Judge:
     def verdict(self) -> Verdict:
         """The verdict, once all ticks are in and the journal has ended."""
         checks = tuple(check.result() for check in self._checks)
-        return Verdict(_outcome(self._journal, checks), checks)
+        progress = [check.facts() for check in self._checks if isinstance(check, Progress)]
+        return Verdict(_outcome(self._journal, checks), checks, progress[0] if progress else None)
 
 
 def judge(

@@ -233,12 +233,13 @@ def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
     assert row["metrics"]["fog_mean_s"]["mean"] == pytest.approx(sum(values.values()) / 3)
     assert low < min(values.values()) < max(values.values()) < high
     assert (bad["runs"], bad["failed"], len(says["failed"])) == (0, 3, 3)
+    assert (row["warned"], bad["warned"]) == (0, 0)
     header, first, second = as_csv.read_text().splitlines()
     assert header.startswith(
-        "case,sensor.range,robots.starts,runs,failed,mfow_mean_s,mfow_mean_s_low,mfow_mean_s_high,"
+        "case,sensor.range,robots.starts,runs,failed,warned,mfow_mean_s,mfow_mean_s_low,mfow_mean_s_high,"
     )
-    assert first.startswith("a,10,random,3,0,")
-    assert second.startswith('bad,,"[[3, 3], [3.5, 3]]",0,3,,')
+    assert first.startswith("a,10,random,3,0,0,")
+    assert second.startswith('bad,,"[[3, 3], [3.5, 3]]",0,3,0,,')
 
 
 def test_a_change_is_that_of_the_means_with_the_interval_of_the_differences(tmp_path: Path) -> None:

@@ -234,7 +234,7 @@ def table_of(names: list[str], width: int, against: str | None = None) -> list[s
     metrics = {name: Estimate(1234.5, 1114.2, 1354.8, 3) for name in SHOWN}
     metrics["collisions"] = Estimate(12345.0, 11145.0, 13545.0, 3)
     change = {"mfow_mean_s": Estimate(-12.3, -15.7, -8.9, 3)}
-    rows = [CaseRow(name, {}, 3, 0, metrics, {}, None if name == against else against, change) for name in names]
+    rows = [CaseRow(name, {}, 3, 0, 0, metrics, {}, None if name == against else against, change) for name in names]
     text = io.StringIO()
     print_cases(Console(file=text, width=width), rows)
     return text.getvalue().splitlines()

@@ -12,7 +12,7 @@ from rich.console import Console
 from fogwatch.launch.live_table import LiveTable, PlainDisplay, SilentDisplay, clock, headline, make_display
 from fogwatch.launch.summary_text import measures, print_summary
 from patrol.journal import Status
-from patrol.net.telemetry import Metrics, Notice, RobotView
+from patrol.net.telemetry import TRAPPED, Metrics, Notice, RobotView
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
 METRICS = Metrics(120, 600, 60.0, 20.0, 12.5, 30.0, 0.75, 40.0, ROBOTS)
@@ -27,6 +27,11 @@ SUMMARY: dict[str, Any] = {
     "mfow_max_s": 90.0,
     "fog_mean_s": 20.0,
     "bound_s": 40.0,
+    "best_tour_s": 48.0,
+    "stalest": {
+        "worst": {"x": 1.5, "y": 2.0, "age_s": 90.0, "at_s": 250.0, "seen": True, "nearest": "anna", "nearest_m": 7.1},
+        "end": {"x": 3.0, "y": 4.0, "age_s": 50.0, "at_s": 300.0, "seen": True, "nearest": None, "nearest_m": None},
+    },
     "seen_share": 1.0,
     "patrolled_area_m2": 8800.0,
     "messages": {
@@ -182,7 +187,9 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
     shown = text.getvalue()
     for words in (
         "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
-        "MFoW        mean 60.0 s, maximum 90.0 s; lower bound 40.0 s, ratio 1.50",
+        "MFoW        mean 60.0 s, maximum 90.0 s",
+        "bounds      best tour found 48.0 s, ratio 1.25; lower bound 40.0 s, ratio 1.50",
+        "stalest     over the run (1.5, 2.0), 90 s at 250 s, nearest robot anna 7 m away; at the end (3.0, 4.0), 50 s",
         "coverage    100.00 % of 8800 m² to patrol",
         "messages    5 sent, 56 bytes per robot per second\n",
         "received    8 of 10, 1 dropped, 0 rejected, 1 under way at the end\n",
@@ -196,8 +203,40 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("short", [{"seen_share": 0.995}, {"simulated_s": 100.0}])
 def test_a_run_too_short_to_settle_is_not_held_against_the_bound(short: dict[str, float]) -> None:
-    assert measures({**SUMMARY, **short})[1].endswith("lower bound 40.0 s")
-    assert measures({**SUMMARY, "bound_s": 0.0})[1].endswith("maximum 90.0 s")
+    assert measures({**SUMMARY, **short})[2] == "bounds      best tour found 48.0 s; lower bound 40.0 s"
+
+
+def test_a_lower_bound_of_0_is_shown_with_its_reason() -> None:
+    shown = measures({**SUMMARY, "bound_s": 0.0, "best_tour_s": None})[2]
+    why = "discs of the sensor's range around the robots have a larger area than the ground"
+    assert shown == f"bounds      lower bound 0: {why}"
+
+
+def test_a_summary_of_an_older_version_says_what_it_has() -> None:
+    older = {name: value for name, value in SUMMARY.items() if name not in ("best_tour_s", "stalest")}
+    assert measures(older)[2:4] == ["bounds      lower bound 40.0 s, ratio 1.50", "mean fog    20.0 s"]
+
+
+def test_a_valid_run_with_warnings_says_so_at_once(tmp_path: Path) -> None:
+    text = io.StringIO()
+    warnings = [f"r{n} was trapped" for n in range(30)]
+    verdict = {"outcome": "valid", "valid": True, "warnings": warnings, "checks": []}
+    print_summary(Console(file=text, width=100), {**SUMMARY, "verdict": verdict}, tmp_path)
+    lines = text.getvalue().splitlines()
+    at = lines.index("verdict     valid, with warnings: 0 checks passed")
+    assert lines[at + 1] == "  warning: r0 was trapped"
+    assert lines[at + 20 : at + 22] == ["  warning: r19 was trapped", "  10 more warnings are in summary.json"]
+
+
+def test_a_robot_without_progress_is_told_as_a_sentence() -> None:
+    text = io.StringIO()
+    display = PlainDisplay(Console(file=text, width=100))
+    display.notice(Notice(1368, TRAPPED, "r2", "has stayed within 3.2 m of (26.3, 9.7) since 504 s"))
+    assert text.getvalue() == "tick 1368: r2 has stayed within 3.2 m of (26.3, 9.7) since 504 s\n"
+
+
+def test_the_headline_says_where_the_stalest_place_is() -> None:
+    assert "; MFoW 20.0 s at (26.3, 9.7), mean 12.5 s; " in headline(replace(METRICS, stalest=(26.31, 9.667)))
 
 
 def test_the_report_of_a_run_without_ticks() -> None:

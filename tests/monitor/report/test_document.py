@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from monitor.report.compare import compare_html, differences, names_of, rows_of
 from monitor.report.compare import drawings as drawings_of_several
 from monitor.report.document import drawings, report_html, write_page, write_report
 from monitor.report.style import draw
+from patrol.best_tour import best_tour
 from patrol.errors import BadInput
 
 SECTIONS = ("verdict", "fog", "visits", "robots", "paths", "links", "belief", "decisions", "scenario", "files")
@@ -206,3 +208,41 @@ def test_what_cannot_be_written_is_said(quiet: Any, tmp_path: Path) -> None:
     drawing = draw("troubles", "", "", lambda: troubles_chart(run))
     with pytest.raises(BadInput, match="cannot be written"):
         drawing.save(tmp_path / "file")
+
+
+def test_a_valid_run_with_warnings_says_so_at_the_top(quiet: Any, copied: Callable[..., Path]) -> None:
+    folder = copied(quiet)
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    warnings = ["r1 was trapped: <here>", *(f"r{n} was trapped" for n in range(2, 24))]
+    progress = next(check for check in summary["verdict"]["checks"] if check["name"] == "progress")
+    progress["warnings"] = summary["verdict"]["warnings"] = warnings
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    page = report_html(analyse(open_run(folder)), ())
+    top = page.split('<section id="verdict"')[0]
+    assert '<span class="badge unknown">valid, with warnings</span>' in top
+    assert "Warning: r1 was trapped: &lt;here&gt;" in top
+    assert "Warning: r20 was trapped" in top
+    assert "3 more warnings are in summary.json" in top
+    assert "1 with warnings" in page
+    assert '<span class="badge open">warning</span>' in page
+
+
+def test_a_report_says_where_the_stalest_place_was_and_what_the_mfow_compares_with(quiet: Any) -> None:
+    run = quiet.open()
+    assert run.summary is not None
+    page = report_html(analyse(run), ())
+    place = run.summary["stalest"]["end"]
+    assert f'<td>at the end</td><td class="n">{place["x"]:.1f}, {place["y"]:.1f}</td>' in page
+    by_name = {measure.name: measure for measure in measures(run)}
+    assert by_name["best tour found"].value == best_tour(run.prepared).bound_s(dict.fromkeys(run.numbers, 1.0))
+    older = replace(run, summary={"verdict": run.summary["verdict"]})
+    assert "stalest place" not in report_html(analyse(older), ())
+
+
+def test_a_lower_bound_of_0_is_explained(quiet: Any) -> None:
+    run = quiet.open()
+    without = replace(run.journal.header, bound_s=0.0)
+    run.journal.header = without
+    by_name = {measure.name: measure for measure in measures(run)}
+    assert by_name["mean MFoW"].note.startswith("lower bound 0: discs of the sensor's range")
+    assert (by_name["mean MFoW / bound"].value, by_name["mean MFoW / bound"].note) == (None, "the lower bound is 0")

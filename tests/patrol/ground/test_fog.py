@@ -83,3 +83,22 @@ def test_a_run_may_be_longer_than_expected() -> None:
     for tick in (3, 5000, 5001, 100_000):
         fog.observe(view_of(0, 0, np.ones((1, 1))), tick)
         assert fog.mfow(tick + 7) == 7
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), ticks=st.integers(1, 30))
+def test_the_stalest_point_is_one_of_the_oldest_and_stays_while_it_is(seed: int, ticks: int) -> None:
+    rng = np.random.default_rng(seed)
+    patrolled = rng.random((6, 9)) < 0.7
+    patrolled[2, 3] = True
+    fog = Fog(patrolled)
+    before = fog.stalest()
+    for tick in range(ticks):
+        fog.observe(view_of(int(rng.integers(-2, 5)), int(rng.integers(-2, 8)), rng.random((3, 3)) < 0.8), tick)
+        oldest = int(fog.last_seen[patrolled].min())
+        stalest = fog.stalest()
+        assert patrolled[stalest]
+        assert fog.last_seen[stalest] == oldest
+        assert int(fog.age(tick)[stalest]) == fog.mfow(tick)
+        assert stalest == before or not patrolled[before] or fog.last_seen[before] != oldest
+        before = stalest

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgpack
 import pytest
 from hypothesis import given
@@ -31,6 +33,8 @@ def record(k: int, mfow: int) -> TickRecord:
 
 def test_views_come_back() -> None:
     assert read_metrics(pack_view(METRICS)) == METRICS
+    placed = replace(METRICS, stalest=(26.5, -9.5))
+    assert read_metrics(pack_view(placed)) == placed
     notice = Notice(3, "lost", "r1", "no answer")
     assert read_notice(pack_view(notice)) == notice
     assert msgpack.unpackb(pack_view(Telemetry(1, "holding", None, (1.0, 2.0), None, 3, 4.0, 5)))["refined"] == [

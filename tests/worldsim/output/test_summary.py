@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from patrol.best_tour import best_tour
 from patrol.journal import Status, trace_hash
+from patrol.progress import roaming_radius
 from patrol.scenario import load_scenario, scenario_hash
 from worldsim.output.record import lower_bound
 from worldsim.output.summary import summarise
@@ -41,7 +43,7 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
     assert summary["seen_share"] == journal.records[-1].seen / np.count_nonzero(lab.room.free)
     assert (summary["point_m"], summary["sensor_range_m"]) == (0.5, 3.0)
     assert summary["verdict"]["valid"] is True
-    assert {"name", "ok", "detail", "judged"} == set(summary["verdict"]["checks"][0])
+    assert {"name", "ok", "detail", "judged", "warnings"} == set(summary["verdict"]["checks"][0])
 
 
 def test_robots_are_summed_up(lab: Lab) -> None:
@@ -113,15 +115,53 @@ def test_the_bound_is_that_of_the_formula() -> None:
     assert lower_bound(500.0, roster, 10.0) == 0.0
 
 
-def test_the_longest_stay_is_the_longest_time_within_a_metre_of_a_place_alive(lab: Lab) -> None:
+def test_the_longest_stay_is_the_longest_time_within_one_circle(lab: Lab) -> None:
     world = lab.patrol(ticks=20)
     journal = lab.run(world)
+    radius = {spec.number: roaming_radius(spec, world.step) for spec in world.scenario.roster}
+    swing = 0.6 * radius[1]
     for k in range(20):
         robots = list(journal.records[k].robots)
-        robots[0] = replace(robots[0], x=2.0 * k, y=5.0)
-        robots[1] = replace(robots[1], x=5.0 + (0.9 if k % 2 else 0.0) + (3.0 if k > 13 else 0.0), y=5.0)
-        robots[2] = replace(robots[2], x=7.0, y=7.0, status=Status.PAUSED if k == 8 else Status.ALIVE)
-        robots[3] = replace(robots[3], x=0.3 * k, y=9.0)
+        robots[0] = replace(robots[0], x=1.0 + (swing if k // 2 % 2 else 0.0), y=1.0)
+        robots[2] = replace(robots[2], x=2.0, y=2.0, status=Status.PAUSED if k == 8 else Status.ALIVE)
         journal.records[k] = replace(journal.records[k], robots=tuple(robots))
-    stays = {name: facts["longest_stay_s"] for name, facts in summary_of(world, journal)["robots"].items()}
-    assert stays == {"r1": 0.0, "r2": 13 * 0.5, "r3": 10 * 0.5, "r4": 3 * 0.5}
+    robots_of = summary_of(world, journal)["robots"]
+    assert (robots_of["r1"]["longest_stay_s"], robots_of["r3"]["longest_stay_s"]) == (9.5, 4.5)
+    stay = robots_of["r1"]["longest_stay"]
+    assert stay == {
+        "seconds": 9.5,
+        "since_s": 0.0,
+        "x": pytest.approx(1.0 + swing / 2.0),
+        "y": 1.0,
+        "radius_m": pytest.approx(radius[1]),
+    }
+    assert robots_of["r3"]["longest_stay"]["since_s"] == 5.0
+
+
+def test_the_summary_says_where_the_stalest_place_was_and_who_was_near(lab: Lab) -> None:
+    world = lab.patrol(ticks=20)
+    journal = lab.run(world)
+    summary = summary_of(world, journal)
+    worst, end = summary["stalest"]["worst"], summary["stalest"]["end"]
+    assert worst["age_s"] == summary["mfow_max_s"]
+    assert end["age_s"] == summary["mfow_end_s"]
+    assert (worst["at_s"], end["at_s"]) == (journal.records[-1].k * 0.5, 9.5)
+    rows = {row.number: row for row in journal.records[-1].robots}
+    away = {f"r{n}": math.dist((row.x, row.y), (end["x"], end["y"])) for n, row in rows.items()}
+    assert end["nearest"] == min(away, key=away.__getitem__)
+    assert end["nearest_m"] == pytest.approx(away[end["nearest"]])
+    point = world.terrain.point_at(end["x"], end["y"])
+    assert world.truth.fog.age(19)[point] == 19
+    assert end["seen"] is bool(world.truth.fog.last_seen[point] >= 0)
+
+
+def test_the_summary_has_the_best_tour_where_it_is_given_the_terrain(lab: Lab) -> None:
+    world = lab.patrol(ticks=5)
+    journal = lab.run(world)
+    verdict = judge(journal, {}, world.prepared)
+    assert summarise(journal, verdict, None)["best_tour_s"] is None
+    summary = summarise(journal, verdict, None, world.prepared)
+    tour = best_tour(world.prepared)
+    assert summary["best_tour_m"] == tour.length_m
+    assert summary["best_tour_s"] == tour.bound_s(dict.fromkeys(range(1, 5), 1.0))
+    assert summary["best_tour_s"] > 0.0

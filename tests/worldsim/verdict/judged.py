@@ -46,15 +46,21 @@ def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
 
 def check_of(kind: type[C], prepared: Prepared, journal: MemoryJournal, timeline: Timeline | None = None) -> C:
     """A check of a run, before its first tick."""
-    run = JudgedRun(journal, prepared, timeline or Timeline(prepared.scenario), {})
-    readings = Readings()
-    readings.add(kind, run)
-    return readings[kind]
+    return _readings_of(kind, prepared, journal, timeline)[kind]
 
 
-def result_of(kind: type[C], prepared: Prepared, journal: MemoryJournal) -> CheckResult:
+def result_of(kind: type[Check], prepared: Prepared, journal: MemoryJournal) -> CheckResult:
     """The result of one check of a run."""
-    check = check_of(kind, prepared, journal)
+    readings = _readings_of(kind, prepared, journal)
     for record in journal.ticks:
-        check.tick(record)
-    return check.result()
+        for reading in readings.in_order():
+            reading.tick(record)
+    return readings[kind].result()
+
+
+def _readings_of(
+    kind: type[Check], prepared: Prepared, journal: MemoryJournal, timeline: Timeline | None = None
+) -> Readings:
+    readings = Readings()
+    readings.add(kind, JudgedRun(journal, prepared, timeline or Timeline(prepared.scenario), {}))
+    return readings

@@ -6,15 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
 
 from patrol.journal.records import FORGED
 
 if TYPE_CHECKING:
+    from patrol.ground.fog import Fog
     from patrol.journal import TickRecord
     from patrol.prepare import Prepared
     from worldsim.run_record import RunRecord
     from worldsim.timeline import Timeline
+
+Severity = Literal["error", "warning"]
+"""An error means that the run cannot be believed, a warning that the patrol makes no progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +30,19 @@ class CheckResult:
         ok: Whether the run passed.
         detail: What was found; where the run failed, the first problem.
         judged: False where there was nothing to judge by, or too little. Then `ok` is True and the detail says why.
+        warnings: What is wrong with the patrol although the run can be believed, one line each.
     """
 
     name: str
     ok: bool
     detail: str
     judged: bool = True
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def severity(self) -> Severity | None:
+        """How bad the worst is that was found; None where all is well."""
+        return "error" if not self.ok else "warning" if self.warnings else None
 
 
 @dataclass(frozen=True)
@@ -46,6 +57,8 @@ class JudgedRun:
             process.
         verify_fog: Whether to recompute the fog and what robots made of what they heard.
         baseline_s: Mean MFoW (s) of the same scenario without its faults, or None where nobody has run that.
+        fog: The true fog of the world that makes the run, as it is after each tick, where the fog is not recomputed;
+            None where there is no such world.
     """
 
     journal: RunRecord
@@ -54,6 +67,7 @@ class JudgedRun:
     exit_codes: Mapping[str, int | None]
     verify_fog: bool = True
     baseline_s: float | None = None
+    fog: Fog | None = None
 
     @property
     def processes(self) -> bool:

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from patrol.journal import Status
-from patrol.pose import Pose
-from patrol.prepare import sensor_footprint
-from worldsim.truth import Truth
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.common.true_fog import TrueFog
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
@@ -20,12 +17,11 @@ class FogIsTrue(Check):
     """MFoW, mean fog and points seen are what the poses give, recomputed from the beginning."""
 
     name = "fog"
-    needs = (RobotsThere,)
+    needs = (RobotsThere, TrueFog)
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
-        footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
-        self._truth = Truth(footprint, run.prepared.patrolled)
+        self._fog = readings[TrueFog].fog
         self._ticks = 0
 
     @classmethod
@@ -34,10 +30,8 @@ class FogIsTrue(Check):
         return run.verify_fog
 
     def _tick(self, record: TickRecord) -> None:
-        poses = [(r.number, Pose(r.x, r.y, r.heading)) for r in record.robots if r.status is Status.ALIVE]
-        self._truth.observe(record.k, poses)
         self._ticks += 1
-        fog, step = self._truth.fog, self._run.step
+        fog, step = self._fog, self._run.step
         found = (fog.mfow(record.k), fog.mean(record.k), fog.seen)
         recorded = (record.mfow, record.fog_mean, record.seen)
         if found != recorded:

@@ -1,0 +1,77 @@
+"""The report's section about the radio: what was sent, what arrived, and why the rest did not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from monitor.replay.run import Run
+from monitor.report import html
+from monitor.report.analysis import direct_of
+
+MOST_LINKS = 400
+
+
+def links_section(run: Run) -> str:
+    """What happened to the frames: counts, causes of loss, and a table of links; a direct radio has its own.
+
+    Args:
+        run: The run.
+    """
+    if run.direct:
+        return _direct_links(run)
+    sent, lost = run.links.sent, run.links.lost
+    if not sent.any():
+        return html.text("No frames were sent.", "note")
+    in_flight = sent - run.links.delivered - lost
+    total, arrived, flying = (int(counts[1:].sum()) for counts in (sent, run.links.delivered, in_flight))
+    says = [f"{arrived} of {total} frames were delivered (counted once for each receiver)."]
+    if sent[0].any():
+        says.append(f"{int(run.links.delivered[0].sum())} forged frames were delivered.")
+    if flying:
+        says.append(f"{flying} were still in flight at the end.")
+    late = f"The largest delay was {run.links.late * run.step:g} s."
+    says += [late if run.links.late else "All arrived in the tick in which they were sent."]
+    says.append(f"Robots rejected {run.rejected} frames.")
+    causes = [(why, *(str(int(of.sum())) for of in (c[1:], c[0]))) for why, c in run.links.dropped.items()]
+    parts = [html.text(" ".join(says))]
+    if causes:
+        parts.append(html.table(("cause of loss", "frames", "forged frames"), causes, numbers=(1, 2)))
+    names = ("forger", *run.names)
+    rows = []
+    for row, column in zip(*np.nonzero(sent), strict=True):
+        delivered, number = int(run.links.delivered[row, column]), int(sent[row, column])
+        why = ", ".join(f"{cause} {c[row, column]}" for cause, c in run.links.dropped.items() if c[row, column])
+        settled = number - int(in_flight[row, column])
+        share = f"{100.0 * delivered / settled:.2f}" if settled else "-"
+        counts = (number, delivered, number - settled)
+        rows.append((names[row], names[column], *map(str, counts), share, why))
+    heads = ("from", "to", "sent", "delivered", "in flight", "delivered (%)", "cause of loss")
+    return "".join([*parts, _all_links(heads, rows, range(2, 6))])
+
+
+def _all_links(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
+    listed = html.table(heads, rows[:MOST_LINKS], numbers)
+    more = f"{len(rows) - MOST_LINKS} more links are not listed" if len(rows) > MOST_LINKS else ""
+    return html.details("all links", listed, html.text(more, "note"))
+
+
+def _direct_links(run: Run) -> str:
+    """What robots reported about a direct radio: how many frames they sent and heard."""
+    why = "Robots heard each other directly, so the fate of single frames is unknown"
+    said = direct_of(run)
+    links = said.get("links") or {}
+    if not links:
+        return html.text(f"{why}. No two robots reported at the end how many frames they sent and heard.", "note")
+    sent, heard = (sum(int(counts[what]) for counts in links.values()) for what in ("sent", "heard"))
+    missing = ", ".join(said.get("unsaid", ()))
+    unsaid = f" The counts of {missing} are missing or incomplete." if missing else ""
+    rows = []
+    for link, counts in links.items():
+        share = f"{100.0 * counts['heard'] / counts['sent']:.2f}" if counts["sent"] else "-"
+        rows.append((link, str(counts["sent"]), str(counts["heard"]), share))
+    says = html.text(
+        f"{why}. According to their reports they heard {heard} of {sent} frames and rejected {run.rejected}.{unsaid}"
+    )
+    return says + _all_links(("link", "sent", "heard", "heard (%)"), rows, range(1, 4))

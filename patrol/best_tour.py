@@ -1,0 +1,160 @@
+"""The best tour found: how small a fleet that knew everything could keep the MFoW, as a yardstick for patrols.
+
+A tour is computed once for each ground, body and sensor, and kept in the user's cache folder; a file there that is
+missing or damaged is made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from patrol.ground.footprint import Footprint
+from patrol.own_ground import OwnGround, own_grounds
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import BoolGrid, Terrain
+    from patrol.prepare import Prepared
+
+VERSION = 1
+"""Of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
+
+NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
+"""Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
+
+_known: dict[str, float | None] = {}
+"""Lengths in m by digest, of this process."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartTour:
+    """The tour of the robots of one radius in one part of the terrain.
+
+    Attributes:
+        robots: Their numbers.
+        speed: Of the slowest, m/s.
+        length_m: Of the tour, m; None where the ground is too large for one.
+    """
+
+    robots: tuple[int, ...]
+    speed: float
+    length_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class BestTour:
+    """The tours of a fleet, one for each part of the terrain.
+
+    Attributes:
+        parts: The tours; empty where the sensor does not look all around, or leaves some of a point's age.
+    """
+
+    parts: tuple[PartTour, ...]
+
+    @property
+    def length_m(self) -> float | None:
+        """The length of all tours together, m; None without them."""
+        lengths = [part.length_m for part in self.parts]
+        return None if not lengths or None in lengths else sum(length for length in lengths if length is not None)
+
+    def bound_s(self, shares: Mapping[int, float]) -> float | None:
+        """The MFoW that robots keep who follow the tours at equal distances and at the speed of the slowest.
+
+        Args:
+            shares: By robot number, for how much of the time it takes part, 0 to 1; robots that are missing do not.
+
+        Returns:
+            The longest time between two robots at a place, s; None where a part has no tour, or no robot.
+        """
+        bounds = []
+        for part in self.parts:
+            speed = part.speed * sum(shares.get(number, 0.0) for number in part.robots)
+            if part.length_m is None or speed <= 0.0:
+                return None
+            bounds.append(part.length_m / speed)
+        return max(bounds, default=None)
+
+
+def best_tour(prepared: Prepared) -> BestTour:
+    """Find the tours of a fleet, or take them from the cache.
+
+    In a fleet of several radii, the larger bodies see what they can, and the smaller ones the rest.
+
+    Args:
+        prepared: The scenario, its terrain and the bodies' static fields.
+
+    Returns:
+        The tours.
+    """
+    scenario, terrain = prepared.scenario, prepared.terrain
+    sensor = scenario.sensor
+    footprint = Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
+    if sensor.angle < 360.0 or footprint.leaves_age:
+        return BestTour(())
+    grounds = own_grounds(prepared)
+    groups: dict[int, list[int]] = {}
+    for spec in scenario.roster:
+        groups.setdefault(id(grounds[spec.number]), []).append(spec.number)
+    specs = {spec.number: spec for spec in scenario.roster}
+    left = prepared.patrolled.copy()
+    parts = []
+    for robots in sorted(groups.values(), key=lambda robots: -specs[robots[0]].radius):
+        own = grounds[robots[0]]
+        wanted = own.patrolled & left
+        left &= ~own.patrolled
+        if wanted.any():
+            length_m = _length(terrain, own, wanted, prepared.fields[robots[0]].proxy, footprint)
+            speed = min(specs[number].speed for number in robots)
+            parts.append(PartTour(tuple(robots), speed, length_m))
+    return BestTour(tuple(parts))
+
+
+def _length(terrain: Terrain, own: OwnGround, ground: BoolGrid, proxy: Any, footprint: Footprint) -> float | None:
+    """The length of a tour, m: known to this process, from the cache, or found now."""
+    digest = _digest(terrain, own.reach, ground, footprint)
+    if digest not in _known:
+        file = _cache() / f"{digest}.json"
+        try:
+            length = json.loads(file.read_text(encoding="utf-8"))["length_m"]
+            if length is not None and not (isinstance(length, float) and 0.0 <= length < float("inf")):
+                raise ValueError("no length")
+        except (OSError, ValueError, LookupError, TypeError):
+            from patrol.ground.tour import find_tour  # here: most processes need no tour
+
+            tour = find_tour(terrain, own.reach, ground, proxy, footprint)
+            length = None if tour is None else tour.length_m
+            _keep(file, length)
+        _known[digest] = length
+    return _known[digest]
+
+
+def _keep(file: Path, length_m: float | None) -> None:
+    """Write a tour's length into the cache, if it can be written."""
+    part = file.with_name(f"{file.name}.{os.getpid()}")
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps({"length_m": length_m}), encoding="utf-8")
+        part.replace(file)
+
+
+def _cache() -> Path:
+    own = os.environ.get("XDG_CACHE_HOME")
+    with suppress(RuntimeError):  # nobody's home
+        return (Path(own) if own else Path("~/.cache").expanduser()) / "fogwatch" / "tours"
+    return Path(os.devnull)
+
+
+def _digest(terrain: Terrain, reach: BoolGrid, ground: BoolGrid, footprint: Footprint) -> str:
+    facts = (VERSION, terrain.shape, terrain.point, footprint.radius, footprint.line_of_sight)
+    digest = hashlib.sha256(repr(facts).encode())
+    for grid in (terrain.passable, reach, ground):
+        digest.update(np.packbits(grid).tobytes())
+    return digest.hexdigest()[:32]

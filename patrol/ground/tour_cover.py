@@ -1,0 +1,160 @@
+"""Which places see all of some ground: the choice from which a tour is made."""
+
+from __future__ import annotations
+
+import heapq
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.footprint import Footprint
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.pose import Pose
+
+REMEMBERED = 512
+"""Views kept at most, for the whole grid; more for a thinned one."""
+
+
+class Looks:
+    """What is seen from a point, remembered for a while."""
+
+    def __init__(self, terrain: Terrain, footprint: Footprint) -> None:
+        self._terrain = terrain
+        self._footprint = footprint
+
+    def place(self, place: int) -> tuple[float, float]:
+        """x and y of a point's centre, m."""
+        return self._terrain.centre(*divmod(place, self._terrain.width))
+
+    def window(self, place: int, every: int) -> tuple[slice, slice, BoolGrid]:
+        """Rows and columns of a thinned grid around a place, and which of its points are seen from there.
+
+        Args:
+            place: Flat index.
+            every: The grid holds every so many points of each row and column.
+        """
+        view = self._footprint.visible(Pose(*self.place(place), 0.0))
+        top, left = max(0, -(-view.row0 // every)), max(0, -(-view.col0 // every))
+        mask = view.mask[top * every - view.row0 :: every, left * every - view.col0 :: every]
+        height, width = (-(-size // every) for size in self._terrain.shape)
+        mask = mask[: height - top, : width - left] != 0
+        return slice(top, top + mask.shape[0]), slice(left, left + mask.shape[1]), mask
+
+
+class Views:
+    """How often each point of some ground is seen from the chosen places.
+
+    Attributes:
+        ground: bool, every so many points of each row and column of the ground.
+        count: int32, likewise: how many chosen places see a point.
+    """
+
+    def __init__(self, looks: Looks, ground: BoolGrid, every: int) -> None:
+        """Begin with no chosen place.
+
+        Args:
+            looks: What is seen from where.
+            ground: bool (height, width), what is to be seen.
+            every: Only every so many points of each row and column count.
+        """
+        self.ground = ground[::every, ::every].copy()
+        self.count: NDArray[np.int32] = np.zeros(self.ground.shape, dtype=np.int32)
+        self._every = every
+        self._width = ground.shape[1]
+        self._looks = looks
+        self._window = lru_cache(maxsize=REMEMBERED * every * every)(self._look)
+
+    def clear(self) -> None:
+        """Begin anew, with no chosen place."""
+        self.count[:] = 0
+
+    def _look(self, place: int) -> tuple[slice, slice, BoolGrid]:
+        rows, cols, seen = self._looks.window(place, self._every)
+        return rows, cols, seen & self.ground[rows, cols]
+
+    def gain(self, place: int) -> int:
+        """How many points are seen from a place and from no chosen one."""
+        rows, cols, seen = self._window(place)
+        return int(np.count_nonzero(seen & (self.count[rows, cols] == 0)))
+
+    def add(self, place: int) -> None:
+        """Count what is seen from a place."""
+        rows, cols, seen = self._window(place)
+        self.count[rows, cols] += seen
+
+    def take(self, place: int) -> bool:
+        """Take a chosen place back; whether all that is seen from it is still seen from another one."""
+        rows, cols, seen = self._window(place)
+        count = self.count[rows, cols]
+        count -= seen
+        return not (seen & (count == 0)).any()
+
+    def unseen(self) -> int | None:
+        """The first point of the ground that is seen from no chosen place, its flat index in the terrain."""
+        missing = self.ground & (self.count == 0)
+        at = int(missing.argmax())
+        row, col = divmod(at, missing.shape[1])
+        return row * self._every * self._width + col * self._every if missing[row, col] else None
+
+    def forget(self, point: int) -> None:
+        """Leave a point out of the ground."""
+        row, col = divmod(point, self._width)
+        self.ground[row // self._every, col // self._every] = False
+
+
+def lattice(part: BoolGrid, spacing: float) -> list[int]:
+    """One point of a part for each square of a lattice, the nearest to the square's centre; spacing in points."""
+    inside = np.flatnonzero(part)
+    rows, cols = np.divmod(inside, part.shape[1])
+    row, col = (rows / spacing).astype(np.int64), (cols / spacing).astype(np.int64)
+    off = (rows - (row + 0.5) * spacing) ** 2 + (cols - (col + 0.5) * spacing) ** 2
+    order = np.lexsort((off, col, row))
+    square = (row * part.shape[1] + col)[order]
+    first = np.ones(len(order), dtype=np.bool_)
+    first[1:] = square[1:] != square[:-1]
+    return [int(place) for place in inside[order[first]]]
+
+
+def choose(candidates: list[int], views: Views) -> list[int]:
+    """Greedy cover: always the place that adds most, until none adds anything."""
+    waiting = [(-views.gain(place), place) for place in candidates]
+    heapq.heapify(waiting)
+    chosen = []
+    while waiting:
+        gain, place = heapq.heappop(waiting)
+        now = views.gain(place)  # at most what it was when it was put in
+        if now == -gain:
+            if now == 0:
+                break
+            views.add(place)
+            chosen.append(place)
+        elif now:
+            heapq.heappush(waiting, (-now, place))
+    return chosen
+
+
+def complete(views: Views, part: BoolGrid, proxy: NDArray[np.int32]) -> list[int]:
+    """Places for what no candidate sees: the unseen point itself, or the point of the part that sees it."""
+    inside, posts = part.reshape(-1), proxy.reshape(-1)
+    added = []
+    last = None
+    while (here := views.unseen()) is not None:
+        if here == last:  # seen from nowhere in this part
+            views.forget(here)
+            continue
+        last = here
+        place = here if inside[here] else int(posts[here])
+        views.add(place)
+        added.append(place)
+    return added
+
+
+def needed(chosen: list[int], views: Views) -> list[int]:
+    """The chosen places without those that see nothing alone."""
+    needed = []
+    for place in dict.fromkeys(chosen):
+        if not views.take(place):
+            views.add(place)
+            needed.append(place)
+    return needed

@@ -1,0 +1,63 @@
+"""What each robot can reach and see by itself, where the terrain falls into parts that no robot can change between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.fields import StaticFields, anchor, parts_of
+from patrol.ground.terrain import BoolGrid, frozen_grid
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class OwnGround:
+    """What a robot can reach and see by itself, from the part of the terrain that it starts in.
+
+    Attributes:
+        reach: bool (height, width), read-only, the connected part of the reachable ground.
+        patrolled: bool (height, width), read-only, the patrolled points in it, and those that are best seen from it.
+    """
+
+    reach: BoolGrid
+    patrolled: BoolGrid
+
+
+def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
+    """What each robot can reach and see by itself.
+
+    Args:
+        prepared: The scenario, its terrain and the bodies' static fields.
+
+    Returns:
+        The grounds by robot number; robots of one radius in one part share one object.
+    """
+    terrain = prepared.terrain
+    labels: dict[int, NDArray[np.int32]] = {}
+    made: dict[tuple[int, int], OwnGround] = {}
+    grounds = {}
+    for spec, start in zip(prepared.scenario.roster, prepared.starts, strict=True):
+        fields = prepared.fields[spec.number]
+        body = id(fields)
+        if body not in labels:
+            labels[body], _ = parts_of(np.ascontiguousarray(fields.reach))
+        at = anchor(terrain, fields.cspace, start.x, start.y)
+        part = 0 if at is None else int(labels[body][at])
+        if (body, part) not in made:
+            reach = frozen_grid(labels[body] == part) if part else fields.reach
+            made[body, part] = OwnGround(reach, _seen_from(fields, reach))
+        grounds[spec.number] = made[body, part]
+    return grounds
+
+
+def _seen_from(fields: StaticFields, part: BoolGrid) -> BoolGrid:
+    """The patrolled points in a part of the reachable ground, and those whose nearest seeing point lies in it."""
+    hidden = fields.proxy >= 0
+    seen = np.array(part)
+    seen[hidden] = part.reshape(-1)[fields.proxy[hidden]]
+    return frozen_grid(seen)

@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+import math
+from itertools import pairwise, permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import patrol.ground.tour
+from patrol.ground.fields import StaticFields, compute_fields
+from patrol.ground.footprint import Footprint
+from patrol.ground.kernels.tour import FAR, clear_line, lengths_between, shorten, way_between
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.tour import Tour, find_tour
+from patrol.pose import Pose
+
+
+def grid(*rows: str) -> BoolGrid:
+    return np.array([[letter == "." for letter in row] for row in rows], dtype=np.bool_)
+
+
+def tour_of(terrain: Terrain, range_m: float, x: float, y: float) -> tuple[Tour, StaticFields]:
+    """The tour of a body of 0.3 m that starts at a place, and its fields."""
+    fields = compute_fields(terrain, 0.3, range_m, True, [Pose(x, y, 0.0)])
+    tour = find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, Footprint(terrain, range_m))
+    assert tour is not None
+    return tour, fields
+
+
+def seen_from(terrain: Terrain, range_m: float, places: list[tuple[float, float]]) -> BoolGrid:
+    seen = np.zeros(terrain.shape, dtype=np.bool_)
+    footprint = Footprint(terrain, range_m)
+    for x, y in places:
+        view = footprint.visible(Pose(x, y, 0.0))
+        rows, cols = np.nonzero(view.mask)
+        rows, cols = rows + view.row0, cols + view.col0
+        inside = (rows >= 0) & (rows < terrain.height) & (cols >= 0) & (cols < terrain.width)
+        seen[rows[inside], cols[inside]] = True
+    return seen
+
+
+def building(seed: int) -> Terrain:
+    """A room of 20 x 15 m in points of 0.5 m with some blocks in it."""
+    free = np.ones((30, 40), dtype=np.bool_)
+    draw = np.random.default_rng(seed)
+    for _ in range(6):
+        row, col = draw.integers(4, 28), draw.integers(4, 36)
+        free[row : row + draw.integers(1, 8), col : col + draw.integers(1, 8)] = False
+    return Terrain("building", free, 0.5)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("range_m", [2.0, 4.0, 9.0])
+def test_from_the_tour_all_patrolled_ground_is_seen(seed: int, range_m: float) -> None:
+    terrain = building(seed)
+    tour, fields = tour_of(terrain, range_m, 1.0, 1.0)
+    stops = []
+    for a, b in pairwise([*tour.way, tour.way[0]]):
+        parts = max(math.ceil(math.dist(a, b) / 0.1), 1)
+        stops += [(a[0] + (b[0] - a[0]) * i / parts, a[1] + (b[1] - a[1]) * i / parts) for i in range(parts)]
+    assert all(fields.reach[terrain.point_at(*stop)] for stop in stops)
+    assert not (fields.patrolled & ~seen_from(terrain, range_m, sorted(set(stops)))).any()
+    assert tour.length_m == pytest.approx(sum(math.dist(a, b) for a, b in pairwise([*tour.way, tour.way[0]])))
+
+
+def test_what_is_seen_from_one_place_needs_no_way() -> None:
+    tour, _ = tour_of(Terrain("room", np.ones((10, 10), dtype=np.bool_), 0.5), 10.0, 2.0, 2.0)
+    assert (tour.length_m, len(tour.way)) == (0.0, 1)
+
+
+def test_a_corridor_is_driven_up_and_down() -> None:
+    tour, _ = tour_of(Terrain("corridor", np.ones((3, 100), dtype=np.bool_), 0.5), 3.0, 2.0, 0.75)
+    assert 2 * (50.0 - 2 * 3.0) <= tour.length_m <= 2 * 50.0
+
+
+@pytest.mark.parametrize("limit", ["MOST_PLACES", "MOST_POINTS"])
+def test_ground_that_is_too_large_has_no_tour(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    terrain = building(1)
+    fields = compute_fields(terrain, 0.3, 2.0, True, [Pose(1.0, 1.0, 0.0)])
+    monkeypatch.setattr(patrol.ground.tour, limit, 2)
+    footprint = Footprint(terrain, 2.0)
+    assert find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, footprint) is None
+
+
+def test_the_tour_is_the_same_each_time() -> None:
+    assert tour_of(building(3), 4.0, 1.0, 1.0)[0] == tour_of(building(3), 4.0, 1.0, 1.0)[0]
+
+
+def test_open_ground_needs_no_more_than_strips_of_the_sensors_width() -> None:
+    terrain = Terrain("field", np.ones((80, 120), dtype=np.bool_), 0.5)
+    tour, _ = tour_of(terrain, 5.0, 2.0, 2.0)
+    assert 0.8 * 60.0 * 40.0 / 10.0 <= tour.length_m <= 1.6 * 60.0 * 40.0 / 10.0
+
+
+# --- kernels ---------------------------------------------------------------------------------------------------------
+
+
+def lengths(
+    open_: BoolGrid, places: list[int], limit: int = 10**6
+) -> tuple[int, np.ndarray[tuple[int, int], np.dtype[np.int32]]]:
+    found = np.empty((len(places), len(places)), dtype=np.int32)
+    work = np.full(open_.size, FAR, dtype=np.int32)
+    queues = [np.empty(2 * open_.size + 2, dtype=np.int32) for _ in range(2)]
+    flat = np.array(places, dtype=np.int64)
+    missing = lengths_between(open_.view(np.uint8), flat, found, work, queues[0], queues[1], limit)
+    assert (work == FAR).all()
+    return missing, found
+
+
+ROOM = grid(
+    "#########",
+    "#...#...#",
+    "#.#.#.#.#",
+    "#.#...#.#",
+    "#########",
+)
+
+
+def test_lengths_lead_round_walls_and_cut_no_corner() -> None:
+    missing, found = lengths(ROOM, [10, 16, 28])
+    assert missing == 0
+    assert found.tolist() == [[0, 1000, 200], [1000, 0, 1200], [200, 1200, 0]]
+
+
+def test_lengths_beyond_the_limit_lead_through_other_places() -> None:
+    missing, found = lengths(ROOM, [10, 16, 30], 700)
+    assert missing == 0
+    assert found[0, 1] == found[0, 2] + found[2, 1] == 1000
+    assert lengths(ROOM, [10, 16], 700)[0] == 2
+
+
+def test_a_way_is_straight_where_it_can_be_and_else_turns_round_corners() -> None:
+    def way(first: int, last: int) -> list[int]:
+        work, corners = np.full(ROOM.size, FAR, dtype=np.int32), np.empty(ROOM.size, dtype=np.int32)
+        queues = [np.empty(2 * ROOM.size + 2, dtype=np.int32) for _ in range(2)]
+        count = way_between(ROOM.view(np.uint8), first, last, work, queues[0], queues[1], corners)
+        assert (work == FAR).all()
+        return [int(corner) for corner in corners[:count]]
+
+    assert way(10, 10) == [10]
+    assert way(10, 12) == [10, 12]
+    assert way(10, 28) == [10, 28]
+    assert way(10, 16) == [10, 12, 30, 32, 14, 16]
+
+
+def test_a_line_through_a_corner_needs_all_four_points() -> None:
+    open_ = np.ones((4, 4), dtype=np.bool_)
+    assert clear_line(open_.view(np.uint8), 0, 15)
+    open_[1, 2] = False
+    assert not clear_line(open_.view(np.uint8), 0, 15)
+    assert clear_line(open_.view(np.uint8), 0, 12)
+    assert not clear_line(open_.view(np.uint8), 0, 6)
+
+
+@given(st.integers(1, 7), st.integers(0, 10**6))
+@settings(max_examples=60)
+def test_a_tour_stays_a_tour_and_gets_no_longer(n: int, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    at = draw.integers(0, 1000, (n, 2))
+    far = np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1)).astype(np.int32)
+
+    def length(order: tuple[int, ...]) -> int:
+        return sum(int(far[order[i - 1], order[i]]) for i in range(n))
+
+    tour = np.arange(n, dtype=np.int64)
+    found = shorten(far, tour)
+    assert sorted(tour.tolist()) == list(range(n))
+    assert found == length(tuple(tour.tolist())) <= length(tuple(range(n)))
+    best = min(length((0, *rest)) for rest in permutations(range(1, n)))
+    assert found <= 1.25 * best + n

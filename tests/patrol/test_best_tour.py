@@ -1,0 +1,121 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import patrol.ground.tour
+from patrol import best_tour as module
+from patrol.best_tour import BestTour, PartTour, best_tour
+from patrol.ground.fields import compute_fields
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from patrol.prepare import Prepared
+from patrol.scenario import load_scenario
+
+
+def prepared(door: bool = True, radii: tuple[float, float] = (0.3, 0.3), **sensor: Any) -> Prepared:
+    """Two rooms of 10 x 10 m and a robot in each."""
+    free = np.ones((20, 41), dtype=np.bool_)
+    free[:, 20] = False
+    if door:
+        free[8:12, 20] = True
+    terrain = Terrain("rooms", free, 0.5)
+    starts = (Pose(5.0, 5.0, 0.0), Pose(15.0, 5.0, 0.0))
+    robots = [
+        {"name": f"r{number}", "model": "holonomic", "radius": radius, "speed": float(number)}
+        for number, radius in enumerate(radii, start=1)
+    ]
+    facts = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "sensor": {"range": 3.0, **sensor}}
+    fields = {
+        radius: compute_fields(
+            terrain, radius, 3.0, True, [start for start, own in zip(starts, radii, strict=True) if own == radius]
+        )
+        for radius in radii
+    }
+    return Prepared(load_scenario(facts), terrain, starts, {n: fields[radius] for n, radius in enumerate(radii, 1)})
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache of this test's own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(module, "_known", {})
+    return tmp_path / "fogwatch" / "tours"
+
+
+def test_robots_of_one_part_share_a_tour_at_the_speed_of_the_slowest() -> None:
+    tour = best_tour(prepared())
+    (part,) = tour.parts
+    assert (part.robots, part.speed) == ((1, 2), 1.0)
+    assert tour.length_m == part.length_m
+    assert part.length_m is not None
+    assert tour.bound_s({1: 1.0, 2: 1.0}) == part.length_m / 2.0
+    assert tour.bound_s({1: 1.0, 2: 0.5}) == part.length_m / 1.5
+    assert tour.bound_s({}) is None
+
+
+def test_parts_that_nobody_can_change_between_have_a_tour_each() -> None:
+    tour = best_tour(prepared(door=False))
+    first, second = tour.parts
+    assert (first.robots, second.robots) == ((1,), (2,))
+    assert first.length_m is not None
+    assert second.length_m is not None
+    assert tour.bound_s({1: 1.0, 2: 1.0}) == max(first.length_m, second.length_m / 2.0)
+    assert tour.bound_s({1: 1.0}) is None
+
+
+def test_of_two_bodies_the_larger_sees_what_it_can() -> None:
+    ready = prepared(radii=(0.6, 0.3))
+    more = ready.fields[2].patrolled & ~ready.fields[1].patrolled
+    assert more.any()
+    large, small = best_tour(ready).parts
+    assert (large.robots, small.robots) == ((1,), (2,))
+    assert large.length_m is not None
+    assert small.length_m is not None
+    assert small.length_m < large.length_m
+
+
+@pytest.mark.parametrize("sensor", [{"angle": 90.0}, {"quality": 0.5}])
+def test_a_sensor_that_misses_some_has_no_tour(sensor: dict[str, Any]) -> None:
+    tour = best_tour(prepared(**sensor))
+    assert tour == BestTour(())
+    assert tour.length_m is None
+    assert tour.bound_s({1: 1.0}) is None
+
+
+def test_ground_too_large_for_a_tour_has_no_bound() -> None:
+    tour = BestTour((PartTour((1,), 1.0, 9.0), PartTour((2,), 1.0, None)))
+    assert tour.length_m is None
+    assert tour.bound_s({1: 1.0, 2: 1.0}) is None
+
+
+def test_a_tour_is_found_once_and_read_afterwards(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tour = best_tour(prepared())
+    (file,) = cache.iterdir()
+    assert json.loads(file.read_text()) == {"length_m": tour.length_m}
+    monkeypatch.setattr(module, "_known", {})
+    monkeypatch.setattr(patrol.ground.tour, "find_tour", None)
+    assert best_tour(prepared()) == tour
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[]", '{"length_m": "far"}', '{"length_m": -1.0}', '{"length_m": NaN}', "\x00"]
+)
+def test_a_damaged_file_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    tour = best_tour(prepared())
+    (file,) = cache.iterdir()
+    whole = file.read_text()
+    file.write_text(text)
+    monkeypatch.setattr(module, "_known", {})
+    assert best_tour(prepared()) == tour
+    assert file.read_text() == whole
+
+
+def test_a_cache_that_cannot_be_written_is_done_without(cache: Path) -> None:
+    cache.parent.parent.mkdir(exist_ok=True)
+    cache.parent.write_text("a file where the folder would be")
+    assert best_tour(prepared()).length_m is not None

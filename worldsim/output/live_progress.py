@@ -1,0 +1,66 @@
+"""What the terminal shows of a run while it goes on: its measures, and the robots that are trapped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from patrol.net.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
+from patrol.progress import Trap, Traps
+
+if TYPE_CHECKING:
+    from patrol.journal import Event, TickRecord
+    from worldsim.world import World
+
+
+class LiveProgress:
+    """Turns a world's ticks and events into what is shown of them. It changes nothing."""
+
+    def __init__(self, world: World, now: Callable[[], float]) -> None:
+        """Watch a world from its first tick on.
+
+        Args:
+            world: The world.
+            now: Wall clock, s.
+        """
+        scenario = world.scenario
+        self._world = world
+        self._names = {spec.number: spec.name for spec in scenario.roster}
+        self._watcher = Watcher(self._names, world.truth.fog.points, scenario.step, scenario.ticks, now)
+        self._traps = Traps(world.prepared)
+
+    def tick(self, record: TickRecord) -> tuple[Metrics | None, list[Notice]]:
+        """Take in the next tick.
+
+        Args:
+            record: Of the tick.
+
+        Returns:
+            The measures, when they are due; and a notice for each robot that is found to be trapped, or is free again.
+        """
+        fog = self._world.truth.fog
+        traps = self._traps.tick(record, lambda: fog.last_seen)
+        # Who leaves one circle and has long been in the next is not free.
+        again = {trap.robot for trap in traps if trap.until is None}
+        notices = [self._notice(record.k, trap) for trap in traps if trap.until is None or trap.robot not in again]
+        return self._watcher.take(record, self._stalest), notices
+
+    def event(self, event: Event) -> Notice:
+        """An event of the journal as a notice.
+
+        Args:
+            event: The event.
+        """
+        return self._watcher.notice(event)
+
+    def _stalest(self) -> tuple[float, float]:
+        return self._world.terrain.centre(*self._world.truth.fog.stalest())
+
+    def _notice(self, k: int, trap: Trap) -> Notice:
+        stay, step = trap.stay, self._world.step
+        where = f"({stay.x:.1f}, {stay.y:.1f})"
+        if trap.until is None:
+            text = f"has stayed within {stay.radius:.1f} m of {where} since {stay.since * step:g} s"
+            return Notice(k, TRAPPED, self._names[trap.robot], text)
+        text = f"is free again: it stayed at {where} from {stay.since * step:g} s to {trap.until * step:g} s"
+        return Notice(k, FREE, self._names[trap.robot], text)

@@ -1,0 +1,43 @@
+"""The true fog of a judged run, for the checks that look at it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from patrol.journal import Status
+from patrol.pose import Pose
+from patrol.prepare import sensor_footprint
+from worldsim.truth import Truth
+from worldsim.verdict.common.check import Reading
+from worldsim.verdict.common.robots_there import RobotsThere
+
+if TYPE_CHECKING:
+    from patrol.ground.fog import Fog
+    from patrol.journal import TickRecord
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+
+class TrueFog(Reading):
+    """The fog, recomputed from the poses; or that of the world, where the verdict does not verify it.
+
+    Attributes:
+        fog: After the latest tick's observations.
+    """
+
+    needs = (RobotsThere,)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._truth: Truth | None = None
+        if run.fog is not None:
+            self.fog: Fog = run.fog
+        else:
+            footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
+            self._truth = Truth(footprint, run.prepared.patrolled)
+            self.fog = self._truth.fog
+
+    def tick(self, record: TickRecord) -> None:
+        """Let the living robots look around."""
+        if self._truth is not None:
+            poses = [(r.number, Pose(r.x, r.y, r.heading)) for r in record.robots if r.status is Status.ALIVE]
+            self._truth.observe(record.k, poses)

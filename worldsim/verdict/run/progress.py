@@ -1,0 +1,283 @@
+"""The verdict's check of progress: whether the patrol gets on, and where it does not."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from patrol.best_tour import best_tour
+from patrol.ground.fields import parts_of
+from patrol.ground.fog import NEVER
+from patrol.journal import Status
+from patrol.progress import TRAPPED_S, Place, Stay, Trap, Traps, judged_places
+from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.common.true_fog import TrueFog
+
+if TYPE_CHECKING:
+    from patrol.journal import RobotTick, TickRecord
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+TOURS = 4.0
+"""How often the robots must have been able to drive the best tour found before the fog of a run is judged."""
+
+SHORTEST_S = 2.0 * TRAPPED_S
+"""The shortest run whose fog is judged, s: on small ground a tour takes seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stalest:
+    """The stalest place at some time.
+
+    Attributes:
+        x: Of the place, m.
+        y: Of the place, m.
+        age_s: How long nobody had seen it, s; from the start if nobody ever had.
+        at_s: The time, s.
+        seen: Whether anybody had ever seen it.
+        nearest: The name of the living robot nearest to it in a straight line; None where none was alive.
+        nearest_m: That robot's distance, m.
+    """
+
+    x: float
+    y: float
+    age_s: float
+    at_s: float
+    seen: bool
+    nearest: str | None
+    nearest_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class LongestStay:
+    """The longest time for which a robot stayed in one place (`patrol.progress.Stays`).
+
+    Attributes:
+        seconds: How long, s.
+        since_s: From when, s.
+        x: Of the circle's centre, m.
+        y: Of the circle's centre, m.
+        radius_m: Of the circle, m.
+    """
+
+    seconds: float
+    since_s: float
+    x: float
+    y: float
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class TrappedRobot:
+    """A time for which a robot was trapped.
+
+    Attributes:
+        robot: Its name.
+        x: Of the circle's centre, m.
+        y: Of the circle's centre, m.
+        radius_m: Of the circle, m.
+        from_s: When it came, s.
+        until_s: When it left, s; None where it was still there at the end.
+        stale: x and y in m of a stale point outside of the circle that it could have gone to and seen.
+        seen_s: When that point had last been seen, s; None where nobody had seen it.
+    """
+
+    robot: str
+    x: float
+    y: float
+    radius_m: float
+    from_s: float
+    until_s: float | None
+    stale: Place
+    seen_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class RunProgress:
+    """How a patrol got on.
+
+    Attributes:
+        worst: The stalest place over the whole run; None without a tick.
+        end: The stalest place at the end; None without a tick.
+        stays: The longest stays by robot number.
+        trapped: Every time for which a robot was trapped, in the order in which they began.
+    """
+
+    worst: Stalest | None
+    end: Stalest | None
+    stays: dict[int, LongestStay]
+    trapped: tuple[TrappedRobot, ...]
+
+
+class Progress(Check):
+    """Warns of robots that are trapped, of fog that grows to the end, and of ground that nobody has seen.
+
+    A patrol without progress is no error of the run: its numbers are right, and they say how bad the policy is. So this
+    check fails no run.
+    """
+
+    name = "progress"
+    needs = (RobotsThere, TrueFog)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._fog = readings[TrueFog].fog
+        self._traps = Traps(run.prepared)
+        self._found: dict[tuple[int, int], Trap] = {}
+        self._stays: dict[int, tuple[int, Stay]] = {}
+        self._patrolled: Counter[int] = Counter()
+        self._worst: tuple[int, int, tuple[int, int], int, tuple[RobotTick, ...]] | None = None
+        self._last: TickRecord | None = None
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where there is a fog to look at."""
+        return run.verify_fog or run.fog is not None
+
+    def _tick(self, record: TickRecord) -> None:
+        fog, k = self._fog, record.k
+        for trap in self._traps.tick(record, lambda: fog.last_seen):
+            self._found[trap.robot, trap.stay.since] = trap
+        places, free = judged_places(record)
+        self._patrolled.update(places.keys() - free)
+        for number in places:
+            stay = self._traps.stays.stay(number)
+            if stay is not None and k - stay.since > self._stays.get(number, (0, stay))[0]:
+                self._stays[number] = k - stay.since, stay
+        age = fog.mfow(k)
+        if self._worst is None or age > self._worst[0]:
+            point = fog.stalest()
+            self._worst = age, k, point, int(fog.last_seen[point]), record.robots
+        self._last = record
+
+    def facts(self) -> RunProgress:
+        """How the patrol got on, once all ticks are in."""
+        last, step = self._last, self._run.step
+        if last is None or self._worst is None:
+            return RunProgress(None, None, {}, ())
+        point = self._fog.stalest()
+        end = self._fog.mfow(last.k), last.k, point, int(self._fog.last_seen[point]), last.robots
+        stays = {
+            number: LongestStay(ticks * step, stay.since * step, stay.x, stay.y, stay.radius)
+            for number, (ticks, stay) in self._stays.items()
+        }
+        traps = sorted(self._found.values(), key=lambda trap: (trap.stay.since, trap.robot))
+        trapped = tuple(self._trapped_robot(trap) for trap in traps)
+        return RunProgress(self._stalest(*self._worst), self._stalest(*end), stays, trapped)
+
+    def result(self) -> CheckResult:
+        """The result, once all ticks are in."""
+        if self._last is None:
+            return self._not_judged("not judged: the run has no tick")
+        warnings = self._trapped()
+        about_fog, judged = self._about_fog()
+        warnings += about_fog
+        said = "; ".join(warnings)
+        return CheckResult(self.name, True, said or f"no robot was trapped; {judged}", warnings=tuple(warnings))
+
+    def _good(self) -> str:
+        return ""
+
+    # --- trapped robots ----------------------------------------------------------------------------------------------
+
+    def _trapped(self) -> list[str]:
+        """One line for each robot that was trapped, about its longest stay."""
+        lines = []
+        for number, name in self._run.names.items():
+            traps = [trap for trap in self._found.values() if trap.robot == number]
+            if traps:
+                longest = max(traps, key=self._ticks)
+                total = f"; {len(traps)} times in all, {sum(map(self._ticks, traps)) * self._run.step:g} s"
+                lines.append(f"{name} was trapped: {self._told(longest)}{total if len(traps) > 1 else ''}")
+        return lines
+
+    def _trapped_robot(self, trap: Trap) -> TrappedRobot:
+        stay, step = trap.stay, self._run.step
+        return TrappedRobot(
+            self._run.names[trap.robot],
+            stay.x,
+            stay.y,
+            stay.radius,
+            stay.since * step,
+            None if trap.until is None else trap.until * step,
+            trap.point,
+            None if trap.unseen_since == NEVER else trap.unseen_since * step,
+        )
+
+    def _ticks(self, trap: Trap) -> int:
+        return (self._end if trap.until is None else trap.until) - trap.stay.since
+
+    @property
+    def _end(self) -> int:
+        return 0 if self._last is None else self._last.k + 1
+
+    def _told(self, trap: Trap) -> str:
+        step, stay = self._run.step, trap.stay
+        until = f"the end ({self._end * step:g} s)" if trap.until is None else f"{trap.until * step:g} s"
+        unseen = (
+            "had never been seen" if trap.unseen_since == NEVER else f"was last seen at {trap.unseen_since * step:g} s"
+        )
+        return (
+            f"it stayed within {stay.radius:.1f} m of {_at((stay.x, stay.y))} from {stay.since * step:g} s to {until}, "
+            f"while {_at(trap.point)}, {trap.away:.0f} m away, {unseen}"
+        )
+
+    # --- fog ---------------------------------------------------------------------------------------------------------
+
+    def _about_fog(self) -> tuple[list[str], str]:
+        """Warnings about the fog at the end, and without any what was found."""
+        end, never = self.facts().end, self._fog.points - self._fog.seen
+        took_s = self._end * self._run.step
+        assert end is not None
+        if not never and end.age_s <= 0.5 * took_s:
+            return [], "all that can be seen was seen, and the fog did not grow to the end"
+        tour_s = best_tour(self._run.prepared).bound_s({n: ticks / self._end for n, ticks in self._patrolled.items()})
+        if tour_s is None:
+            return [], "the fog is not judged: there is no tour to compare with"
+        least_s = max(TOURS * tour_s, SHORTEST_S)
+        if took_s < least_s:
+            return [], f"the fog is not judged: the run takes {took_s:g} s, and it would have to take {least_s:.0f} s"
+        return [self._never(never, took_s) if never else self._stale(end)], ""
+
+    def _stale(self, end: Stalest) -> str:
+        near = "" if end.nearest is None else f"; {end.nearest} was nearest to it then, {end.nearest_m:.0f} m away"
+        seen = f"was last seen at {end.at_s - end.age_s:g} s, {end.age_s:g} s before the end"
+        return f"the fog grew to the end: {_at((end.x, end.y))} {seen}{near}"
+
+    def _never(self, never: int, took_s: float) -> str:
+        terrain = self._run.prepared.terrain
+        missing = (self._fog.last_seen == NEVER) & (self._fog.patrolled != 0)
+        labels, count = parts_of(missing)
+        sizes = np.bincount(labels.reshape(-1), minlength=count + 1)
+        sizes[0] = 0
+        rows, cols = np.nonzero(labels == int(sizes.argmax()))
+        middle = np.argmin((rows - rows.mean()) ** 2 + (cols - cols.mean()) ** 2)
+        where = terrain.centre(int(rows[middle]), int(cols[middle]))
+        points = f"{never} point{'s' if never != 1 else ''} ({_area(never * terrain.point_area)}, "
+        share = 100.0 * never / self._fog.points
+        points += f"{share:{'.0f' if share >= 10.0 else '.2g'}} % of what can be seen)"
+        largest = (
+            "" if count == 1 else f"the largest of {count} pieces, {_area(int(sizes.max()) * terrain.point_area)}, "
+        )
+        return f"{points} {'was' if never == 1 else 'were'} never seen in {took_s:g} s: {largest}at {_at(where)}"
+
+    def _stalest(
+        self, age: int, k: int, point: tuple[int, int], last_seen: int, rows: tuple[RobotTick, ...]
+    ) -> Stalest:
+        x, y = self._run.prepared.terrain.centre(*point)
+        away = [(math.dist((x, y), (r.x, r.y)), r.number) for r in rows if r.status is Status.ALIVE]
+        nearest_m, number = min(away, default=(None, 0))
+        step = self._run.step
+        return Stalest(x, y, age * step, k * step, last_seen != NEVER, self._run.names.get(number), nearest_m)
+
+
+def _at(place: Place) -> str:
+    return f"({place[0]:.1f}, {place[1]:.1f})"
+
+
+def _area(m2: float) -> str:
+    return f"{m2:.0f} m²" if m2 >= 10.0 else f"{m2:.2g} m²"
