@@ -17,6 +17,9 @@ FORGED = 0
 DEAD_END = "dead-end"
 """The state of a mind that is getting out of a dead end."""
 
+SURROUNDING = "surrounding"
+"""The state of a mind whose robot stands around an intruder, or is on its way there."""
+
 
 def frame_sequence(k: int, place: int) -> int:
     """The number that distinguishes a frame from all others of its sender; 32 bits for frames that robots send.

@@ -67,7 +67,7 @@ export class FaultsPanel {
     $("viewonly").textContent = facts.mayControl
       ? "Faults are not available: no world simulates these robots."
       : "This page is view-only. To control the fleet, open the address exactly as printed, including its key.";
-    $("who").replaceChildren(...facts.robots.map((robot, place) => new Option(robot.name, String(place))));
+    this.#listRobots();
     $("intruder").hidden = !can("intruder");
     this.expected.clear();
     this.joining.clear();
@@ -77,6 +77,7 @@ export class FaultsPanel {
     if (topic === "select" && this.map.selected >= 0) $("who").value = String(this.map.selected);
     const { facts, state } = this.store;
     if (!state || !facts.live) return;
+    if ($("who").options.length !== this.store.listed.length) this.#listRobots();
     const status = state.robots[Number($("who").value)]?.[0];
     $("kill").disabled = ![ALIVE, PAUSED].includes(status);
     $("pauseone").disabled = status !== ALIVE;
@@ -87,6 +88,12 @@ export class FaultsPanel {
     $("silence").setAttribute("aria-pressed", String(inForce.some((fault) => silences(fault, this.#who()))));
     if (!this.lossTimer && !this.settingLoss) this.#showLoss(Math.max(0, ...inForce.filter(losesEverywhere).map((fault) => fault.rate)));
     $("silence").disabled = AWAY.includes(status);
+  }
+
+  #listRobots() {
+    const { facts, listed } = this.store, before = $("who").value;
+    $("who").replaceChildren(...listed.map((place) => new Option(facts.robots[place].name, String(place))));
+    if (listed.includes(Number(before))) $("who").value = before;
   }
 
   /** Start to aim at a place for an intruder, or stop. */
