@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from patrol.journal.records import TickRecord
     from patrol.prepare import Prepared
 
-TRAPPED, FREE = "trapped", "free again"
+TRAPPED, FREE = "trapped", "no longer trapped"
 """Kinds of events."""
 
 
@@ -62,7 +62,7 @@ class TrapWatch:
             last_seen: Gives the fog after the tick's observations, int32 (h, w), ticks; called only when needed.
 
         Returns:
-            An event for each robot that was found to be trapped in this tick, or that is free again.
+            An event for each robot that was found to be trapped in this tick, or no longer is.
         """
         if self._known is None:
             self._known = record.k
