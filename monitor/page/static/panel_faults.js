@@ -78,7 +78,8 @@ export class FaultsPanel {
     const { facts, state } = this.store;
     if (!state || !facts.live) return;
     if ($("who").options.length !== this.store.listed.length) this.#listRobots();
-    const status = state.robots[Number($("who").value)]?.[0];
+    const away = this.#away().length, status = state.robots[Number($("who").value)]?.[0];
+    write($("join"), `add a robot${away ? ` (${away} can join)` : ""}`);
     $("kill").disabled = ![ALIVE, PAUSED].includes(status);
     $("pauseone").disabled = status !== ALIVE;
     $("resumeone").disabled = status !== PAUSED;
@@ -202,10 +203,15 @@ export class FaultsPanel {
     if (await this.operate({ do: "heal", id }, "fault ended")) this.#expect(id, null);
   }
 
+  /** Names of the robots that can join. */
+  #away() {
+    const { facts, state } = this.store;
+    return facts.robots.map((robot) => robot.name).filter((_, place) => AWAY.includes(state.robots[place]?.[0]));
+  }
+
   #join() {
-    const { facts, state } = this.store, now = performance.now();
-    if (!state) return;
-    const away = facts.robots.map((robot) => robot.name).filter((_, place) => AWAY.includes(state.robots[place][0]));
+    if (!this.store.state) return;
+    const away = this.#away(), now = performance.now();
     const who = away.find((name) => !(this.joining.get(name) > now));
     if (who) {
       this.joining.set(who, now + EXPECTED_MS);
