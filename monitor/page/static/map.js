@@ -92,8 +92,8 @@ export class MapView {
     context.drawImage(this.fog.canvas, left, top, width * pixel * this.scale, height * pixel * this.scale);
     drawScaleBar(this);
     if (store.state) {
-      drawStalest(this);
       drawRobots(this);
+      drawStalest(this);
     }
     if (this.pointing && this.hovered) drawCross(this);
     this.#hover();

@@ -1,4 +1,4 @@
-// What is drawn on the map: the stalest point, robots with footprint, trail and goal, intruders, the cross, the scale bar.
+// What is drawn on the map: robots with footprint, trail and goal, intruders, the stalest point, the cross, the scale bar.
 
 import { SERIES } from "./colours.js";
 import { robotStatus, stalestAge } from "./store.js";

@@ -94,7 +94,7 @@ export class FaultsPanel {
   #listRobots() {
     const { facts, listed } = this.store, before = $("who").value;
     $("who").replaceChildren(...listed.map((place) => new Option(facts.robots[place].name, String(place))));
-    if (listed.includes(Number(before))) $("who").value = before;
+    if (before && listed.includes(Number(before))) $("who").value = before;
   }
 
   /** Start to aim at a place for an intruder, or stop. */

@@ -176,6 +176,7 @@ def test_spare_robots_appear_when_they_join(chromium: Any, spare: Seen) -> None:
         assert look.evaluate(names) == ["r1", "r2"]
         assert "belief of r3" not in look.evaluate(fogs)
         assert look.evaluate(robots) == ["r1", "r2"]
+        assert look.evaluate("document.getElementById('who').value") == "0"
         look.page.select_option("#layer", "2")
         for _ in range(2):
             look.press("p")
