@@ -77,7 +77,7 @@ class PositionsSource:
         self._number_of = {**telemetry, **tokens}
         self._frames: Mailbox[bytes] = Mailbox(positions, bytes, MAX_FRAME)
         self._reports: Mailbox[Telemetry | Presence] = Mailbox([*telemetry, *tokens], read_telemetry, MAX_TELEMETRY)
-        self._traps = TrapWatch(prepared)
+        self._traps = TrapWatch(prepared, from_start=False)
         self._views: dict[int, Telemetry] = {}
         self._present: set[int] = set()
         self._events: list[Event] = []

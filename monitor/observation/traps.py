@@ -30,14 +30,16 @@ class TrapWatch:
     and after a gap counts as having stayed.
     """
 
-    def __init__(self, prepared: Prepared) -> None:
+    def __init__(self, prepared: Prepared, *, from_start: bool = True) -> None:
         """Start before the first tick.
 
         Args:
             prepared: The scenario with its terrain and fields.
+            from_start: Whether the robots start at tick 0; otherwise it is only the first tick that is known.
         """
         self._traps = Traps(prepared)
         self._step = prepared.scenario.step
+        self._from_start = from_start
         self._known: int | None = None
 
     @property
@@ -78,7 +80,7 @@ class TrapWatch:
 
     def _trapped(self, trap: Trap) -> Trapped:
         known = self._known or 0
-        exact = known == 0 or (trap.stay.since - known) * self._step > SAMPLE_S
+        exact = (self._from_start and known == 0) or (trap.stay.since - known) * self._step > SAMPLE_S
         return Trapped(trap.stay.since * self._step, exact)
 
     def _event(self, k: int, trap: Trap) -> Event:
