@@ -278,7 +278,7 @@ class Traps:
         self.open: dict[int, Trap] = {}
         self._prepared = prepared
         self._every = max(round(LOOK_S / scenario.step), 1)
-        self._grounds: dict[int, BoolGrid] | None = None
+        self._grounds: dict[int, OwnGround] | None = None
 
     def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Trap]:
         """Take in a tick.
@@ -314,7 +314,7 @@ class Traps:
     def _ground(self, number: int) -> BoolGrid:
         if self._grounds is None:
             self._grounds = own_grounds(self._prepared)
-        return self._grounds[number]
+        return self._grounds[number].patrolled
 
 
 def judged_places(record: TickRecord) -> tuple[dict[int, Place], list[int]]:
@@ -364,18 +364,31 @@ def stalest_outside(
     return at // terrain.width, at % terrain.width
 
 
-def own_grounds(prepared: Prepared) -> dict[int, BoolGrid]:
-    """For each robot the patrolled points that it can itself go and see, from the part of the terrain it starts in.
+@dataclass(frozen=True, eq=False, slots=True)
+class OwnGround:
+    """What a robot can reach and see by itself, from the part of the terrain that it starts in.
+
+    Attributes:
+        reach: bool (height, width), read-only, the connected part of the reachable ground.
+        patrolled: bool (height, width), read-only, the patrolled points in it, and those that are best seen from it.
+    """
+
+    reach: BoolGrid
+    patrolled: BoolGrid
+
+
+def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
+    """What each robot can reach and see by itself.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.
 
     Returns:
-        bool (height, width) by robot number, read-only, shared by robots of one radius and one part.
+        The grounds by robot number; robots of one radius in one part share one object.
     """
     terrain = prepared.terrain
     labels: dict[int, NDArray[np.int32]] = {}
-    made: dict[tuple[int, int], BoolGrid] = {}
+    made: dict[tuple[int, int], OwnGround] = {}
     grounds = {}
     for spec, start in zip(prepared.scenario.roster, prepared.starts, strict=True):
         fields = prepared.fields[spec.number]
@@ -385,7 +398,8 @@ def own_grounds(prepared: Prepared) -> dict[int, BoolGrid]:
         at = anchor(terrain, fields.cspace, start.x, start.y)
         part = 0 if at is None else int(labels[body][at])
         if (body, part) not in made:
-            made[body, part] = _seen_from(fields, labels[body] == part if part else fields.reach)
+            reach = frozen_grid(labels[body] == part) if part else fields.reach
+            made[body, part] = OwnGround(reach, _seen_from(fields, reach))
         grounds[spec.number] = made[body, part]
     return grounds
 

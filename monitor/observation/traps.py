@@ -71,12 +71,12 @@ class TrapWatch:
         return [self._event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
 
     def needs_fog(self, k: int) -> bool:
-        """Whether `tick` may ask for the fog of tick k or the next ones: some robot has stayed for long.
+        """Whether `tick` may ask for the fog of tick k: some robot has stayed for long and is not trapped yet.
 
         Args:
             k: The tick.
         """
-        return bool(self._traps.stays.long(k))
+        return any(number not in self._traps.open for number in self._traps.stays.long(k))
 
     def _trapped(self, trap: Trap) -> Trapped:
         known = self._known or 0
