@@ -126,17 +126,19 @@ class Prepared:
         )
 
 
-def prepare(scenario: Scenario) -> Prepared:
+def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
     """Load the terrain, place the robots and compute each body's fields.
 
     Args:
         scenario: as loaded.
+        terrain: the ground, if the caller has it.
 
     Raises:
         BadInput: for an unusable map, for intruders and critical areas that are not on passable ground, for starts that
             do not fit, for bodies too wide for the terrain and for regions that do not make a split.
     """
-    terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
+    if terrain is None:
+        terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
     _check_intruders(scenario, terrain)
     _check_critical_areas(scenario, terrain)
     starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))

@@ -16,7 +16,8 @@ from typing import Any
 
 import fogwatch
 from monitor.process import serve
-from monitor.replay.player import open_player
+from monitor.replay.player import Player
+from monitor.replay.run import open_run
 from patrol.process.lifeline import Ending
 
 SCENARIO: dict[str, Any] = {
@@ -46,7 +47,7 @@ def main(given: Path | None) -> None:
     from playwright.sync_api import sync_playwright
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        player = open_player(given or fogwatch.run(SCENARIO, out=Path(folder) / SCENARIO["name"]).folder)
+        player = Player(open_run(given or fogwatch.run(SCENARIO, out=Path(folder) / SCENARIO["name"]).folder))
         ending, addresses = Ending(), queue.Queue[str]()
         page = threading.Thread(target=lambda: serve(lambda: player, "127.0.0.1", 0, "", ending, opened=addresses.put))
         page.start()

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
 
 DPI = 150
 LONGEST = 11.0
@@ -28,6 +29,18 @@ LONGEST = 11.0
 
 LEGEND = 3.4
 """Width of the legend beside it, inches."""
+
+BAR_LOW, BAR_TOP = 0.12, 0.54
+"""Where the colour bar begins and ends if the legend leaves room there, in heights of the drawing."""
+
+LEAST_BAR = 1.5
+"""Length of the shortest colour bar, inches."""
+
+SCALE_BAR = 0.035
+"""Where the scale bar is if there is room, in heights of the drawing."""
+
+GAP = 0.25
+"""Between the legend, the colour bar and the scale bar, inches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,20 +157,6 @@ def fog_scale(stalest: float) -> ScalarMappable:
     return ScalarMappable(Normalize(0.0, stalest, clip=True), mpl.colormaps["cividis"].reversed())
 
 
-def colour_bar(figure: Figure, axes: Axes, scale: ScalarMappable, text: str) -> None:
-    """Draw the bar that explains a colour scale, to the right of the drawing and below the legend.
-
-    Args:
-        figure: The figure.
-        axes: Its axes.
-        scale: The colour scale.
-        text: The label of the bar.
-    """
-    bar = axes.inset_axes((1.02, 0.12, 0.025, 0.42))
-    figure.colorbar(scale, cax=bar, label=text)
-    bar.tick_params(labelsize=8)
-
-
 def label(
     axes: Axes, x: float, y: float, text: str, *, colour: str = "#000000", size: float = 7.0, above: float = 0.0
 ) -> None:
@@ -189,12 +188,49 @@ def label(
     )
 
 
-def legend(axes: Axes, keys: Sequence[Key]) -> None:
+def key_column(
+    figure: Figure,
+    axes: Axes,
+    terrain: Terrain,
+    keys: Sequence[Key],
+    scale: ScalarMappable | None = None,
+    text: str = "",
+) -> None:
+    """Draw the legend, the colour bar and the scale bar to the right of the drawing, one below the other.
+
+    Beside a low drawing they go on below its lower edge.
+
+    Args:
+        figure: The figure.
+        axes: Its axes.
+        terrain: The terrain.
+        keys: The lines of the legend.
+        scale: The colour scale that the bar explains; None for no bar.
+        text: The label of the bar.
+    """
+    drawn = legend(axes, keys)
+    figure.draw_without_rendering()  # only then does the legend have a size
+    inch = DPI / axes.bbox.height
+    low = float(axes.transAxes.inverted().transform((0.0, drawn.get_window_extent().y0))[1])
+    if scale is not None:
+        top = min(BAR_TOP, low - GAP * inch)
+        low = min(BAR_LOW, top - LEAST_BAR * inch)
+        wide = DPI / axes.bbox.width
+        bar = axes.inset_axes((1.0 + 0.2 * wide, low, 0.27 * wide, top - low))
+        figure.colorbar(scale, cax=bar).set_label(text, size=9)
+        bar.tick_params(labelsize=8)
+    _scale_bar(axes, terrain, min(SCALE_BAR, low - GAP * inch), 0.07 * inch)
+
+
+def legend(axes: Axes, keys: Sequence[Key]) -> Legend:
     """Draw the legend, to the right of the drawing.
 
     Args:
         axes: The axes.
         keys: The lines of the legend.
+
+    Returns:
+        What was drawn.
     """
     from matplotlib.lines import Line2D
 
@@ -215,24 +251,20 @@ def legend(axes: Axes, keys: Sequence[Key]) -> None:
                 label=key.label,
             )
         )
-    axes.legend(
+    return axes.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(1.015, 1.0), borderaxespad=0, fontsize=8, frameon=False
     )
 
 
-def scale_bar(axes: Axes, terrain: Terrain) -> None:
-    """Draw a bar of a round length, about a seventh of the terrain's width, at the lower right of the drawing.
-
-    Args:
-        axes: The axes.
-        terrain: The terrain.
-    """
+def _scale_bar(axes: Axes, terrain: Terrain, height: float, gap: float) -> None:
+    """Draw a bar of a round length, about a seventh of the terrain's width, and the length below; in axes' heights."""
     xmin, _, xmax, _ = terrain.bounds
     length = round_length((xmax - xmin) / 7.0)
     left = 1.02
     right = left + length / (xmax - xmin)
-    axes.plot((left, right), (0.035, 0.035), transform=axes.transAxes, clip_on=False, color="black", linewidth=3)
-    axes.text(0.5 * (left + right), 0.025, f"{length:g} m", transform=axes.transAxes, ha="center", va="top", fontsize=9)
+    axes.plot((left, right), (height, height), transform=axes.transAxes, clip_on=False, color="black", linewidth=3)
+    middle, below = 0.5 * (left + right), height - gap
+    axes.text(middle, below, f"{length:g} m", transform=axes.transAxes, ha="center", va="top", fontsize=9)
 
 
 def round_length(about: float) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.pictures.drawing import Key, canvas, label, legend, paint, rgb, save, scale_bar
+from fogwatch.pictures.drawing import Key, canvas, key_column, label, paint, rgb, save
 from patrol.ground.terrain import Terrain
 
 if TYPE_CHECKING:
@@ -61,8 +61,7 @@ def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Pat
         Key(BORDER, "border of a region", "-"),
         Key(CONNECTION, f"connecting point ({len(split.connections)})", "o"),
     ]
-    legend(axes, keys)
-    scale_bar(axes, terrain)
+    key_column(figure, axes, terrain, keys)
     save(figure, out)
 
 

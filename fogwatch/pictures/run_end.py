@@ -15,15 +15,13 @@ from fogwatch.pictures.drawing import (
     Key,
     Layer,
     canvas,
-    colour_bar,
     fog_scale,
+    key_column,
     label,
-    legend,
     paint,
     painted,
     rgb,
     save,
-    scale_bar,
 )
 from patrol.errors import BadInput
 from patrol.ground.fog import NEVER, Fog
@@ -99,13 +97,12 @@ def map_picture(report: MapReport, out: Path) -> None:
     ]
     keys += [Key(SHUT, "door too narrow for the body, m", "X")] * any(not door.passes for door in doors)
     keys += [Key(PASSES, "door that lets it pass, m", "o")] * any(door.passes for door in doors)
-    legend(axes, keys)
-    scale_bar(axes, terrain)
+    key_column(figure, axes, terrain, keys)
     save(figure, out)
 
 
 def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -> None:
-    """Draw the true fog at the end of a run, and the robots' paths.
+    """Draw the true fog at the end of a run, and the robots' paths. Spare robots that never joined are left out.
 
     The fog is replayed from the folder's scenario.yaml and journal, whether or not the run reached its end.
 
@@ -133,7 +130,7 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     layers = [
         Layer(WALL, "wall or unknown", ~terrain.passable),
         Layer(UNCOUNTED, "can never be seen, does not count", terrain.passable & ~counted),
-        Layer(BLIND, "not seen yet", never),
+        Layer(BLIND, "never seen", never),
     ]
     for layer in layers:
         image[layer.mask] = rgb(layer.colour)
@@ -141,18 +138,21 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
     keys.append(Key("#ffffff", f"paths, with the last {RECENT_S:g} s stronger:", ""))
     recent = max(round(RECENT_S / scenario.step), 1)
-    for index, facts in enumerate(journal.header.robots):
+    robots = [
+        facts
+        for facts in journal.header.robots
+        if facts.number not in scenario.spares or run.last[facts.number].status != Status.ABSENT
+    ]
+    for index, facts in enumerate(robots):
         colour = PATHS[index % len(PATHS)]
         _draw_path(axes, run.tracks[facts.number], recent, colour)
         if run.last[facts.number].status not in (Status.ABSENT, Status.LEFT):
             _draw_body(axes, run.last[facts.number], facts, colour)
         if index < MOST_NAMES:
             keys.append(Key(colour, f"{facts.name}{_fate(run.last[facts.number].status)}", "-"))
-    if len(journal.header.robots) > MOST_NAMES:
-        keys.append(Key("#ffffff", f"and {len(journal.header.robots) - MOST_NAMES} more", ""))
-    legend(axes, keys)
-    scale_bar(axes, terrain)
-    colour_bar(figure, axes, scale, "time since last seen (s)")
+    if len(robots) > MOST_NAMES:
+        keys.append(Key("#ffffff", f"and {len(robots) - MOST_NAMES} more", ""))
+    key_column(figure, axes, terrain, keys, scale, "time since last seen (s)")
     save(figure, out)
 
 

@@ -24,6 +24,7 @@ from monitor.live.fog_tracker import HEARD, FogTracker, FogTrackers
 from monitor.observation.frames import count_frames
 from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, LinkCounts, RobotShape, RobotState, Series, State, Static
+from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
@@ -31,7 +32,7 @@ from patrol.journal import unpack
 from patrol.journal.records import FORGED, End, Event, Header, Status, TickRecord
 from patrol.net.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
-from patrol.prepare import sensor_footprint
+from patrol.prepare import prepare, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.controls import CONTROLS, OPERATOR, amended, described, in_force, read_control
@@ -97,6 +98,7 @@ class FeedSource:
         self._direct = self._scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", HEARD, *(() if self._direct else self._numbers))
         self._trackers = FogTrackers(self._tracker)
+        self._traps = TrapWatch(prepare(self._scenario, self._terrain))
         self._log: deque[tuple[int, bytes]] = deque()
         self._logged = 0
         self._last: TickRecord | None = None
@@ -111,9 +113,10 @@ class FeedSource:
 
     def static(self) -> Static:
         """See `Source`."""
-        sensor = self._scenario.sensor
+        shape = (self._scenario.sensor.range, self._scenario.sensor.angle)
+        spares = self._scenario.spares
         robots = tuple(
-            RobotShape(robot.number, robot.name, robot.model, robot.radius, sensor.range, sensor.angle)
+            RobotShape(robot.number, robot.name, robot.model, robot.radius, *shape, robot.number in spares)
             for robot in self._header.robots
         )
         return Static(
@@ -229,7 +232,8 @@ class FeedSource:
         self._events += [_shown(event) for event in _events(so_far.events)[max(self._next_event - so_far.event, 0) :]]
         self._next_event = so_far.event + len(so_far.events)
         side = (len(self._numbers),) * 2
-        self._links = LinkCounts(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64))
+        none = np.zeros(side, np.int64)
+        self._links = LinkCounts(none, none.copy(), np.full(side, -1, np.int64), self._since)
         self._heard: dict[int, int] = {}
         self._rates.clear()
         self._log.clear()
@@ -288,6 +292,7 @@ class FeedSource:
                 pose = as_sent(row.number, Pose(row.x, row.y, row.heading))
                 self._truth.observe(self._footprint.visible(pose), k)
         self._last = record
+        self._events += self._traps.tick(record, lambda: self._truth.last_seen)
         self._paths.append(places)
         self._ticks.append(k)
         self._mfow.append(record.mfow)
@@ -370,6 +375,7 @@ class FeedSource:
             decision_ms=row.decision_ms,
             heard_s=None if heard is None else (last.k - heard) * self._step,
             rejected=row.rejected,
+            trapped=self._traps.trapped(row.number),
         )
 
     def _rate(self) -> float:
@@ -383,15 +389,12 @@ class FeedSource:
         return (self._last.k - before) / (now - since) if now > since else 0.0
 
     def _note(self) -> str:
-        since = f"connected at {self._since * self._step:g} s; earlier beliefs and link counts are unknown"
-        since = since if self._since else ""
         if self._ended is not None:
-            return since
+            return ""
         if not self._client.present:
             return "the world has disconnected"
         silent_s = self._now() - self._received_at
-        silent = f"no data for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
-        return " · ".join(filter(None, (silent, since)))
+        return f"no data for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
 
 
 def _record(packed: bytes) -> object:

@@ -15,8 +15,9 @@ import numpy as np
 from monitor.live.fog_tracker import HEARD
 from monitor.observation.listener import NO_ROBOT, Listener
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
+from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
-from patrol.journal.records import Event, Status
+from patrol.journal.records import Event, RobotTick, Status, TickRecord
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.telemetry import Telemetry, read_telemetry
 from patrol.prepare import inbox_of, sensor_footprint
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from patrol.net.keys import FleetKeys
     from patrol.net.link import Link
     from patrol.net.mailbox import Air
+    from patrol.pose import Pose
     from patrol.prepare import Prepared
 
 MAX_TELEMETRY = 1 << 16
@@ -75,6 +77,7 @@ class PositionsSource:
         self._number_of = {**telemetry, **tokens}
         self._frames: Mailbox[bytes] = Mailbox(positions, bytes, MAX_FRAME)
         self._reports: Mailbox[Telemetry | Presence] = Mailbox([*telemetry, *tokens], read_telemetry, MAX_TELEMETRY)
+        self._traps = TrapWatch(prepared, from_start=False)
         self._views: dict[int, Telemetry] = {}
         self._present: set[int] = set()
         self._events: list[Event] = []
@@ -95,7 +98,7 @@ class PositionsSource:
             point=terrain.point,
             origin=terrain.origin,
             robots=tuple(
-                RobotShape(spec.number, spec.name, spec.model, spec.radius, sensor.range, sensor.angle)
+                RobotShape(spec.number, spec.name, spec.model, spec.radius, sensor.range, sensor.angle, spec.spare)
                 for spec in self._roster
             ),
             step=self._scenario.step,
@@ -178,6 +181,13 @@ class PositionsSource:
         self._ticks.append(k)
         self._mfow.append(fog.mfow(k))
         self._mean.append(fog.mean(k))
+        self._events += self._traps.tick(self._heard(k), lambda: fog.last_seen)
+
+    def _heard(self, k: int) -> TickRecord:
+        """Where the robots are, as heard."""
+        robots = map(self._robot, self._names.values())
+        rows = tuple(_row(robot, robot.pose) for robot in robots if robot.pose is not None)
+        return TickRecord(k, rows, (), (), (), 0, 0.0, 0)
 
     def _state(self) -> State:
         step = self._scenario.step
@@ -210,4 +220,23 @@ class PositionsSource:
             decision_ms=None if view is None else view.decision_ms,
             heard_s=heard_s,
             rejected=None if view is None else view.rejected,
+            trapped=self._traps.trapped(number),
         )
+
+
+def _row(robot: RobotState, pose: Pose) -> RobotTick:
+    """A robot as in a tick of the journal, without what nobody reports."""
+    return RobotTick(
+        number=robot.number,
+        status=robot.status,
+        x=pose.x,
+        y=pose.y,
+        heading=pose.heading,
+        c0=0.0,
+        c1=0.0,
+        bumped=False,
+        state=robot.state,
+        goal=None,
+        decision_ms=None,
+        rejected=None,
+    )

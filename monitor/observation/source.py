@@ -35,6 +35,7 @@ class RobotShape:
         radius: Radius of the body, m.
         range_m: Range of its sensor, m.
         angle_deg: Field of view of its sensor, degrees.
+        spare: Whether it takes part only once an operator or a fault lets it join.
     """
 
     number: int
@@ -43,6 +44,7 @@ class RobotShape:
     radius: float
     range_m: float
     angle_deg: float
+    spare: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,19 @@ class Static:
 
 
 @dataclass(frozen=True, slots=True)
+class Trapped:
+    """Since when a robot that is trapped has stayed where it is (`patrol.progress`).
+
+    Attributes:
+        since_s: When its stay began, s.
+        exact: Whether its stay began then; otherwise it began before, and this is the first that is known.
+    """
+
+    since_s: float
+    exact: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class RobotState:
     """The state of one robot.
 
@@ -106,6 +121,7 @@ class RobotState:
         heard_s: Time since another robot last heard it, s; None if none has. Where it is unknown which robots hear each
             other, or there is no other robot, the time since the source last heard it.
         rejected: Number of frames that it has rejected so far; None when unknown.
+        trapped: Since when it has been trapped; None for a robot that is not, or while this is being computed.
     """
 
     number: int
@@ -116,6 +132,7 @@ class RobotState:
     decision_ms: float | None = None
     heard_s: float | None = None
     rejected: int | None = None
+    trapped: Trapped | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +143,13 @@ class LinkCounts:
         sent: int64 (n, n), frames sent.
         delivered: int64 (n, n), frames delivered.
         heard: int64 (n, n), the tick in which the receiver last heard the sender; -1 for never.
+        since: The tick from which on frames are counted.
     """
 
     sent: NDArray[np.int64]
     delivered: NDArray[np.int64]
     heard: NDArray[np.int64]
+    since: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +288,7 @@ class Source(Protocol):
         ...
 
     def events(self, since: int) -> Sequence[Event]:
-        """Events in order.
+        """Events in the order in which they became known. One that is found later may have happened earlier.
 
         Args:
             since: Number of the first event; 0 for all.

@@ -23,6 +23,7 @@ from monitor.page.messages import (
     state_message,
     trail_message,
 )
+from monitor.page.survey import survey_of
 from monitor.page.thinning import thinned
 from monitor.page.tiles import TiledMap, layer_number, terrain_packet
 
@@ -124,6 +125,7 @@ class Hub:
         self._maps: dict[Layer, TiledMap] = {}
         self._state: State | None = None
         self._state_message = ""
+        """Empty until a page needs it."""
         self._ahead = False  # a state and its fogs are packed, but no page was ready for them
         self._wake = threading.Event()
         self._ending = threading.Event()
@@ -183,7 +185,7 @@ class Hub:
             return
         state = self.source.wait(WAIT_S)
         if state is not None:
-            self._state, self._state_message = state, state_message(state)
+            self._state, self._state_message = state, ""
         if self._state is None:
             return
         viewers, ready = self._viewers_and_ready()
@@ -263,8 +265,17 @@ class Hub:
             if state.links is None:
                 viewer.links_k = -1
             viewer.state = state
+            self._state_message = self._state_message or self._packed(state)
             messages.append(self._state_message)
         return messages
+
+    def _packed(self, state: State) -> str:
+        """A state's message, with what the first layer's fog says about the ground."""
+        fog, layer = None, self.static.layers[0]
+        if state.mfow_s is not None:
+            fog = self.source.last_seen(layer)
+        survey = None if fog is None else survey_of(fog, self.static.patrolled, self.source.tick(layer))
+        return state_message(state, survey, self.static)
 
     def _add_trail(self, viewer: Viewer, k: int, messages: list[Message]) -> None:
         """Add the ticks of the trail up to k that a viewer lacks: before or after those that it has, or all."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from monitor.observation.fault_bands import Band
 from monitor.observation.source import Answer, LinkCounts, Series, State, Static
+from monitor.page.survey import Survey
 from monitor.page.tiles import SIDE, layer_number
 from patrol.journal.records import Event
 
@@ -55,6 +56,7 @@ def static_message(static: Static, may_control: bool) -> str:
                     "radius": robot.radius,
                     "range": robot.range_m,
                     "angle": robot.angle_deg,
+                    "spare": robot.spare,
                 }
                 for robot in static.robots
             ],
@@ -62,14 +64,18 @@ def static_message(static: Static, may_control: bool) -> str:
     )
 
 
-def state_message(state: State) -> str:
+def state_message(state: State, survey: Survey | None, static: Static) -> str:
     """A state without its links.
 
     Args:
         state: The state.
+        survey: What the first layer's fog says about the ground; None when unknown.
+        static: The constant properties of the source.
 
     Returns:
-        JSON; a robot is a list of status, state, pose, goal, decision_ms, heard_s and rejected.
+        JSON. A robot is a list of status, state, pose, goal, decision_ms, heard_s, rejected and, for one that is
+        trapped, since when (s) and whether that is exact. The stalest point is a list of x and y (m), age (s) and
+        whether anybody has ever seen it.
     """
     return _json(
         {
@@ -86,6 +92,8 @@ def state_message(state: State) -> str:
             "intruders": [list(place) for place in state.intruders],
             "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
+            "seen": None if survey is None else survey.seen_share,
+            "stalest": None if survey is None else _stalest(survey, static),
             "robots": [
                 [
                     int(robot.status),
@@ -97,6 +105,7 @@ def state_message(state: State) -> str:
                     _short(robot.decision_ms),
                     _short(robot.heard_s),
                     robot.rejected,
+                    None if robot.trapped is None else [_short(robot.trapped.since_s), robot.trapped.exact],
                 ]
                 for robot in state.robots
             ],
@@ -135,6 +144,7 @@ def links_message(links: LinkCounts, k: int) -> str:
             "sent": _flat(links.sent),
             "delivered": _flat(links.delivered),
             "heard": _flat(links.heard),
+            "since": links.since,
         }
     )
 
@@ -182,6 +192,12 @@ def answer_message(number: object, answer: Answer) -> str:
         JSON.
     """
     return _json({"type": "answer", "id": number, "done": answer.done, "text": answer.text})
+
+
+def _stalest(survey: Survey, static: Static) -> list[float | bool | None]:
+    (x, y), point = static.origin, static.point
+    place = x + (survey.col + 0.5) * point, y + (survey.row + 0.5) * point
+    return [*map(_short, (*place, survey.age * static.step)), survey.ever_seen]
 
 
 def _flat(values: NDArray[np.int64]) -> list[int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -48,6 +49,9 @@ MAX_MESSAGE = 4096
 FULL = 4001
 """Close code for a page beyond `MAX_VIEWERS`; main.js has the same number."""
 
+_TIME = re.compile(r"\d{1,9}(:\d{1,9}){0,2}(\.\d{1,9})?")
+"""The time in the address of a page at which a replay opens; main.js reads the same."""
+
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 
 
@@ -83,7 +87,8 @@ class Server:
             return self._serve(request, "index.html")
         if not self._authorisation.is_key(key) or not self._authorisation.allows_host(request.headers):
             return _refused("the key is wrong; open the address exactly as printed")
-        response = RedirectResponse("/", status_code=303, headers=HEADERS)
+        time = request.query_params.get("t", "")
+        response = RedirectResponse(f"/?t={time}" if _TIME.fullmatch(time) else "/", status_code=303, headers=HEADERS)
         response.set_cookie(self._authorisation.cookie, key, httponly=True, samesite="lax")
         return response
 

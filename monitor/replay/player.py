@@ -17,6 +17,7 @@ from monitor.replay.link_log import LinkLog
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.replay import Replay
 from monitor.replay.run import Run
+from monitor.replay.trap_log import TrapLog
 from patrol.errors import BadInput
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
@@ -28,6 +29,10 @@ SHOW_S = 1.0 / 30.0
 FASTEST = 1000.0
 """Largest pace, as a factor of real time."""
 
+PACES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+WHOLE_S = 90.0
+"""A run that plays by itself does so at the slowest of these paces that shows it within this wall time, s."""
+
 _RATE_S = 2.0
 _NO_BODY = (Status.ABSENT, Status.LEFT)
 
@@ -35,17 +40,19 @@ _NO_BODY = (Status.ABSENT, Status.LEFT)
 class Player:
     """A `monitor.observation.source.Source` that plays a run. The wall clock only decides which tick is due."""
 
-    def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
-        """Start paused at tick 0.
+    def __init__(self, run: Run, now: Callable[[], float] = time.monotonic, *, autoplay: bool = False) -> None:
+        """Start at tick 0.
 
         Args:
             run: The run.
             now: Wall clock, s.
+            autoplay: Whether to play as soon as a page is open, unless a control comes before; otherwise paused.
         """
         self._run = run
         self._now = now
         self._replay = Replay(run)
         self._links = LinkLog(run)
+        self._traps = TrapLog(run)
         self._past_beliefs = PastBeliefs(run, _key_of(run))
         # With a direct radio it is unknown which frames each robot heard.
         self._direct = run.prepared.scenario.radio.via == "direct"
@@ -56,10 +63,13 @@ class Player:
         """Position in ticks, with fractions."""
         self._asked_at = now()
         self._running = False
-        self._pace = 1.0
+        self._autoplay = autoplay
+        self._pace = _pace_for(run.ticks * run.step) if autoplay else 1.0
         self._returned: tuple[int, bool, float] | None = None
         self._lacks_links = False
         """Whether the last state had no links because the journal was not read that far."""
+        self._lacks_traps = False
+        """The same of who is trapped."""
         self._at = 0
         self._shown: deque[tuple[float, int]] = deque()
 
@@ -91,10 +101,12 @@ class Player:
         )
 
     def wait(self, timeout_s: float) -> State | None:
-        """See `Source`; one state per `SHOW_S` at most, and another one when its links took longer to read."""
+        """See `Source`; one state per `SHOW_S` at most, and another one when its links or traps took longer to read."""
         until, rate = self._now() + timeout_s, 0.0
         while True:
+            self._traps.read()
             found = self._lacks_links and self._links.reach(self._at)
+            found |= self._lacks_traps and self._traps.at(self._at) is not None
             with self._changed:
                 self._advance()
                 now = self._now()
@@ -109,7 +121,7 @@ class Player:
                 left = until - now
                 if left <= 0.0:
                     return None
-                if found or not self._lacks_links:
+                if found or (self._traps.done and not self._lacks_links):
                     self._changed.wait(min(left, max(due, 0.002)) if self._running or news else left)
         return self._state(*new, rate)
 
@@ -130,7 +142,9 @@ class Player:
         return self._at
 
     def set_shown(self, layers: Collection[Layer]) -> None:
-        """See `Source`."""
+        """See `Source`; the first page that is open starts the run if it plays by itself."""
+        if layers and self._autoplay:
+            self.control({"do": "go"})
         self._past_beliefs.set_shown([layer for layer in layers if isinstance(layer, int)])
 
     def trail(self, first: int, last: int) -> NDArray[np.float64]:
@@ -147,12 +161,14 @@ class Player:
         return Series(ticks, mfow_s, run.fog_mean[first:] * run.step)
 
     def events(self, since: int) -> Sequence[Event]:
-        """See `Source`; the events of the whole run, including those after the current tick."""
-        return self._run.events[since:]
+        """See `Source`; the events of the whole run, including those after the current tick, then those found here."""
+        run = self._run.events
+        return [*run[since:], *self._traps.events[max(since - len(run), 0) :]]
 
     def control(self, control: Mapping[str, Any]) -> Answer:
         """See `Source`."""
         with self._changed:
+            self._autoplay = False
             self._advance()
             answer = self._obey(control)
             self._changed.notify_all()
@@ -211,6 +227,8 @@ class Player:
         run = self._run
         links = None if self._direct else self._links.at(k)
         self._lacks_links = links is None and not self._direct
+        trapped = self._traps.at(k)
+        self._lacks_traps = trapped is None
         robots = []
         for place, number in enumerate(run.numbers):
             x, y, heading = run.poses[k, place].tolist()
@@ -225,6 +243,7 @@ class Player:
                     goal=None if np.isnan(to_x) or status is not Status.ALIVE else (to_x, to_y),
                     decision_ms=None if np.isnan(took) else took,
                     heard_s=None if links is None else _since(int(links.heard[place].max()), k, run.step),
+                    trapped=None if trapped is None else trapped.get(number),
                 )
             )
         return State(
@@ -250,14 +269,18 @@ def open_player(folder: Path) -> Player:
         folder: The run's folder.
 
     Returns:
-        The player, paused at tick 0.
+        The player at tick 0, which plays as soon as a page is open.
 
     Raises:
         BadInput: It is not the folder of a run.
     """
     from monitor.replay.run import open_run
 
-    return Player(open_run(folder))
+    return Player(open_run(folder), autoplay=True)
+
+
+def _pace_for(duration_s: float) -> float:
+    return next((pace for pace in PACES if duration_s <= pace * WHOLE_S), PACES[-1])
 
 
 def _since(tick: int, k: int, step: float) -> float | None:

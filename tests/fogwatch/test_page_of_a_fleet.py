@@ -57,11 +57,14 @@ def adds_robots(look: Look, run: Run) -> None:
     """The button brings in the spare robots one by one, each a process that drives, and then says that that is all."""
     look.page.click("#tab-faults")
     for place, name in ((3, "r4"), (4, "r5")):
+        listed = f"!document.querySelectorAll('#rows tr')[{place}].hidden"
         row = f"document.querySelectorAll('#rows tr')[{place}].textContent"
+        assert not look.evaluate(listed)
         assert "absent" in look.evaluate(row)
         assert name not in run.children()
         look.page.click("#join")
         look.until(f"{row}.includes('patrolling')")
+        assert look.evaluate(listed)
         assert name in run.children()
     look.page.click("#join")
     look.until("document.getElementById('answer').textContent.includes('--spare')")

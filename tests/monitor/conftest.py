@@ -122,6 +122,22 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 
 @pytest.fixture(scope="session")
+def trapped(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run whose second robot hardly moves, and dies at the end."""
+    robots = [{"model": "holonomic"}, {"model": "holonomic", "speed": 0.01}]
+    facts = {"name": "trapped", "duration": 200, "robots": robots, "faults": [{"kind": "kill", "who": "r2", "at": 195}]}
+    return run_of(tmp_path_factory.mktemp("trapped"), {**QUIET, **facts})
+
+
+@pytest.fixture(scope="session")
+def spare(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run with two spare robots, one of which joins."""
+    robots = {"count": 2, "spare": 2, "model": "holonomic"}
+    facts = {"name": "spare", "duration": 20, "robots": robots, "faults": [{"kind": "join", "who": "r3", "at": 10}]}
+    return run_of(tmp_path_factory.mktemp("spare"), {**QUIET, **facts})
+
+
+@pytest.fixture(scope="session")
 def mixed(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """A run of robots that do not all get everywhere."""
     robots = [{"model": "holonomic", "radius": radius} for radius in (0.3, 2.5)]

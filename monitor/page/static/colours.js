@@ -30,6 +30,9 @@ function pixel(r, g, b, a = 255) {
   return ((a << 24) | (b << 16) | (g << 8) | r) >>> 0;
 }
 
+/** Never-seen ground: the colour that reports and pictures give it, and dots for those who cannot tell it from grey. */
+const NEVER_SEEN = pixel(...parse("b0306a")), NEVER_DOT = pixel(...parse("e59bbf"));
+
 export const AGES = ramp(CIVIDIS);
 export const DIFFERENCES = ramp(DIFFERENCE);
 
@@ -41,6 +44,7 @@ export function themed() {
     dark,
     wall: dark ? pixel(104, 113, 123) : pixel(116, 123, 132),
     stripe: dark ? pixel(58, 65, 73) : pixel(190, 197, 204),
+    never: NEVER_SEEN, dot: NEVER_DOT,
     outside: dark ? pixel(38, 43, 49) : pixel(214, 219, 224),
     ink: css("--ink"), muted: css("--muted"), grid: css("--grid"), card: css("--card"),
     accent: css("--accent"), alert: css("--alert"), warn: css("--warn"),

@@ -1,11 +1,13 @@
 // The fog as an image, row 0 at the bottom. Ages come from last-seen ticks, so the page ages the map itself.
 
 import { AGES, DIFFERENCES, STEPS, themed } from "./colours.js";
-import { OUTSIDE, certainSince } from "./store.js";
+import { NEVER, OUTSIDE, certainSince } from "./store.js";
 
 const PASSABLE = 1, COUNTED = 2;
 /** Points from one stripe to the next where the age is unknown. */
 const STRIPE = 4;
+/** Points from one row of dots to the next where the ground has never been seen. */
+const DOT = 4;
 /** The share of the scale within which two ages look alike. */
 const ALIKE = 0.05;
 
@@ -31,7 +33,7 @@ export class FogImage {
     const colours = themed();
     const { width, height, stride } = this;
     const { width: wide, height: high } = this.canvas;
-    const from = [], to = [], unknown = [], middle = stride >> 1;
+    const from = [], to = [], unknown = [], never = [], middle = stride >> 1;
     // A thin wall must not disappear between the points sampled.
     const isWalled = (top, left) => {
       for (let r = top; r < Math.min(top + stride, height); r++) {
@@ -48,6 +50,7 @@ export class FogImage {
           from.push(at);
           to.push(out);
           unknown.push((row + col) % STRIPE < STRIPE / 2 ? colours.outside : colours.stripe);
+          never.push(row % DOT === 0 && col % DOT === (row % (2 * DOT)) / 2 ? colours.dot : colours.never);
         } else {
           this.pixels[out] = what & PASSABLE ? colours.outside : colours.wall;
         }
@@ -56,6 +59,7 @@ export class FogImage {
     this.from = Int32Array.from(from);
     this.to = Int32Array.from(to);
     this.unknown = Uint32Array.from(unknown);
+    this.never = Uint32Array.from(never);
   }
 
   /** Draw all points as unknown. */
@@ -67,19 +71,25 @@ export class FogImage {
 
   /**
    * Draw the ages of a fog of the store at its tick; `oldest` ticks and more are darkest. Points last seen before the fog
-   * was known are drawn in a colour if all their possible ages look alike, else as unknown.
+   * was known are drawn in a colour if all their possible ages look alike, else as unknown. Points certainly never seen
+   * are dotted. Returns whether there are any.
    */
   ages(fog, oldest) {
     const ramp = this.#ramp(AGES, oldest, "ages");
-    const { from, to, pixels, unknown } = this;
+    const { from, to, pixels, unknown, never } = this;
     const { seen, tick: k } = fog, least = certainSince(fog), last = ramp.length - 1;
     const earlier = isVague(k - fog.since + 1, k, oldest) ? null : ramp[Math.min(k, last)];
+    let unseen = 0;
     for (let i = 0; i < from.length; i++) {
       const since = seen[from[i]], age = k - (since > 0 ? since : 0);
-      if (since >= least) pixels[to[i]] = ramp[age < last ? age : last];
+      if (since === NEVER && least === NEVER) {
+        pixels[to[i]] = never[i];
+        unseen++;
+      } else if (since >= least) pixels[to[i]] = ramp[age < last ? age : last];
       else pixels[to[i]] = since === OUTSIDE ? unknown[i] : earlier ?? unknown[i];
     }
     this.context.putImageData(this.image, 0, 0);
+    return unseen > 0;
   }
 
   /**

@@ -30,6 +30,9 @@ let drawing = false;
 let unreported = false;
 let panelsTimer = 0, panelsDue = 0;
 let drawn = 0;
+/** The time at which a replay opens, from the page's address (?t=90 or ?t=1:30), s; null without one. */
+let opensAt = timeOf(new URLSearchParams(location.search).get("t"));
+let listed = "";
 
 connect();
 addEventListener("resize", redraw);
@@ -107,6 +110,7 @@ function changed(topic, message) {
       transport.update();
       header();
       legend();
+      if (listed !== String(store.listed)) layers();
       map.dirtyFog = true;
       redraw();
       break;
@@ -139,18 +143,31 @@ function begin() {
   panels.reset();
   layers();
   legend(true);
+  if (opensAt !== null && facts.controls.includes("seek")) {
+    operate({ do: "pause" });
+    transport.seek(Math.round(opensAt / facts.step));
+  }
+  opensAt = null;
+}
+
+/** A time such as 90, 1:30 or 1:02:03 in s; null for anything else. */
+function timeOf(text) {
+  return /^\d+(:\d+){0,2}(\.\d+)?$/.test(text ?? "") ? text.split(":").reduce((sum, part) => 60 * sum + Number(part), 0) : null;
 }
 
 /** The choice of fogs, and of their errors. */
 function layers() {
   const { facts } = store;
   const menu = $("layer"), before = menu.value;
+  listed = String(store.listed);
+  const shown = new Set(store.listed.map((place) => facts.robots[place].number));
+  const layers = facts.layers.filter(([, name]) => ["truth", "heard"].includes(name) || shown.has(Number(name)));
   const named = (number) => facts.robots.find((robot) => robot.number === number)?.name;
-  const options = facts.layers.map(([number, name]) => {
+  const options = layers.map(([number, name]) => {
     const text = { truth: "true fog", heard: "from heard positions" }[name] ?? `belief of ${named(number)}`;
     return new Option(text, String(number));
   });
-  const others = facts.truth ? facts.layers.filter(([, name]) => name !== "truth") : [];
+  const others = facts.truth ? layers.filter(([, name]) => name !== "truth") : [];
   for (const [number, name] of others) {
     options.push(new Option(name === "heard" ? "error from heard positions" : `belief error of ${named(number)}`, `${DIFFERENCE}${number}`));
   }
@@ -160,7 +177,7 @@ function layers() {
   }
   menu.replaceChildren(...options);
   if (before && [...menu.options].some((option) => option.value === before)) menu.value = before;
-  if (menu.value) choose();
+  if (menu.value && (menu.value !== before || !store.state)) choose();
 }
 
 function choose() {
@@ -179,6 +196,10 @@ function header() {
   $("clock").title = `tick ${state.k}`;
   $("mfow").textContent = seconds(state.mfow);
   $("mean").textContent = seconds(state.mean);
+  $("seenbox").hidden = state.seen === null || state.seen === 1;
+  $("seen").textContent = `${(Math.floor(state.seen * 1000) / 10).toFixed(1)} %`;
+  $("stalestbox").hidden = !state.stalest?.[2];
+  if (state.stalest) $("stalest").textContent = `${state.stalest[0].toFixed(1)}, ${state.stalest[1].toFixed(1)} m`;
   const factor = state.rate * facts.step;
   $("factor").textContent = state.running && factor > 0 ? `× ${factor < 10 ? factor.toFixed(1) : Math.round(factor)}` : "-";
   if (state.ended) badge(`over: ${state.ended}`);
@@ -261,6 +282,7 @@ function redraw() {
   requestAnimationFrame(() => {
     drawing = false;
     map.draw();
+    $("neverkey").hidden = !map.unseen;
     if (!unreported) return;
     unreported = false;
     updatePanels();
@@ -326,9 +348,9 @@ function next(menu) {
 }
 
 function cycle(by) {
-  const count = store.facts?.robots.length ?? 0;
+  const places = store.facts ? store.listed : [], count = places.length;
   if (!count) return;
-  const from = map.selected < 0 ? (by > 0 ? -1 : 0) : map.selected;
+  const from = map.selected < 0 ? (by > 0 ? -1 : 0) : places.indexOf(map.selected);
   map.selected = -1;
-  select((from + by + count) % count);
+  select(places[(from + by + count) % count]);
 }

@@ -2,7 +2,7 @@
 
 import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
-import { drawCross, drawRobots, drawScaleBar, PASSABLE } from "./marks.js";
+import { drawCross, drawRobots, drawScaleBar, drawStalest, PASSABLE } from "./marks.js";
 import { NEVER, OUTSIDE, seconds, certainSince } from "./store.js";
 
 /** Most points along a side of a pixel of the fog's image. */
@@ -22,6 +22,7 @@ export class MapView {
     this.placed = null;
     this.inspecting = this.steered = false;
     this.dirtyFog = true;
+    this.unseen = false;
     this.pointers = new Map();
     this.hovered = null;
     this.#listen();
@@ -90,7 +91,10 @@ export class MapView {
     context.imageSmoothingEnabled = this.scale * point < 2;
     context.drawImage(this.fog.canvas, left, top, width * pixel * this.scale, height * pixel * this.scale);
     drawScaleBar(this);
-    if (store.state) drawRobots(this);
+    if (store.state) {
+      drawRobots(this);
+      drawStalest(this);
+    }
     if (this.pointing && this.hovered) drawCross(this);
     this.#hover();
   }
@@ -120,9 +124,10 @@ export class MapView {
     }
     if (!this.dirtyFog || !store.state) return;
     const fogs = this.fogs;
+    this.unseen = false;
     if (fogs.includes(null)) fog.blank();
     else if (shown.kind === "difference") fog.difference(...fogs, shown.oldest);
-    else fog.ages(fogs[0], shown.oldest);
+    else this.unseen = fog.ages(fogs[0], shown.oldest);
     this.dirtyFog = false;
   }
 

@@ -1,7 +1,7 @@
-// What is drawn on the map: robots with footprint, trail and goal, intruders, the cross, the scale bar.
+// What is drawn on the map: robots with footprint, trail and goal, intruders, the stalest point, the cross, the scale bar.
 
 import { SERIES } from "./colours.js";
-import { robotStatus } from "./store.js";
+import { robotStatus, stalestAge } from "./store.js";
 
 const LEAST = 5;
 const RAYS = 120;
@@ -19,6 +19,27 @@ export function drawRobots(map) {
   robots.forEach((robot, place) => goal(map, robot, place));
   robots.forEach((robot, place) => body(map, robot, facts[place], place));
   for (const [x, y] of store.state.intruders) intruder(map, x, y);
+}
+
+/** Mark the stalest point of the first fog, with its age. */
+export function drawStalest(map) {
+  const { stalest } = map.store.state;
+  if (!stalest?.[2]) return;
+  const c = map.context, r = map.ratio, size = 7 * r;
+  const [x, y] = map.toScreen(stalest[0], stalest[1]);
+  for (const [colour, wide] of [["#ffffff", 5], ["#14171b", 2]]) {
+    c.lineJoin = "miter";
+    c.strokeStyle = colour;
+    c.lineWidth = wide * r;
+    c.beginPath();
+    c.moveTo(x, y - size);
+    c.lineTo(x + size, y);
+    c.lineTo(x, y + size);
+    c.lineTo(x - size, y);
+    c.closePath();
+    c.stroke();
+  }
+  label(c, stalestAge(stalest), x, y + size + 17 * r, "center", r);
 }
 
 function footprint(map, [status, , pose], facts, place) {
@@ -136,7 +157,10 @@ function body(map, robot, facts, place) {
     c.lineWidth -= 2 * r;
     line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
   }
-  if (shown.kind === "warn" && status === 1) {
+  if (status === 1 && robot[7]) {
+    ring(c, x, y, size + 5 * r, "#ffffff", 6 * r);
+    ring(c, x, y, size + 5 * r, "#c1121f", 3.2 * r);
+  } else if (shown.kind === "warn" && status === 1) {
     c.setLineDash([3 * r, 3 * r]);
     ring(c, x, y, size + 4 * r, "#ffffff", 2 * r);
     c.setLineDash([]);

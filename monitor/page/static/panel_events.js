@@ -27,7 +27,9 @@ export class EventsPanel {
     const list = $("list");
     if (this.count !== store.events.length) {
       this.count = store.events.length;
-      list.replaceChildren(...store.events.slice(-MOST).reverse().map((event) => this.#item(event)));
+      // What a replay finds later may have happened earlier.
+      const events = store.events.toSorted((one, other) => one[0] - other[0]);
+      list.replaceChildren(...events.slice(-MOST).reverse().map((event) => this.#item(event)));
       if (!this.count) list.append(Object.assign(document.createElement("li"), { textContent: "no events yet" }));
     }
     if (store.facts.live) return;

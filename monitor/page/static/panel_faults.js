@@ -67,7 +67,7 @@ export class FaultsPanel {
     $("viewonly").textContent = facts.mayControl
       ? "Faults are not available: no world simulates these robots."
       : "This page is view-only. To control the fleet, open the address exactly as printed, including its key.";
-    $("who").replaceChildren(...facts.robots.map((robot, place) => new Option(robot.name, String(place))));
+    this.#listRobots();
     $("intruder").hidden = !can("intruder");
     this.expected.clear();
     this.joining.clear();
@@ -77,7 +77,9 @@ export class FaultsPanel {
     if (topic === "select" && this.map.selected >= 0) $("who").value = String(this.map.selected);
     const { facts, state } = this.store;
     if (!state || !facts.live) return;
-    const status = state.robots[Number($("who").value)]?.[0];
+    if ($("who").options.length !== this.store.listed.length) this.#listRobots();
+    const away = this.#away().length, status = state.robots[Number($("who").value)]?.[0];
+    write($("join"), `add a robot${away ? ` (${away} can join)` : ""}`);
     $("kill").disabled = ![ALIVE, PAUSED].includes(status);
     $("pauseone").disabled = status !== ALIVE;
     $("resumeone").disabled = status !== PAUSED;
@@ -87,6 +89,12 @@ export class FaultsPanel {
     $("silence").setAttribute("aria-pressed", String(inForce.some((fault) => silences(fault, this.#who()))));
     if (!this.lossTimer && !this.settingLoss) this.#showLoss(Math.max(0, ...inForce.filter(losesEverywhere).map((fault) => fault.rate)));
     $("silence").disabled = AWAY.includes(status);
+  }
+
+  #listRobots() {
+    const { facts, listed } = this.store, before = $("who").value;
+    $("who").replaceChildren(...listed.map((place) => new Option(facts.robots[place].name, String(place))));
+    if (before && listed.includes(Number(before))) $("who").value = before;
   }
 
   /** Start to aim at a place for an intruder, or stop. */
@@ -195,10 +203,15 @@ export class FaultsPanel {
     if (await this.operate({ do: "heal", id }, "fault ended")) this.#expect(id, null);
   }
 
+  /** Names of the robots that can join. */
+  #away() {
+    const { facts, state } = this.store;
+    return facts.robots.map((robot) => robot.name).filter((_, place) => AWAY.includes(state.robots[place]?.[0]));
+  }
+
   #join() {
-    const { facts, state } = this.store, now = performance.now();
-    if (!state) return;
-    const away = facts.robots.map((robot) => robot.name).filter((_, place) => AWAY.includes(state.robots[place][0]));
+    if (!this.store.state) return;
+    const away = this.#away(), now = performance.now();
     const who = away.find((name) => !(this.joining.get(name) > now));
     if (who) {
       this.joining.set(who, now + EXPECTED_MS);

@@ -5,6 +5,8 @@ import { $, write } from "./dom.js";
 import { seconds } from "./store.js";
 
 const ABSENT = 0;
+/** The share of the run whose frames may be missing from the counts without a word. */
+const IGNORED = 0.01;
 const HINT = "rows: senders, columns: receivers";
 
 export class LinksPanel {
@@ -38,6 +40,7 @@ export class LinksPanel {
 
   update(topic) {
     if (topic !== "state" || !this.store.links) this.#draw();
+    if (topic === "links") this.#describe();
   }
 
   #draw() {
@@ -129,7 +132,7 @@ export class LinksPanel {
     if (!store.facts) return;
     const shown = this.#shown(), [from, to] = (this.cell ?? []).map((place) => shown[place]);
     if (!store.links) return write($("linktip"), unlinked(store.facts));
-    if (from === undefined || to === undefined) return write($("linktip"), HINT);
+    if (from === undefined || to === undefined) return write($("linktip"), `${HINT}${countedSince(store)}`);
     const names = store.facts.robots.map((robot) => robot.name);
     if (from === to) return write($("linktip"), `${names[from]}: no link to itself`);
     const at = from * names.length + to, { sent, delivered } = store.links;
@@ -145,6 +148,11 @@ export class LinksPanel {
     c.fillStyle = colour;
     c.fillText(text, x, y);
   }
+}
+
+/** From when on frames are counted, as long as it matters to the shares. */
+function countedSince({ links: { since, k }, facts: { step } }) {
+  return since > IGNORED * k ? `; counted from ${seconds(since * step)} on` : "";
 }
 
 /** Why there are no link counts. */

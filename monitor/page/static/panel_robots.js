@@ -43,10 +43,12 @@ export class RobotsPanel {
       row.addEventListener("click", () => this.select(place));
       return { row, cells, shown: "" };
     });
+    this.update();
   }
 
   update() {
-    const robots = this.store.state?.robots ?? [];
+    const robots = this.store.state?.robots ?? [], listed = new Set(this.store.listed);
+    this.rows.forEach(({ row }, place) => { row.hidden = !listed.has(place); });
     robots.forEach((robot, place) => {
       const { row, cells } = this.rows[place], selected = this.map.selected === place;
       const { word, kind } = robotStatus(robot);

@@ -108,6 +108,11 @@ export class Store {
     }
   }
 
+  /** Places of the robots to list: all but the spare ones that have not joined. */
+  get listed() {
+    return this.facts.robots.flatMap(({ spare }, place) => (spare && !this.state?.robots[place]?.[0] ? [] : [place]));
+  }
+
   get terrain() {
     return this.layers.get(TERRAIN)?.seen;
   }
@@ -157,15 +162,16 @@ export class Store {
   }
 }
 
-const PAUSED = 2;
+const ALIVE = 1, PAUSED = 2;
 const NAMES = ["absent", "alive", "paused", "dead", "lost", "left"];
 
 /** The status of a robot as {word, kind}; kind: good, warn, bad or off. */
 export function robotStatus(robot) {
-  const [status, state, , , , heard] = robot;
+  const [status, state, , , , heard, , trapped] = robot;
   if (status === 3 || status === 4) return { word: NAMES[status], kind: "bad" };
   if (status === 0 || status === 5) return { word: NAMES[status], kind: "off" };
   if (status === PAUSED) return { word: "paused", kind: "warn" };
+  if (status === ALIVE && trapped) return { word: `trapped since ${trapped[1] ? "" : "before "}${seconds(trapped[0])}`, kind: "bad" };
   if (heard !== null && heard > 5) return { word: state ? `${state}, silent` : "silent", kind: "warn" };
   return { word: state || "waiting", kind: state === "dead-end" ? "warn" : "good" };
 }
@@ -173,6 +179,11 @@ export function robotStatus(robot) {
 /** The first last-seen tick that is certain; points last seen before the fog was known may have been seen later. */
 export function certainSince({ since }) {
   return since || NEVER;
+}
+
+/** The age of the stalest point as text. */
+export function stalestAge([, , age, everSeen]) {
+  return everSeen ? seconds(age) : `never seen, ${seconds(age)}`;
 }
 
 /** Seconds as text. */

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from PIL import Image
 
 from experiments.inprocess import run_in_process
 from fogwatch.map_check import check_map
-from fogwatch.pictures.drawing import Layer, painted, round_length
+from fogwatch.pictures.drawing import Key, Layer, canvas, fog_scale, key_column, painted, round_length
 from fogwatch.pictures.run_end import map_picture, replay, run_picture
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
@@ -99,6 +100,41 @@ def test_later_layers_cover_earlier_ones() -> None:
     image = painted((2, 3), [Layer("#102030", "ground", everywhere), Layer("#ffffff", "corner", corner)])
     assert image[0, 0].tolist() == [16, 32, 48]
     assert image[1, 2].tolist() == [255, 255, 255]
+
+
+@pytest.mark.parametrize("shape", [(20, 400), (100, 160), (400, 20)], ids=str)
+@pytest.mark.parametrize("lines", [3, 27])
+def test_legend_colour_bar_and_scale_bar_never_overlap(shape: tuple[int, int], lines: int) -> None:
+    terrain = Terrain("field", np.ones(shape, dtype=np.bool_), 0.5)
+    figure, axes = canvas(terrain, "")
+    keys = [Key("#102030", f"line {number}", "-") for number in range(lines)]
+    key_column(figure, axes, terrain, keys, fog_scale(60.0), "time since last seen (s)")
+    figure.draw_without_rendering()
+    legend, (bar,) = axes.get_legend(), axes.child_axes
+    assert legend is not None
+    boxes = [legend.get_window_extent(), bar.get_tightbbox(), axes.lines[-1].get_window_extent()]
+    assert boxes[-1] is not None
+    for above, below in pairwise(boxes):
+        assert above is not None
+        assert below is not None
+        assert above.y0 > below.y1
+    assert boxes[1] is not None
+    assert boxes[1].height > 150  # an inch
+
+
+def test_a_spare_robot_that_never_joined_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    named: list[str] = []
+
+    def noted(*drawn: Any) -> None:
+        named.extend(key.label for key in drawn[3])
+        key_column(*drawn)
+
+    monkeypatch.setattr("fogwatch.pictures.run_end.key_column", noted)
+    prepared = run(
+        tmp_path, robots={"count": 2, "spare": 2, "model": "holonomic"}, faults=[{"kind": "join", "who": "r3", "at": 9}]
+    )
+    run_picture(tmp_path, tmp_path / "fog.png", prepared)
+    assert [name for name in named if name.startswith("r")] == ["r1", "r2", "r3"]
 
 
 @pytest.mark.parametrize(("about", "length"), [(14.3, 10), (7.4, 5), (34.0, 20), (0.99, 0.5), (1.0, 1.0)])

@@ -138,7 +138,7 @@ def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromi
                 const facts = { live: true, controls: [], robots: [] };
                 const told = { robots: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
                 let state = null, looks = 0;
-                const store = { facts, get state() { looks++; return state; } };
+                const store = { facts, listed: [], get state() { looks++; return state; } };
                 const operate = (control) => {
                     asked.push([control.fault.rate, control.instead]);
                     return Promise.resolve(true);

@@ -120,6 +120,8 @@ def test_the_key_is_taken_once_and_kept_where_no_script_reads_it(open_page: Serv
     assert get(open_page, "/?key=wrong")[0] == 403
     status, headers, _ = get(open_page, f"/?key={open_page.key}")
     assert (status, headers["location"]) == (303, "/")
+    for time, there in (("1:30.5", "/?t=1:30.5"), ("//example.org", "/"), ("1%0a", "/")):
+        assert get(open_page, f"/?key={open_page.key}&t={time}")[1]["location"] == there
     assert headers["set-cookie"].startswith(f"fogwatch-{open_page.port}={open_page.key};")
     assert "httponly" in headers["set-cookie"].lower()
     with look(open_page, key=open_page.key) as socket:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -101,6 +102,7 @@ def test_links_come_by_themselves_however_slowly_a_journal_is_read(
     faulty: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor.replay.link_log.BUDGET_S", 0.0)
+    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", math.inf)
     run = faulty.open()
     player = Player(run, Wall())
     state: State | None = at(player, run.ticks - 1)
@@ -151,6 +153,44 @@ def test_a_player_plays_at_its_pace_and_backwards_and_stops_at_the_ends(quiet: S
     state = player.wait(1.0)
     assert state is not None
     assert (state.k, state.running) == (0, False)
+
+
+def test_a_run_that_plays_by_itself_waits_for_the_first_page(quiet: Seen) -> None:
+    wall = Wall()
+    player = Player(quiet.open(), wall, autoplay=True)
+    wall.time_s += 5.0
+    state = player.wait(1.0)
+    assert state is not None
+    assert (state.k, state.running, state.pace) == (0, False, 1.0)
+    player.set_shown([])
+    assert player.wait(0.1) is None
+    player.set_shown(["truth"])
+    wall.time_s += 5.0
+    state = player.wait(1.0)
+    assert state is not None
+    assert state.running
+    assert state.k >= 10
+    assert player.control({"do": "pause"}).done
+    player.set_shown(["truth", 1])
+    state = player.wait(1.0)
+    assert state is not None
+    assert not state.running
+
+
+def test_a_control_comes_before_playing_by_itself(quiet: Seen) -> None:
+    player = Player(quiet.open(), Wall(), autoplay=True)
+    assert at(player, 30).running is False
+    player.set_shown(["truth"])
+    assert player.wait(0.1) is None
+
+
+@pytest.mark.parametrize(("duration_s", "pace"), [(40, 1.0), (91, 2.0), (3600, 50.0), (50_000, 100.0)])
+def test_a_long_run_plays_faster(quiet: Seen, duration_s: int, pace: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = quiet.open()
+    monkeypatch.setattr(type(run), "step", duration_s / run.ticks)
+    state = Player(run, Wall(), autoplay=True).wait(1.0)
+    assert state is not None
+    assert state.pace == pace
 
 
 @pytest.mark.parametrize(

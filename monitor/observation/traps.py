@@ -1,0 +1,94 @@
+"""Which robots are trapped, as a page shows it: a mark with the time since when, and events.
+
+`patrol.progress` decides. It is given each tick's positions and, when it asks, the fog.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from monitor.observation.source import Trapped
+from patrol.journal.records import Event
+from patrol.progress import SAMPLE_S, Trap, Traps
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from patrol.journal.records import TickRecord
+    from patrol.prepare import Prepared
+
+TRAPPED, FREE = "trapped", "no longer trapped"
+"""Kinds of events."""
+
+
+class TrapWatch:
+    """Follows a patrol tick by tick and says who is trapped.
+
+    Ticks may be missing, such as those before a page was opened. A robot that is within the circle of its stay before
+    and after a gap counts as having stayed.
+    """
+
+    def __init__(self, prepared: Prepared, *, from_start: bool = True) -> None:
+        """Start before the first tick.
+
+        Args:
+            prepared: The scenario with its terrain and fields.
+            from_start: Whether the robots start at tick 0; otherwise it is only the first tick that is known.
+        """
+        self._traps = Traps(prepared)
+        self._step = prepared.scenario.step
+        self._from_start = from_start
+        self._known: int | None = None
+
+    @property
+    def open(self) -> dict[int, Trapped]:
+        """The robots that are trapped now, by number."""
+        return {number: self._trapped(trap) for number, trap in self._traps.open.items()}
+
+    def trapped(self, number: int) -> Trapped | None:
+        """Since when a robot has been trapped; None for one that is not.
+
+        Args:
+            number: Its number.
+        """
+        trap = self._traps.open.get(number)
+        return None if trap is None else self._trapped(trap)
+
+    def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Event]:
+        """Process a tick.
+
+        Args:
+            record: The tick.
+            last_seen: Gives the fog after the tick's observations, int32 (h, w), ticks; called only when needed.
+
+        Returns:
+            An event for each robot that was found to be trapped in this tick, or no longer is.
+        """
+        if self._known is None:
+            self._known = record.k
+        return [self._event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
+
+    def needs_fog(self, k: int) -> bool:
+        """Whether `tick` may ask for the fog of tick k: some robot has stayed for long and is not trapped yet.
+
+        Args:
+            k: The tick.
+        """
+        return any(number not in self._traps.open for number in self._traps.stays.long(k))
+
+    def _trapped(self, trap: Trap) -> Trapped:
+        known = self._known or 0
+        exact = (self._from_start and known == 0) or (trap.stay.since - known) * self._step > SAMPLE_S
+        return Trapped(trap.stay.since * self._step, exact)
+
+    def _event(self, k: int, trap: Trap) -> Event:
+        stay, step = trap.stay, self._step
+        where = f"within {stay.radius:.1f} m of ({stay.x:.1f}, {stay.y:.1f})"
+        if trap.until is not None:
+            return Event(k, FREE, trap.robot, f"after {(k - stay.since) * step:g} s {where}")
+        point = f"({trap.point[0]:.1f}, {trap.point[1]:.1f})"
+        before = "" if self._trapped(trap).exact else "before "
+        since = f"since {before}{stay.since * step:g} s"
+        return Event(k, TRAPPED, trap.robot, f"{where} {since}; nobody has seen {point} in that time")

@@ -1,0 +1,87 @@
+"""Who was trapped at any tick of a run. The journal is read once, in slices."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from monitor.observation.traps import TrapWatch
+from monitor.replay.replay import Replay
+
+if TYPE_CHECKING:
+    from monitor.observation.source import Trapped
+    from monitor.replay.run import Run
+    from patrol.journal.records import Event, TickRecord
+
+BUDGET_S = 0.01
+"""Wall time for reading the journal in one call, s."""
+
+MEMORY = 16 << 20
+"""Bytes for the fog's snapshots; the fog is read forwards only."""
+
+_STRIDE = 32
+"""Ticks by which the fog advances between two looks at the clock."""
+
+
+class TrapLog:
+    """Who was trapped, by tick, and the events that say so."""
+
+    def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
+        """Start with nothing read.
+
+        Args:
+            run: The run.
+            now: Wall clock, s.
+        """
+        self._run = run
+        self._now = now
+        self._replay = Replay(run, MEMORY)
+        self._fog_k = -1
+        self._records = iter(run.journal.ticks)
+        self._next: TickRecord | None = next(self._records, None)
+        self._watch = TrapWatch(run.prepared)
+        self._ticks = 0
+        self._changes: list[tuple[int, dict[int, Trapped]]] = [(0, {})]
+        self._events: list[Event] = []
+
+    @property
+    def done(self) -> bool:
+        """Whether the whole journal is read."""
+        return self._next is None
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """The events found so far, in order."""
+        return self._events
+
+    def at(self, k: int) -> dict[int, Trapped] | None:
+        """The robots that were trapped at tick k, by number; None while the journal is not read that far."""
+        if self._ticks <= k and not self.done:
+            return None
+        return next(trapped for first, trapped in reversed(self._changes) if first <= k)
+
+    def read(self) -> None:
+        """Read on for about `BUDGET_S`."""
+        until = self._now() + BUDGET_S
+        while self._next is not None:
+            if self._fog_ready(self._next.k):
+                self._take(self._next)
+                self._next = next(self._records, None)
+            if self._now() > until:
+                return
+
+    def _fog_ready(self, k: int) -> bool:
+        """Advance the fog towards tick k, where it may be needed; whether it has arrived."""
+        if not self._watch.needs_fog(k):
+            return True
+        self._fog_k = min(max(self._fog_k, 0) + _STRIDE, k)
+        self._replay.fog(self._fog_k)
+        return self._fog_k == k
+
+    def _take(self, record: TickRecord) -> None:
+        events = self._watch.tick(record, lambda: self._replay.fog(record.k).last_seen)
+        self._ticks = record.k + 1
+        self._events += events
+        if events:
+            self._changes.append((record.k, self._watch.open))

@@ -1,0 +1,225 @@
+"""What the page says of a patrol that gets nowhere, and of what has not been seen, in a real browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from monitor.page.survey import survey_of
+from monitor.replay.player import Player
+from tests.browser import Look, browser_or_skip, looking
+from tests.monitor.live.test_feed_source import FakeFeed
+from tests.monitor.pages import ServedPage
+
+if TYPE_CHECKING:
+    from tests.monitor.conftest import Seen
+
+pytestmark = browser_or_skip()
+
+SIZES = [(1280, 800), (800, 600), (390, 800)]
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with looking() as running:
+        yield running
+
+
+def text(name: str) -> str:
+    """A script that gives the text of an element."""
+    return f"document.getElementById({name!r}).textContent"
+
+
+def hidden(name: str) -> str:
+    """A script that says whether an element is hidden."""
+    return f"document.getElementById({name!r}).hidden"
+
+
+def seek(look: Look, k: int) -> None:
+    look.evaluate(
+        f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
+            s.dispatchEvent(new Event('input')); }}"""
+    )
+    look.until(f"document.getElementById('clock').title === 'tick {k}'")
+
+
+def pixels(look: Look, red: int, green: int, blue: int) -> int:
+    """How many pixels of the map have a colour."""
+    return int(
+        look.evaluate(
+            f"""() => {{ const {{ width, height }} = document.getElementById('canvas');
+                const copy = new OffscreenCanvas(width, height).getContext('2d', {{ willReadFrequently: true }});
+                copy.drawImage(document.getElementById('canvas'), 0, 0);
+                const d = copy.getImageData(0, 0, width, height).data;
+                let found = 0;
+                for (let i = 0; i < d.length; i += 4) {{
+                    found += d[i] === {red} && d[i + 1] === {green} && d[i + 2] === {blue};
+                }}
+                return found; }}"""
+        )
+    )
+
+
+def test_ground_that_nobody_has_seen_looks_like_no_other(chromium: Any, trapped: Seen) -> None:
+    run = trapped.open()
+    with closing(ServedPage(Player(run))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        before = None
+        for k in (0, 100, run.ticks - 1):
+            seek(look, k)
+            share = 100.0 * int(run.seen[k]) / int(run.prepared.patrolled.sum())
+            look.until(f"{text('seen')} === '{int(share * 10) / 10:.1f} %' && !{hidden('seenbox')}")
+            look.until(f"!{hidden('neverkey')}")
+            unseen = pixels(look, 176, 48, 106)
+            assert 0 < unseen < (before or 10**9)
+            before = unseen
+        look.page.select_option("#layer", "d1")
+        look.until(hidden("neverkey"))
+
+
+def test_only_what_was_certainly_never_seen_is_dotted(chromium: Any, quiet: Seen) -> None:
+    with closing(ServedPage(Player(quiet.open()))) as served, Look(chromium, served.address) as look:
+        look.until(f"!{hidden('seenbox')}")
+        shown = look.evaluate(
+            """async () => {
+                const { FogImage } = await import('/fogimage.js');
+                const image = new FogImage(3, 1);
+                image.base(Int32Array.of(3, 3, 1));
+                const drawn = (...seen) => image.ages({ seen: Int32Array.from(seen), since: 0, tick: 9 }, 10);
+                return [drawn(-1, 4, -1), drawn(3, 4, -1), drawn(3, -2, -1)];
+            }"""
+        )
+        assert shown == [True, False, False]
+
+
+def test_the_stalest_point_has_a_mark_and_the_page_says_where(chromium: Any, trapped: Seen) -> None:
+    run = trapped.open()
+    terrain = run.prepared.terrain
+    with closing(ServedPage(Player(run))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate(hidden("stalestbox"))  # nothing is stale at the beginning
+        for k in (390, 40):
+            seek(look, k)
+            found = survey_of(trapped.truth[k], run.prepared.patrolled, k)
+            assert found is not None
+            x, y = terrain.centre(found.row, found.col)
+            look.until(f"{text('stalest')} === '{x:.1f}, {y:.1f} m'")
+            marked = look.evaluate(
+                f"""async () => {{
+                    const {{ drawStalest }} = await import('/marks.js');
+                    const drawn = [];
+                    const context = new Proxy({{}}, {{
+                        get: (_, name) => (...values) => name === 'fillText' && drawn.push(values),
+                        set: () => true,
+                    }});
+                    const stalest = [{x}, {y}, {k * run.step}, false];
+                    drawStalest({{ context, ratio: 1, store: {{ state: {{ stalest }} }}, toScreen: (x, y) => [x, y] }});
+                    return drawn;
+                }}"""
+            )
+            assert marked == [[f"never seen, {k * run.step:.0f} s", x, y + 24]]
+
+
+def test_a_trapped_robot_is_marked_listed_and_in_the_events(chromium: Any, trapped: Seen) -> None:
+    row = "document.querySelectorAll('#rows tr')[1].textContent"
+    with closing(ServedPage(Player(trapped.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        seek(look, 380)
+        look.until(f"{row}.includes('trapped since 0.0 s')")
+        assert pixels(look, 193, 18, 31) > 20
+        look.page.click("#tab-events")
+        look.until(f"/180 s *r2 trapped within .* since 0 s; nobody has seen .* in that time/.test({text('list')})")
+        look.until(f"/195 s *r2 no longer trapped after 195 s/.test({text('list')})")
+        times = "[...document.querySelectorAll('#list li')].map((one) => Number(one.dataset.k))"
+        assert look.evaluate(times) == sorted(look.evaluate(times), reverse=True)
+        seek(look, 300)
+        look.page.click("#tab-robots")
+        look.until(f"!{row}.includes('trapped')")
+        assert pixels(look, 193, 18, 31) == 0
+
+
+def test_a_live_page_says_it_too(chromium: Any, trapped: Seen) -> None:
+    wire = FakeFeed(trapped)
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        wire.send(385)
+        look.until("document.querySelectorAll('#rows tr')[1].textContent.includes('trapped since 0.0 s')")
+        look.until(f"{text('list')}.includes('r2 trapped')")
+        assert not look.evaluate(hidden("stalestbox"))
+
+
+def test_what_happened_before_a_page_connected_is_said_where_it_matters(chromium: Any, quiet: Seen) -> None:
+    wire = FakeFeed(quiet)
+    wire.number = 61
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate(hidden("note"))
+        look.page.click("#tab-links")
+        wire.send(5)
+        look.until(f"{text('linktip')}.endsWith('; counted from 30 s on')")
+
+
+def test_spare_robots_appear_when_they_join(chromium: Any, spare: Seen) -> None:
+    wire = FakeFeed(spare)
+    names = (
+        "[...document.querySelectorAll('#rows tr')].filter((one) => !one.hidden).map((one) => one.cells[0].innerText)"
+    )
+    fogs, robots = (
+        f"[...document.getElementById('{menu}').options].map((one) => one.text)" for menu in ("layer", "who")
+    )
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
+        wire.send(15)
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate(names) == ["r1", "r2"]
+        assert "belief of r3" not in look.evaluate(fogs)
+        assert look.evaluate(robots) == ["r1", "r2"]
+        assert look.evaluate("document.getElementById('who').value") == "0"
+        look.page.select_option("#layer", "2")
+        for _ in range(2):
+            look.press("p")
+        assert look.evaluate("document.querySelector('#rows .chosen').innerText").startswith("r1")
+        look.page.click("#tab-faults")
+        assert look.page.is_visible("#join")
+        wire.send(15)
+        look.page.click("#tab-robots")
+        look.until(f"{names}.join() === 'r1,r2,r3'")
+        assert "belief of r3" in look.evaluate(fogs)
+        assert look.evaluate(robots) == ["r1", "r2", "r3"]
+        assert look.evaluate("document.getElementById('layer').value") == "2"
+
+
+def test_a_replay_plays_as_soon_as_it_is_looked_at(chromium: Any, quiet: Seen) -> None:
+    player = Player(quiet.open(), autoplay=True)
+    with closing(ServedPage(player)) as served, Look(chromium, served.address) as look:
+        look.until("Number(document.getElementById('seek').value) > 0")
+        assert look.evaluate(text("play")) == "pause"
+
+
+@pytest.mark.parametrize(("time", "tick"), [("20", 40), ("0:12.5", 25), ("99:00", 79)])
+def test_an_address_may_hold_the_time_at_which_a_replay_opens(chromium: Any, quiet: Seen, time: str, tick: int) -> None:
+    player = Player(quiet.open(), autoplay=True)
+    with closing(ServedPage(player)) as served, Look(chromium, f"{served.address}&t={time}") as look:
+        look.until(f"document.getElementById('clock').title === 'tick {tick}'")
+        look.until(f"{text('play')} === 'play'")
+        assert look.evaluate("location.search") == f"?t={time}"
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_nothing_lies_over_anything_else(chromium: Any, trapped: Seen, width: int, height: int) -> None:
+    with closing(ServedPage(Player(trapped.open()))) as served, Look(chromium, served.address, width, height) as look:
+        look.until("document.body.dataset.frames > 0")
+        seek(look, 380)
+        look.until("document.querySelectorAll('#rows tr')[1].textContent.includes('trapped')")
+        over = """() => {
+            const boxes = [...document.querySelectorAll('#layer, #legendtext, #neverkey, #scale, #ticks, .zoom button,'
+                + 'header .numbers div, header h1, .transport > *, #rows tr:last-child td')]
+                .filter((one) => one.offsetParent).map((one) => [one.id || one.innerText, one.getBoundingClientRect()]);
+            return boxes.flatMap(([name, a], i) => boxes.slice(i + 1).filter(([, b]) =>
+                Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+                && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1).map(([other]) => [name, other]));
+        }"""
+        assert look.evaluate(over) == []
+        assert look.evaluate("document.documentElement.scrollWidth") <= width

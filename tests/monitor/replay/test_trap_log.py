@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import pytest
+
+from monitor.observation.source import Trapped
+from monitor.observation.traps import FREE, TRAPPED
+from monitor.replay.player import Player
+from monitor.replay.trap_log import TrapLog
+from patrol.progress import TRAPPED_S
+from tests.monitor.live.test_feed_source import FakeFeed, watched
+from tests.monitor.replay.test_player import Wall, at
+
+if TYPE_CHECKING:
+    from tests.monitor.conftest import Seen
+
+
+def test_who_was_trapped_is_known_at_any_tick(trapped: Seen) -> None:
+    run = trapped.open()
+    log = TrapLog(run)
+    while not log.done:
+        log.read()
+    found = round(TRAPPED_S / run.step)
+    for k, numbers in ((0, []), (found - 1, []), (found, [2]), (389, [2]), (390, []), (399, [])):
+        known = log.at(k)
+        assert known is not None
+        assert list(known) == numbers
+    begins, ends = log.events
+    assert (begins.k, begins.kind, begins.robot) == (found, TRAPPED, 2)
+    assert (ends.k, ends.kind, ends.robot) == (390, FREE, 2)
+    assert "since 0 s; nobody has seen (" in begins.detail
+
+
+def test_it_is_unknown_until_the_journal_is_read_that_far(trapped: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", -1.0)  # a tick, or a stretch of fog, in each call
+    log, whole = TrapLog(trapped.open()), TrapLog(trapped.open())
+    log.read()
+    assert log.at(0) == {}
+    assert log.at(1) is None
+    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", math.inf)
+    whole.read()
+    assert whole.done
+    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", -1.0)
+    while not log.done:
+        log.read()
+    assert log.events == whole.events
+    assert log.at(380) == whole.at(380)
+
+
+def test_a_replay_says_it_after_a_jump_and_a_fleet_while_it_runs(
+    trapped: Seen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", math.inf)
+    player = Player(trapped.open(), Wall())
+    wire = FakeFeed(trapped)
+    source = wire.source()
+    for k in (380, 10):
+        state = at(player, k)
+        assert [robot.trapped for robot in state.robots] == [None, Trapped(0.0) if k == 380 else None]
+    while wire.number < len(wire.records):
+        wire.send(40)
+        state = watched(source)
+        assert [robot.trapped for robot in state.robots] == [robot.trapped for robot in at(player, state.k).robots]
+    both = [[event for event in one.events(0) if event.kind in (TRAPPED, FREE)] for one in (player, source)]
+    assert both[0] == both[1]
+    assert len(both[0]) == 2
+    assert player.events(len(trapped.open().events) + 1) == both[0][1:]
+
+
+def test_a_replay_says_it_by_itself_once_it_is_known(trapped: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", -1.0)
+    monkeypatch.setattr("monitor.replay.link_log.BUDGET_S", math.inf)
+    player = Player(trapped.open(), Wall())
+    assert at(player, 380).robots[1].trapped is None
+    state = next(state for _ in range(500) if (state := player.wait(1.0)) is not None)
+    assert state.robots[1].trapped == Trapped(0.0)
+    assert player.wait(0.1) is None  # it is said once
+
+
+def test_who_comes_late_does_not_know_since_when(trapped: Seen) -> None:
+    wire = FakeFeed(trapped)
+    wire.number = 21
+    source = wire.source()
+    wire.send(366)
+    state = watched(source)
+    known = state.robots[1].trapped
+    assert known is not None
+    assert not known.exact
+    assert 0.0 < known.since_s < 15.0
