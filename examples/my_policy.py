@@ -1,6 +1,6 @@
-"""A policy of one's own: go to the stalest place near, see it, choose the next ("conscientious reactive").
+"""A policy of one's own: go to what is stale for its distance, see it, choose the next.
 
-    fogwatch run yards --set patrol.policy=./examples/my_policy.py:StalestNear --set patrol.options.reach=30
+    fogwatch run yards --set patrol.policy=./examples/my_policy.py:GreedyTarget --set patrol.options.near=10
 
 docs/policies.md says what a policy gets to know and what it may answer.
 """
@@ -12,34 +12,45 @@ from agent.ports import Intent, Place, PolicySetup, Stay
 from agent.view import View
 
 
-class StalestNear:
-    """Keeps its target until somebody has seen it."""
+class GreedyTarget:
+    """Takes the point with the greatest age per metre of way, and keeps it until somebody has seen it."""
 
     class Options(BaseModel):
         """What `patrol.options` may say."""
 
         model_config = ConfigDict(extra="forbid")
-        reach: float = Field(25.0, gt=0, description="m, how long the way to a target may be")
+        near: float = Field(4.0, gt=0, description="m, added to each way; the larger, the less the distance matters")
+        patience: float = Field(120.0, gt=0, description="s on the way to one target before another is chosen")
 
     def __init__(self, setup: PolicySetup) -> None:
-        self._reach = setup.options.reach
+        self._near = setup.options.near
+        self._patience = setup.options.patience / setup.step
+        # Where to stand to see each point: on it, or on its post where no body fits.
+        rows, cols = np.indices(setup.terrain.shape)
+        points = setup.posts.rows
+        rows[points[:, 0], points[:, 1]] = points[:, 2]
+        cols[points[:, 0], points[:, 1]] = points[:, 3]
+        self._stands = rows, cols
         self._target: tuple[int, int] | None = None
         self._chosen_at = 0
 
     def decide(self, view: View) -> Intent:
-        """The way to the target, or to a new one when that has been seen."""
-        if self._target is None or view.fog.last_seen[self._target] >= self._chosen_at:
-            self._target, self._chosen_at = self._stalest(view), view.tick
+        """The way to the target, or to a new one when that has been seen or takes too long."""
+        target = self._target
+        if (
+            target is None
+            or view.fog.last_seen[target] >= self._chosen_at
+            or view.tick - self._chosen_at > self._patience
+        ):
+            self._target, self._chosen_at = self._best(view), view.tick
         if self._target is None:
             return Stay()
-        return Place(*view.place_of(self._target))
+        stand = int(self._stands[0][self._target]), int(self._stands[1][self._target])
+        return Place(*view.place_of(stand))
 
-    def _stalest(self, view: View) -> tuple[int, int] | None:
-        """The stalest point within reach, the nearest of several; None for a robot that cannot get anywhere."""
-        lengths = view.lengths(within=self._reach)
-        near = np.isfinite(lengths)
-        if not near.any():
-            return None
-        score = np.where(near, view.age - np.where(near, lengths, 0.0) / (2.0 * self._reach), -np.inf)
+    def _best(self, view: View) -> tuple[int, int] | None:
+        """The point with the greatest age per metre; None for a robot that cannot get anywhere."""
+        lengths = view.lengths()[self._stands]
+        score = view.age / (lengths + self._near)
         row, col = np.unravel_index(int(np.argmax(score)), score.shape)
-        return int(row), int(col)
+        return (int(row), int(col)) if score[row, col] > 0.0 else None

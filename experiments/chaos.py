@@ -196,6 +196,8 @@ def _patrol(dice: Draws) -> dict[str, Any]:
         "separation": dice.choice("none", dice.choice(*mechanisms), dice.some(mechanisms, len(mechanisms))),
         "random_move": dice.between(0.0, 0.3),
         "give_way": dice.choice(True, False),
+        "commitment": dice.choice("target", "none"),
+        "manoeuvres": dice.choice(True, False),
     }
 
 

@@ -38,6 +38,9 @@ BASE: Mapping[str, Any] = {
     "duration": 200,
     "robots.count": 4,
     "patrol.random_move_for": "holonomic",
+    "patrol.random_move": 0.1,
+    "patrol.commitment": "none",
+    "patrol.manoeuvres": False,
     "patrol.separation": "none",
     **LENGTHS,
 }

@@ -274,7 +274,7 @@ def test_a_robot_whose_policy_has_failed_can_be_started_again(tmp_path: Path) ->
 
 def test_a_policy_of_ones_own_repeats_its_trace() -> None:
     example = Path(__file__).parents[2] / "examples" / "my_policy.py"
-    patrol = {"policy": f"{example}:StalestNear", "options": {"reach": 20}}
+    patrol = {"policy": f"{example}:GreedyTarget", "options": {"near": 8}}
     for robots in (CARS, DISCS):
         runs = [run_in_process(scenario(robots=robots, patrol=patrol), threads=threads) for threads in (1, 3)]
         assert trace(runs[0]) == trace(runs[1]) != trace(run_in_process(scenario(robots=robots)))

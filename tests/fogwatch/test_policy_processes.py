@@ -37,7 +37,7 @@ def scenario(policy: str, **patrol: Any) -> dict[str, Any]:
 
 @pytest.mark.processes
 def test_a_policy_of_ones_own_gives_the_same_trace_in_one_process_and_in_many(tmp_path: Path) -> None:
-    mapping = scenario(f"{EXAMPLE}:StalestNear", options={"reach": 30})
+    mapping = scenario(f"{EXAMPLE}:GreedyTarget", options={"near": 8})
     one = fogwatch.run(mapping, out=tmp_path / "one")
     many = fogwatch.run(mapping, out=tmp_path / "many", in_process=False)
     assert one.verdict.valid
@@ -112,9 +112,9 @@ def test_a_policy_that_cannot_be_made_is_bad_input_in_one_process_and_in_many(
 def test_options_are_checked_before_anything_runs(
     fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    chosen = ("--set", f"patrol.policy={EXAMPLE}:StalestNear", "--set", "patrol.options.reach=-3")
+    chosen = ("--set", f"patrol.policy={EXAMPLE}:GreedyTarget", "--set", "patrol.options.near=-3")
     assert fogwatch("run", "open", *chosen, "--out", str(tmp_path / "out")) == 2
-    assert "patrol.options.reach = -3" in capsys.readouterr().err
+    assert "patrol.options.near = -3" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -124,7 +124,7 @@ def test_whoever_looks_at_a_run_never_imports_its_policy(
     source = tmp_path / "mine.py"
     source.write_bytes(EXAMPLE.read_bytes())
     out = tmp_path / "run"
-    chosen = ("--set", f"patrol.policy={source}:StalestNear", "--set", "point=1", "--set", "duration=20")
+    chosen = ("--set", f"patrol.policy={source}:GreedyTarget", "--set", "point=1", "--set", "duration=20")
     assert fogwatch("run", "open", *chosen, "--in-process", "--no-report", "--no-recording", "--out", str(out)) == 0
     (out / "policy" / "mine.py").write_text("raise RuntimeError('imported')", encoding="utf-8")
     source.unlink()
