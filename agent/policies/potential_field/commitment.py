@@ -62,6 +62,9 @@ ROAM_REACH = 5.0
 HAND_OVER = 2.0
 """A point is a robot's own if no other robot's way there is shorter by more than so many strides."""
 
+WORTH_WHILE = 0.25
+"""A point of the robot's own ground is fresh below this share of the age of the stalest point."""
+
 STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
 
@@ -156,16 +159,21 @@ class Commitment:
         target = self._target
         if target is None:
             return None
-        if self._age(view, target.point) < STILL_STALE * target.age and self._home() is None:
+        seen = self._age(view, target.point) < STILL_STALE * target.age
+        if seen and self._home() is None:
             self._given_up = 0
             return None
         way = self._way_to(view, start, target.stand)
-        if way is None:
-            return None
+        return None if way is None else self._on(view, start, target, way, seen)
+
+    def _on(self, view: View, start: Element, target: Target, way: Way, seen: bool) -> Way | None:
+        """The way on to the target, unless the robot comes no nearer; ``seen``: it only goes on to leave its circle."""
         if way.length < self._least - self._nearer:
             self._least, self._least_at = way.length, view.tick
         stood_s = (view.tick - self._least_at) * self._step
         at_hand = way.length <= view.stride
+        if seen and (at_hand or stood_s > NO_NEARER_S):
+            return None
         if target.stand != target.close and (way.length == 0.0 or (at_hand and stood_s > AT_HAND_S)):
             self._target = target = replace(target, stand=target.close)
             self._least, self._least_at = math.inf, view.tick
@@ -216,7 +224,8 @@ class Commitment:
         if found is None:
             return None
         point, close = found
-        stand = self._nearest_in_sight(point, settled) or close
+        # Whoever is to leave has to go there, not only to look.
+        stand = close if home is not None else self._nearest_in_sight(point, settled) or close
         self._target = Target(point, stand, close, self._age(view, point))
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         self._least, self._least_at = math.inf, tick
@@ -245,14 +254,15 @@ class Commitment:
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
 
-        What a rival has the shorter way to counts only where none of the robot's own points pulls.
+        What a rival has the shorter way to counts only where all of the robot's own points are fresh.
         """
         paths, fog = self._paths, view.fog
         grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
-        for hand_over in (self._hand_over, FAR):
+        stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
+        for hand_over, least in ((self._hand_over, stale), (FAR, stale), (FAR, 1)):
             best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
             for points in (None, self._posts.rows):
-                law = (view.tick, pull, decay, rival, self._width, hand_over)
+                law = (view.tick, least, pull, decay, rival, self._width, hand_over)
                 hardest(points, *grids, *law, shunned, best, place)
             if best[0] > -np.inf:
                 row, col, stand_row, stand_col = (int(number) for number in place)

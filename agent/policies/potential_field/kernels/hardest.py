@@ -42,8 +42,8 @@ def own_reach(state, length, rival):
 @njit(
     [
         types.void(
-            posts, STATE, GRID, int64, int64, GRID, GRID, int64, TABLE, TABLE, GRID, float64, int64, SHUNNED, BEST,
-            PLACES,
+            posts, STATE, GRID, int64, int64, GRID, GRID, int64, int64, TABLE, TABLE, GRID, float64, int64, SHUNNED,
+            BEST, PLACES,
         )
         for posts in (types.none, ROWS)
     ],
@@ -51,8 +51,8 @@ def own_reach(state, length, rival):
     nogil=True,
 )
 def hardest(
-    posts, state, length, row0, col0, seen, looked, tick, log_pull, log_decay, rival, width, hand_over, shunned, best,
-    place,
+    posts, state, length, row0, col0, seen, looked, tick, least, log_pull, log_decay, rival, width, hand_over, shunned,
+    best, place,
 ):
     """Find the point with the greatest force, as logarithms: f and g may be too small for a float.
 
@@ -67,13 +67,15 @@ def hardest(
             that the point has no age.
         looked: int32 (h, w), the tick at which each point was last in view.
         tick: Now.
+        least: Points younger than this are left out, ticks; 1 or more.
         log_pull: float64 (mfow + 1,), log f by age in ticks.
         log_decay: float64, log g by length in hundredths of a point, at least up to the longest settled path.
         rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point.
         width: Of the claims, in hundredths of a point; 0 without claims.
         hand_over: Points that a rival has a way to that is shorter by more than this are left out, in hundredths of a
             point.
-        shunned: int64 (n, 3), row, column and squared radius, in points of the terrain, of what is left out.
+        shunned: int64 (n, 3), row, column and squared radius, in points of the terrain, of what is left out: the points
+            there, and those that are seen from there.
         best: float64 (1,), the greatest logarithm so far; updated in place.
         place: int64 (4,), row and column in the terrain of the point that exerts it and of the place to stand on;
             updated in place.
@@ -91,7 +93,7 @@ def hardest(
         if state[row, col] & 3 != 3:
             continue
         when = max(seen[seen_row, seen_col], 0)
-        if when >= tick or looked[seen_row, seen_col] >= tick:
+        if tick - when < least or looked[seen_row, seen_col] >= tick:
             continue
         far = max(length[row, col], 1)
         if far - rival[row, col] > hand_over:
@@ -107,6 +109,8 @@ def hardest(
         away = True
         for j in range(shunned.shape[0]):
             up, across = seen_row - shunned[j, 0], seen_col - shunned[j, 1]
+            away = away and up * up + across * across > shunned[j, 2]
+            up, across = row0 + row - shunned[j, 0], col0 + col - shunned[j, 1]
             away = away and up * up + across * across > shunned[j, 2]
         if away:
             best[0] = force
