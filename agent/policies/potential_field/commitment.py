@@ -144,7 +144,7 @@ class Commitment:
         if way is None or target is None:
             return None
         figures = {"way_m": way.length, "age_s": float(self._age(view, target.point) * self._step)}
-        if way.length == 0.0 and target.stand == target.close:
+        if way.length == 0.0 and target.stand == target.close and self._sight is None:
             # It stands where it should, so it only has to turn.
             across, up = (there - here for there, here in zip(view.place_of(target.point), way.place, strict=True))
             if across != 0.0 or up != 0.0:
@@ -156,11 +156,12 @@ class Commitment:
         target = self._target
         if target is None:
             return None
-        if self._age(view, target.point) < STILL_STALE * target.age and self._home() is None:
+        seen = self._age(view, target.point) < STILL_STALE * target.age
+        if seen and self._home() is None:
             self._given_up = 0
             return None
         way = self._way_to(view, start, target.stand)
-        if way is None:
+        if way is None or (seen and way.length == 0.0):
             return None
         if way.length < self._least - self._nearer:
             self._least, self._least_at = way.length, view.tick
@@ -216,7 +217,8 @@ class Commitment:
         if found is None:
             return None
         point, close = found
-        stand = self._nearest_in_sight(point, settled) or close
+        # From inside of the circle that it has to leave, a look at the point is not enough.
+        stand = close if home is not None else self._nearest_in_sight(point, settled) or close
         self._target = Target(point, stand, close, self._age(view, point))
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         self._least, self._least_at = math.inf, tick
