@@ -229,9 +229,7 @@ class Architect:
                 rooms.append(room)
         for room in rooms:
             self._open(room.slab)
-        ways = sorted(
-            (math.dist(rooms[i].middle, rooms[j].middle), i, j) for j in range(len(rooms)) for i in range(j)
-        )
+        ways = sorted((math.dist(rooms[i].middle, rooms[j].middle), i, j) for j in range(len(rooms)) for i in range(j))
         for _, i, j in self._tree(len(rooms), ways):
             self._corridor(rooms[i].middle, rooms[j].middle, self._gap(self._fitting()))
         for _, i, j in ways[: len(rooms)]:

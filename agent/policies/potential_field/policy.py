@@ -69,6 +69,9 @@ class PotentialField:
             # Robots that surround an intruder have to stand near each other.
             self._keep_apart(view)
         start = view.start
+        if self._commitment is not None and view.ground.static.join(view.pose.x, view.pose.y) is None:
+            # No way leads from here, so any step is worth a try.
+            return Bearing((), wander=TAU * view.draw(1, Purpose.RANDOM_MOVE))
         if self._commitment is not None and start is not None:
             intent = self._commitment.decide(view, start, self._rivals(view), self._random_step(view))
             return Stay() if intent is None else intent
