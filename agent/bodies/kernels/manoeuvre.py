@@ -107,6 +107,8 @@ def search(
     heap[0], rank[0] = 0, GREED * first_left
     size = 1
     best, goal = 0, -1
+    # Every arc takes the same time, however short it is.
+    longest = np.abs(arcs[:, 0]).max()
     spacing = 0.5 * point
     while size > 0:
         node = heap[0]
@@ -156,7 +158,7 @@ def search(
             there = left[row, col]
             if math.isinf(there):
                 there = pleft[node] + abs(distance)
-            price = abs(distance) * (REVERSE if distance < 0.0 else 1.0) * (TURNING if curvature != 0.0 else 1.0)
+            price = longest * (REVERSE if distance < 0.0 else 1.0) * (TURNING if curvature != 0.0 else 1.0)
             if by[node] >= 0 and (arcs[by[node], 0] < 0.0) != (distance < 0.0):
                 price += GEAR_CHANGE * turning
             price += cost[node]
