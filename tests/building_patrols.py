@@ -60,14 +60,15 @@ def random_scenario(seed: int, folder: Path, longest_s: float = 600.0) -> Scenar
     model = MODELS[int(rng.integers(3))]
     point = float(rng.choice(POINTS))
     low, high = (0.3, 0.5) if model == "car" else (0.15, 0.4)
+    count, radius = int(rng.integers(1, 5)), round(float(rng.uniform(low, high)), 3)
     robots = {
-        "count": int(rng.integers(1, 5)),
+        "count": count,
         "model": model,
-        "radius": round(float(rng.uniform(low, high)), 3),
+        "radius": radius,
         "speed": round(float(rng.uniform(0.5, 1.5)), 2),
         "turning_radius": round(float(rng.uniform(0.6, 1.2)), 2),
     }
-    building = random_building(seed, robots["radius"], point)
+    building = random_building(seed, radius, point)
     return load_scenario(
         {
             "name": f"building-{seed}",
@@ -151,8 +152,8 @@ def patrol(scenario: Scenario) -> Findings:
     spec, summary = scenario.roster[0], outcome.summary
     turning = f", turning radius {spec.turning_radius:g} m" if spec.model == "car" else ""
     return Findings(
-        f"{scenario.name}: {len(scenario.roster)} x {spec.model}, radius {spec.radius:g} m, {spec.speed:g} m/s{turning}, "
-        f"points of {scenario.point:g} m, {scenario.duration:g} s",
+        f"{scenario.name}: {len(scenario.roster)} x {spec.model}, radius {spec.radius:g} m, {spec.speed:g} m/s"
+        f"{turning}, points of {scenario.point:g} m, {scenario.duration:g} s",
         tuple(check.name for check in outcome.verdict.checks if not check.ok),
         tuple(outcome.verdict.warnings),
         tuple(watching[0].found.values()),

@@ -6,10 +6,11 @@ import math
 
 from agent.bodies.manoeuvre import Manoeuvres
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
-from agent.bodies.steering import CarSteering
+from agent.bodies.steering import CarSteering, Footing
 from agent.bodies.unstuck import YIELDS, Unstuck
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.view import View
+from patrol.ground.swept_path import advance
 from patrol.pose import Drive, halted
 from patrol.random import Purpose
 
@@ -23,6 +24,8 @@ class CarBody(BodyBase):
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = CarSteering(setup.spec, setup.ground.terrain, setup.step)
+        self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius)
+        self._step = setup.step
         chance = setup.chance
         self._unstuck = Unstuck(
             self._steering, setup.spec.speed, setup.step, lambda k, index: chance(k, index, Purpose.UNSTUCK)
@@ -47,12 +50,24 @@ class CarBody(BodyBase):
                 return self._drive(view, None, None, state) if self._unstuck.active else self._stand(state)
 
     def _bear(self, intent: Bearing, view: View) -> Choice:
+        if (back := self._back(view)) is not None:
+            return Choice(back, intent.state)
         bearing, goal = self._ahead(intent, view)
         if intent.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(view.pose, intent.wander, self.spec.speed)
             if self._steering.is_free(view.pose, aside):
                 return Choice(aside, intent.state, intent.wander)
         return self._drive(view, bearing, goal, intent.state)
+
+    def _back(self, view: View) -> Drive | None:
+        """The way back of a car from which no route leads on; None for any other, and where no arc leads back."""
+        pose = view.pose
+        if self._manoeuvres is None or view.ground.static.join(pose.x, pose.y) is not None:
+            return None
+        if view.bumped:
+            self._manoeuvres.drop()
+            return None
+        return self._manoeuvres.next(view, None)
 
     def _ahead(self, intent: Bearing, view: View) -> tuple[float | None, Goal | None]:
         """The strongest direction that leads at least half a step, and its goal; the strongest of all if none does.
@@ -85,7 +100,8 @@ class CarBody(BodyBase):
         self._bumps = self._bumps + 1 if view.bumped else 0
         if place.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(pose, place.wander, self.spec.speed)
-            if self._steering.is_free(pose, aside):
+            end = advance(pose, aside, self._step)
+            if self._steering.is_free(pose, aside) and self._footing.may_end(pose, end.x, end.y):
                 return Choice(aside, place.state, place.wander)
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
         parking = self._parking if self._manoeuvres is None else self._manoeuvres.near

@@ -88,18 +88,21 @@ class Manoeuvres:
         """Forget what was found."""
         self._plan.clear()
 
-    def next(self, view: View, place: Spot) -> Drive | None:
+    def next(self, view: View, place: Spot | None) -> Drive | None:
         """The next step towards a place.
 
         Args:
             view: Of this tick.
-            place: x and y in m, where the car's centre may be.
+            place: x and y in m, where the car's centre may be; None for anywhere on the ground that routes run over.
 
         Returns:
             None where no arc brings the car nearer.
         """
         pose, expected = view.pose, self._expected
-        if self._place is None or math.dist(self._place, place) > self.near:
+        if self._place is None or place is None:
+            if self._place is not place:
+                self.drop()
+        elif math.dist(self._place, place) > self.near:
             self.drop()
         on_course = (
             expected is not None
@@ -115,19 +118,23 @@ class Manoeuvres:
         self._expected = advance(pose, drive, self._step)
         return drive
 
-    def _search(self, view: View, place: Spot) -> None:
+    def _search(self, view: View, place: Spot | None) -> None:
         self.drop()
         self._place = place
         pose, terrain, start = view.pose, self._terrain, view.start
-        if start is None:
+        turning = self._spec.turning_radius
+        if place is None:
+            left = np.where(view.ground.static.open_now, 0.0, np.inf)
+            first = 2.0 * (AHEAD * turning + self.near)
+        elif start is not None:
+            left = view.lengths(place)
+            here = view.ground.centre(*start)
+            first = float(left[start[0] - 1, start[1] - 1]) + math.dist(here, (pose.x, pose.y))
+        else:
             return
-        left = view.lengths(place)
-        here = view.ground.centre(*start)
-        first = float(left[start[0] - 1, start[1] - 1]) + math.dist(here, (pose.x, pose.y))
         if not math.isfinite(first):
             return
         found = np.zeros(MOST_ARCS, dtype=np.int64)
-        turning = self._spec.turning_radius
         count = search(
             terrain.blocked,
             self._closed(view),

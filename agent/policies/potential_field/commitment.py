@@ -174,7 +174,7 @@ class Commitment:
         if stood_s > (AT_HAND_S if at_hand else NO_NEARER_S):
             spell = min(SHUNNED_S * 2.0**self._given_up, LONGEST_SHUNNED_S)
             self._given_up += 1
-            self._shunned.append((*target.point, view.tick + round(spell / self._step)))
+            self._shunned.append((*target.close, view.tick + round(spell / self._step)))
             return None
         return way
 
