@@ -6,10 +6,11 @@ import math
 
 from agent.bodies.manoeuvre import Manoeuvres
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
-from agent.bodies.steering import CarSteering
+from agent.bodies.steering import CarSteering, Footing
 from agent.bodies.unstuck import YIELDS, Unstuck
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.view import View
+from patrol.ground.swept_path import advance
 from patrol.pose import Drive, halted
 from patrol.random import Purpose
 
@@ -23,6 +24,8 @@ class CarBody(BodyBase):
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = CarSteering(setup.spec, setup.ground.terrain, setup.step)
+        self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius)
+        self._step = setup.step
         chance = setup.chance
         self._unstuck = Unstuck(
             self._steering, setup.spec.speed, setup.step, lambda k, index: chance(k, index, Purpose.UNSTUCK)
@@ -85,7 +88,8 @@ class CarBody(BodyBase):
         self._bumps = self._bumps + 1 if view.bumped else 0
         if place.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(pose, place.wander, self.spec.speed)
-            if self._steering.is_free(pose, aside):
+            end = advance(pose, aside, self._step)
+            if self._steering.is_free(pose, aside) and self._footing.may_end(pose, end.x, end.y):
                 return Choice(aside, place.state, place.wander)
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
         parking = self._parking if self._manoeuvres is None else self._manoeuvres.near

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
-from agent.bodies.steering import HolonomicSteering
+from agent.bodies.steering import Footing, HolonomicSteering
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Spot
 from agent.view import View
@@ -22,6 +22,7 @@ class HolonomicBody(BodyBase):
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = HolonomicSteering(setup.spec, setup.ground.terrain, setup.step)
+        self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius)
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """The command that best carries out an intent (`agent.ports.Body.obey`)."""
@@ -68,15 +69,16 @@ class HolonomicBody(BodyBase):
     def _approach(self, place: Place, view: View) -> Choice:
         """A step towards a place. The body yields to others on the way, but not on the last step."""
         pose, start, found = view.pose, view.start, way_of(place, view)
-        if place.wander is not None:
-            return Choice(self._steering.heading(pose, place.wander)[0], place.state, place.wander)
+        if place.wander is not None and (aside := self._aside(pose, place.wander)) is not None:
+            return Choice(aside, place.state, place.wander)
         if found is None or start is None:
             return Choice(Velocity(0.0, 0.0), State.HOLDING)
         spot, bend = found
         bearing = math.atan2(bend[1] - pose.y, bend[0] - pose.x)
         if view.bumped and view.draw(0, Purpose.RANDOM_MOVE) < AFTER_BUMP:
-            aside = TAU * view.draw(1, Purpose.RANDOM_MOVE)
-            return Choice(self._steering.heading(pose, aside)[0], place.state, bearing, Goal(spot, bend))
+            aside = self._aside(pose, TAU * view.draw(1, Purpose.RANDOM_MOVE))
+            if aside is not None:
+                return Choice(aside, place.state, bearing, Goal(spot, bend))
         targets = [bend, view.ground.centre(*start)]
         if place.lean is not None:
             targets = [place.lean, *targets]
@@ -86,6 +88,12 @@ class HolonomicBody(BodyBase):
             if way < enough:
                 velocity, way = self._steering.towards(pose, target)
         return Choice(velocity, place.state, bearing, Goal(spot, bend))
+
+    def _aside(self, pose: Pose, bearing: float) -> Velocity | None:
+        """A step in a direction, in rad; None where no route would lead on from its end."""
+        velocity, way = self._steering.heading(pose, bearing)
+        end = pose.x + way * math.cos(bearing), pose.y + way * math.sin(bearing)
+        return velocity if self._footing.may_end(pose, *end) else None
 
     def _steer(self, command: Command, state: str, pose: Pose) -> Choice:
         """A policy's own command, as far as the body is free."""

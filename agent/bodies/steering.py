@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from agent.routes.ground import Ground
 from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, Velocity, wrap
@@ -22,6 +23,49 @@ WORTH_IT = 0.05
 
 TOUCH = 1e-6
 """Gap left between a body and the wall at which it stops, m."""
+
+
+class Footing:
+    """The places where a body may stop because it gets on from there: a straight drive leads to the ground of routes.
+
+    Without such a rule a random step may end in a pocket, in which the body is but from which no route leads.
+    """
+
+    def __init__(self, terrain: Terrain, ground: Ground, radius: float) -> None:
+        """Compute nothing yet.
+
+        Args:
+            terrain: The map.
+            ground: Where the robot's centre may be.
+            radius: Of the body, m.
+        """
+        self._terrain = terrain
+        self._ground = ground
+        self._radius = radius
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether a straight drive leads from a place to the ground, with nothing closed.
+
+        Args:
+            x: m.
+            y: m.
+        """
+        static = self._ground.static
+        joined = static.join(x, y)
+        if joined is None:
+            return False
+        line = Pose(x, y, 0.0), Pose(*static.centre(*joined), 0.0)
+        return free_fraction(self._terrain, *line, self._radius) >= 1.0
+
+    def may_end(self, pose: Pose, x: float, y: float) -> bool:
+        """Whether a step may end at a place; from where the footing does not hold, any step may be taken.
+
+        Args:
+            pose: The robot's own.
+            x: m.
+            y: m.
+        """
+        return self.holds(x, y) or not self.holds(pose.x, pose.y)
 
 
 class HolonomicSteering:

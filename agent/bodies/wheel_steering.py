@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterator
 
 from agent.bodies.setup import BARELY
-from agent.bodies.steering import HolonomicSteering
+from agent.bodies.steering import Footing, HolonomicSteering
 from agent.routes.ground import Ground, Spot
-from patrol.ground.swept_path import advance, free_fraction, path_is_free
+from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose, Twist, wrap
 from patrol.scenario import RobotSpec
@@ -68,9 +68,9 @@ class WheelSteering:
         """
         self._spec = spec
         self._terrain = terrain
-        self._ground = ground
         self._step = step
         self._straight = HolonomicSteering(spec, terrain, step)
+        self._footing = Footing(terrain, ground, spec.radius)
         self._most = spec.speed / spec.radius * step
         self.stride = spec.speed * step
 
@@ -88,7 +88,7 @@ class WheelSteering:
         bearing = math.atan2(target[1] - pose.y, target[0] - pose.x)
         for share in EASIER:
             part = share * way
-            if self._may_end(pose, pose.x + part * math.cos(bearing), pose.y + part * math.sin(bearing)):
+            if self._footing.may_end(pose, pose.x + part * math.cos(bearing), pose.y + part * math.sin(bearing)):
                 return part
         return 0.0
 
@@ -156,7 +156,7 @@ class WheelSteering:
     def is_possible(self, pose: Pose, twist: Twist) -> bool:
         """Whether the next step of ``twist`` touches no wall and ends where routes lead on."""
         end = advance(pose, twist, self._step)
-        return self.is_free(pose, twist) and self._may_end(pose, end.x, end.y)
+        return self.is_free(pose, twist) and self._footing.may_end(pose, end.x, end.y)
 
     def is_free(self, pose: Pose, twist: Twist) -> bool:
         """Whether the next step of ``twist`` touches no wall."""
@@ -179,15 +179,3 @@ class WheelSteering:
                 speed = self._spec.speed - abs(turn) * self._spec.radius
                 if speed > WORTH_DRIVING * self._spec.speed:
                     yield Twist(speed, turn)
-
-    def _may_end(self, pose: Pose, x: float, y: float) -> bool:
-        return self._on_ground(x, y) or not self._on_ground(pose.x, pose.y)
-
-    def _on_ground(self, x: float, y: float) -> bool:
-        """Whether a straight drive leads from a place to the ground, with nothing closed."""
-        static = self._ground.static
-        joined = static.join(x, y)
-        if joined is None:
-            return False
-        line = Pose(x, y, 0.0), Pose(*static.centre(*joined), 0.0)
-        return free_fraction(self._terrain, *line, self._spec.radius) >= 1.0

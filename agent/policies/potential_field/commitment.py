@@ -147,7 +147,7 @@ class Commitment:
         if way is None or target is None:
             return None
         figures = {"way_m": way.length, "age_s": float(self._age(view, target.point) * self._step)}
-        if way.length == 0.0 and target.stand == target.close:
+        if way.length == 0.0 and target.stand == target.close and self._sight is None:
             # It stands where it should, so it only has to turn.
             across, up = (there - here for there, here in zip(view.place_of(target.point), way.place, strict=True))
             if across != 0.0 or up != 0.0:
@@ -181,7 +181,7 @@ class Commitment:
         if stood_s > (AT_HAND_S if at_hand else NO_NEARER_S):
             spell = min(SHUNNED_S * 2.0**self._given_up, LONGEST_SHUNNED_S)
             self._given_up += 1
-            self._shunned.append((*target.point, view.tick + round(spell / self._step)))
+            self._shunned.append((*target.close, view.tick + round(spell / self._step)))
             return None
         return way
 

@@ -74,8 +74,8 @@ def hardest(
         width: Of the claims, in hundredths of a point; 0 without claims.
         hand_over: Points that a rival has a way to that is shorter by more than this are left out, in hundredths of a
             point.
-        shunned: int64 (n, 3), row, column and squared radius, in points of the terrain, of what is left out: the points
-            there, and those that are seen from there.
+        shunned: int64 (n, 3), row, column and squared radius, in points of the terrain, of the places to stand on that
+            are left out.
         best: float64 (1,), the greatest logarithm so far; updated in place.
         place: int64 (4,), row and column in the terrain of the point that exerts it and of the place to stand on;
             updated in place.
@@ -108,8 +108,6 @@ def hardest(
                 continue
         away = True
         for j in range(shunned.shape[0]):
-            up, across = seen_row - shunned[j, 0], seen_col - shunned[j, 1]
-            away = away and up * up + across * across > shunned[j, 2]
             up, across = row0 + row - shunned[j, 0], col0 + col - shunned[j, 1]
             away = away and up * up + across * across > shunned[j, 2]
         if away:

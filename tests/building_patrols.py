@@ -1,0 +1,162 @@
+"""Short patrols of random buildings, and what is wrong with them."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from experiments.inprocess import run_in_process
+from patrol.journal import Status, TickRecord
+from patrol.own_ground import own_grounds
+from patrol.prepare import Prepared, prepare
+from patrol.progress import SAMPLE_S, Stay, stalest_outside
+from patrol.scenario import Scenario, load_scenario
+from patrol.values.types import Kind
+from tests.buildings import random_building
+from worldsim.world import World
+
+STAYS = ((4.0, 120.0), (0.5, 60.0))
+"""Radius of a circle, m, and the longest time in s that a robot may be in it while ground outside of it grows stale."""
+
+MODELS: tuple[Kind, ...] = ("holonomic", "differential", "car")
+POINTS = (0.1, 0.15, 0.2, 0.25, 0.3)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """How a patrol went.
+
+    Attributes:
+        what: The patrol, in one line.
+        invalid: The verdict's checks that failed.
+        warnings: The verdict's warnings.
+        stays: Robots that stayed too long (`STAYS`), one line each.
+        dead_ends: Largest share of a robot's decisions in dead ends.
+        seen: Share of what can be seen that was seen.
+    """
+
+    what: str
+    invalid: tuple[str, ...]
+    warnings: tuple[str, ...]
+    stays: tuple[str, ...]
+    dead_ends: float
+    seen: float
+
+
+def random_scenario(seed: int, folder: Path, longest_s: float = 600.0) -> Scenario:
+    """A scenario that says no more than building, body and number of robots.
+
+    Args:
+        seed: Random seed.
+        folder: An existing folder for the building's map.
+        longest_s: Longest duration, s; the shortest is two thirds of it.
+    """
+    rng = np.random.default_rng(seed)
+    model = MODELS[int(rng.integers(3))]
+    point = float(rng.choice(POINTS))
+    low, high = (0.3, 0.5) if model == "car" else (0.15, 0.4)
+    count, radius = int(rng.integers(1, 5)), round(float(rng.uniform(low, high)), 3)
+    robots = {
+        "count": count,
+        "model": model,
+        "radius": radius,
+        "speed": round(float(rng.uniform(0.5, 1.5)), 2),
+        "turning_radius": round(float(rng.uniform(0.6, 1.2)), 2),
+    }
+    building = random_building(seed, radius, point)
+    return load_scenario(
+        {
+            "name": f"building-{seed}",
+            "terrain": {"map": str(building.write(folder))},
+            "point": point,
+            "duration": float(round(rng.uniform(2.0 / 3.0, 1.0) * longest_s)),
+            "seed": seed,
+            "robots": robots,
+        }
+    )
+
+
+class LongStays:
+    """Finds robots that stay in a circle although ground outside of it, which they could see, is not seen meanwhile."""
+
+    def __init__(self, prepared: Prepared, world: World) -> None:
+        """Start before the first tick.
+
+        Args:
+            prepared: The scenario, its terrain and the bodies' static fields.
+            world: Before its first tick.
+        """
+        self._prepared = prepared
+        self._fog = world.truth.fog
+        self._step = prepared.scenario.step
+        self._every = max(round(SAMPLE_S / self._step), 1)
+        self._grounds = own_grounds(prepared)
+        self._been: dict[tuple[int, float], deque[tuple[int, float, float]]] = {}
+        self.found: dict[tuple[int, float], str] = {}
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in a tick.
+
+        Args:
+            record: Of the tick.
+        """
+        if record.k % self._every:
+            return
+        for row in record.robots:
+            assert row.status is Status.ALIVE
+            for radius, longest_s in STAYS:
+                been = self._been.setdefault((row.number, radius), deque())
+                been.append((record.k, row.x, row.y))
+                while (record.k - been[0][0]) * self._step > longest_s:
+                    been.popleft()
+                if (record.k - been[0][0]) * self._step == longest_s:
+                    self._look(row.number, radius, longest_s, been)
+
+    def _look(self, number: int, radius: float, longest_s: float, been: deque[tuple[int, float, float]]) -> None:
+        xs, ys = [x for _, x, _ in been], [y for _, _, y in been]
+        middle = 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))
+        if any(math.dist(middle, place) > radius for place in zip(xs, ys, strict=True)):
+            return
+        stay = Stay(been[0][0], *middle, radius)
+        terrain, ground = self._prepared.terrain, self._grounds[number].patrolled
+        at = stalest_outside(stay, terrain, ground, self._fog.last_seen)
+        if at is None:
+            return
+        x, y = terrain.centre(*at)
+        last_s = int(self._fog.last_seen[at]) * self._step
+        self.found[number, radius] = (
+            f"r{number} was within {radius:g} m of ({middle[0]:.2f}, {middle[1]:.2f}) for {longest_s:g} s until "
+            f"{been[-1][0] * self._step:g} s, and ({x:.2f}, {y:.2f}) was last seen at {last_s:g} s"
+        )
+
+
+def patrol(scenario: Scenario) -> Findings:
+    """Run a scenario in this process.
+
+    Args:
+        scenario: Without faults.
+    """
+    prepared = prepare(scenario)
+    watching: list[LongStays] = []
+
+    def watch(world: World) -> Callable[[TickRecord], None]:
+        watching.append(LongStays(prepared, world))
+        return watching[0].tick
+
+    outcome = run_in_process(prepared, keep=False, watch=watch)
+    spec, summary = scenario.roster[0], outcome.summary
+    turning = f", turning radius {spec.turning_radius:g} m" if spec.model == "car" else ""
+    return Findings(
+        f"{scenario.name}: {len(scenario.roster)} x {spec.model}, radius {spec.radius:g} m, {spec.speed:g} m/s"
+        f"{turning}, points of {scenario.point:g} m, {scenario.duration:g} s",
+        tuple(check.name for check in outcome.verdict.checks if not check.ok),
+        tuple(outcome.verdict.warnings),
+        tuple(watching[0].found.values()),
+        max(robot["dead_end_share"] for robot in summary["robots"].values()),
+        summary["seen_share"],
+    )
