@@ -91,7 +91,7 @@ class CarBody(BodyBase):
             if self._steering.is_free(pose, aside):
                 return Choice(aside, place.state, place.wander)
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
-        parking = self._parking if self._manoeuvres is None else self._manoeuvres.near
+        parking = self._parking if self._manoeuvres is None else self._manoeuvres.parking
         near = bend == spot and math.dist((pose.x, pose.y), spot) < parking
         if near and not view.bumped and not self._unstuck.active:
             return Choice(self._steering.park(pose, spot), place.state, bearing, goal)

@@ -54,11 +54,19 @@ MARGIN = 8.0
 """How much farther than the direct way, in turning radii, ways to a place are followed at first."""
 
 NEAR = 0.5
-"""A car is at a place from which it is at most so many strides away."""
+"""A search ends where at most so many strides of the way are left."""
+
+
+OFF_CENTRES = 1.5
+"""Sum of the distances of two places from the centres of their points, in points; rounded up."""
 
 
 class Manoeuvres:
-    """Arcs to be driven one after the other."""
+    """Arcs to be driven one after the other.
+
+    Attributes:
+        parking: A car no farther than this from a place, with nothing in between, parks there; m.
+    """
 
     def __init__(self, spec: RobotSpec, terrain: Terrain, steering: CarSteering, step: float) -> None:
         """Lay out the arcs of the search.
@@ -76,7 +84,9 @@ class Manoeuvres:
         stride = spec.speed * step
         self._tolerance = OFF_COURSE * stride
         self._times = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
-        self.near = max(NEAR * stride, terrain.point)
+        self._near = max(NEAR * stride, terrain.point)
+        # Ways are measured between the centres of points, so the car may be this much farther away.
+        self.parking = self._near + OFF_CENTRES * terrain.point
         tightest = 1.0 / spec.turning_radius
         drives = [
             Drive(sign * share * spec.speed, bend * tightest)
@@ -107,14 +117,15 @@ class Manoeuvres:
         Returns:
             None where no arc brings the car nearer.
         """
-        if self._place is None or math.dist(self._place, place) > self.near:
+        if self._place is None or math.dist(self._place, place) > self._near:
             self.drop()
         if not self._goes_on(view.pose):
             self.drop()
             left = self._left(view, place)
             if left is not None:
                 self._place = place
-                self._search(view, *left, near=self.near, progress=AHEAD * self._spec.turning_radius)
+                near = min(self._near, 0.5 * left[1])
+                self._search(view, *left, near=near, progress=AHEAD * self._spec.turning_radius)
         return self._take(view.pose)
 
     def back(self, view: View, left: NDArray[np.float64]) -> Drive | None:
