@@ -11,7 +11,7 @@ from agent.bodies.unstuck import YIELDS, Unstuck
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.view import View
 from patrol.ground.swept_path import advance
-from patrol.pose import Drive, halted
+from patrol.pose import TAU, Drive, halted
 from patrol.random import Purpose
 
 OFTEN = 4
@@ -39,6 +39,7 @@ class CarBody(BodyBase):
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """The command that best carries out an intent (`agent.ports.Body.obey`)."""
+        self.way_back.note(view.pose.x, view.pose.y)
         match intent:
             case Bearing():
                 return self._bear(intent, view)
@@ -51,6 +52,8 @@ class CarBody(BodyBase):
 
     def _bear(self, intent: Bearing, view: View) -> Choice:
         bearing, goal = self._ahead(intent, view)
+        if view.start is None and (back := self._come_back(view)) is not None:
+            return back
         if intent.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(view.pose, intent.wander, self.spec.speed)
             if self._steering.is_free(view.pose, aside):
@@ -82,7 +85,7 @@ class CarBody(BodyBase):
         """The way to a place, and parking there."""
         found = way_of(place, view)
         if found is None:
-            return self._drive(view, None, None, place.state)
+            return self._come_back(view) or self._drive(view, None, None, place.state)
         spot, bend = found
         pose = view.pose
         self._bumps = self._bumps + 1 if view.bumped else 0
@@ -92,7 +95,7 @@ class CarBody(BodyBase):
             if self._steering.is_free(pose, aside) and self._footing.may_end(pose, end.x, end.y):
                 return Choice(aside, place.state, place.wander)
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
-        parking = self._parking if self._manoeuvres is None else self._manoeuvres.near
+        parking = self._parking if self._manoeuvres is None else self._manoeuvres.parking
         near = bend == spot and math.dist((pose.x, pose.y), spot) < parking
         if near and not view.bumped and not self._unstuck.active:
             return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
@@ -106,6 +109,20 @@ class CarBody(BodyBase):
                 return Choice(drive, place.state, bearing, goal)
         choice = self._drive(view, bearing, goal, place.state)
         return Choice(choice.command, choice.state, bearing, goal)
+
+    def _come_back(self, view: View) -> Choice | None:
+        """A step of a car that is off the reachable points, back to them; None where it knows no way there."""
+        pose = view.pose
+        if self._manoeuvres is None or self._unstuck.active or not self.way_back.is_needed(pose.x, pose.y):
+            return None
+        left = self.way_back.lengths(pose.x, pose.y)
+        if left is None:
+            return None
+        drive = None if view.bumped else self._manoeuvres.back(view, left)
+        if drive is not None:
+            return Choice(drive, State.DEAD_END)
+        self._unstuck.begin(view.tick, TAU * self._chance(view.tick, 0, Purpose.UNSTUCK))
+        return self._drive(view, None, None, State.HOLDING)
 
     def _drive(self, view: View, bearing: float | None, goal: Goal | None, state: str) -> Choice:
         """Towards the goal ahead in direction ``bearing`` (rad), or out of a dead end."""

@@ -49,6 +49,7 @@ class DifferentialBody(BodyBase):
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """The command that best carries out an intent (`agent.ports.Body.obey`)."""
+        self.way_back.note(view.pose.x, view.pose.y)
         match intent:
             case Bearing():
                 return self._bear(intent, view)
@@ -66,7 +67,9 @@ class DifferentialBody(BodyBase):
         if intent.wander is not None:
             return Choice(self._steering.turning(view.pose, intent.wander), intent.state, intent.wander)
         start = view.start
-        if start is None or not intent.bearings:
+        if start is None:
+            return self._come_back(view)
+        if not intent.bearings:
             return self._stand(State.HOLDING)
         return self._take(self._options(intent, view, start), intent.state, view)
 
@@ -96,7 +99,7 @@ class DifferentialBody(BodyBase):
         """A step towards a place, round others that are in the way."""
         pose, start, found = view.pose, view.start, way_of(place, view)
         if found is None or start is None:
-            return self._stand(State.HOLDING)
+            return self._backing_off(place.state, view) or self._come_back(view)
         spot, bend = found
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
         if math.dist((pose.x, pose.y), spot) < BARELY:
@@ -115,6 +118,15 @@ class DifferentialBody(BodyBase):
             for target in targets
         )
         return self._take(options, place.state, view)
+
+    def _come_back(self, view: View) -> Choice:
+        """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""
+        pose = view.pose
+        spot = self.way_back.spot(pose.x, pose.y) if self.way_back.is_needed(pose.x, pose.y) else None
+        if spot is None:
+            return self._stand(State.HOLDING)
+        bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
+        return self._take(iter([self._option(spot, pose, bearing, Goal(spot, spot))]), State.DEAD_END, view)
 
     def _take(self, options: Iterator[_Option], state: str, view: View) -> Choice:
         """The first option that is good enough, else the one that leads farthest, else a way out of the dead end."""

@@ -26,6 +26,7 @@ class HolonomicBody(BodyBase):
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """The command that best carries out an intent (`agent.ports.Body.obey`)."""
+        self.way_back.note(view.pose.x, view.pose.y)
         match intent:
             case Bearing():
                 return self._bear(intent, view)
@@ -40,7 +41,9 @@ class HolonomicBody(BodyBase):
         pose, start = view.pose, view.start
         if intent.wander is not None:
             return Choice(self._steering.heading(pose, intent.wander)[0], intent.state, intent.wander)
-        if start is None or not intent.bearings:
+        if start is None:
+            return self._come_back(view)
+        if not intent.bearings:
             return Choice(Velocity(0.0, 0.0), State.HOLDING)
         if intent.near is not None and (stop := self._stop_at(intent.near, view, start)) is not None:
             return Choice(stop, intent.state, intent.bearings[0], Goal(intent.near, intent.near))
@@ -72,7 +75,7 @@ class HolonomicBody(BodyBase):
         if place.wander is not None and (aside := self._aside(pose, place.wander)) is not None:
             return Choice(aside, place.state, place.wander)
         if found is None or start is None:
-            return Choice(Velocity(0.0, 0.0), State.HOLDING)
+            return self._come_back(view)
         spot, bend = found
         bearing = math.atan2(bend[1] - pose.y, bend[0] - pose.x)
         if view.bumped and view.draw(0, Purpose.RANDOM_MOVE) < AFTER_BUMP:
@@ -87,6 +90,9 @@ class HolonomicBody(BodyBase):
         for target in targets[1:]:
             if way < enough:
                 velocity, way = self._steering.towards(pose, target)
+        if way <= BARELY < enough and (out := self.way_back.spot(pose.x, pose.y)) is not None:
+            # It stands between points, and no straight line leads to the one that it joins.
+            velocity, way = self._steering.towards(pose, out)
         return Choice(velocity, place.state, bearing, Goal(spot, bend))
 
     def _aside(self, pose: Pose, bearing: float) -> Velocity | None:
@@ -94,6 +100,18 @@ class HolonomicBody(BodyBase):
         velocity, way = self._steering.heading(pose, bearing)
         end = pose.x + way * math.cos(bearing), pose.y + way * math.sin(bearing)
         return velocity if self._footing.may_end(pose, *end) else None
+
+    def _come_back(self, view: View) -> Choice:
+        """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""
+        pose = view.pose
+        spot = self.way_back.spot(pose.x, pose.y) if self.way_back.is_needed(pose.x, pose.y) else None
+        if spot is None:
+            return Choice(Velocity(0.0, 0.0), State.HOLDING)
+        bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
+        if view.bumped and view.draw(0, Purpose.RANDOM_MOVE) < AFTER_BUMP:
+            bearing = TAU * view.draw(1, Purpose.RANDOM_MOVE)
+            return Choice(self._steering.heading(pose, bearing)[0], State.DEAD_END, bearing, Goal(spot, spot))
+        return Choice(self._steering.towards(pose, spot)[0], State.DEAD_END, bearing, Goal(spot, spot))
 
     def _steer(self, command: Command, state: str, pose: Pose) -> Choice:
         """A policy's own command, as far as the body is free."""

@@ -12,8 +12,9 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from agent.bodies.kernels.manoeuvre import search
+from agent.bodies.kernels.manoeuvre import CLEARANCE, search
 from patrol.ground.swept_path import advance
 from patrol.pose import Drive
 
@@ -43,15 +44,29 @@ MOST_NODES = 12_000
 MOST_ARCS = 256
 """Arcs that one search may find."""
 
-ON_COURSE = 1e-3
-"""How far a car may be from where its last arc should have brought it, m and rad."""
+OFF_COURSE = 0.1
+"""How far a car may be from where its last step should have brought it, in strides."""
+
+ASKEW = 0.05
+"""How far its heading may be from what it should be, rad."""
+
+MARGIN = 8.0
+"""How much farther than the direct way, in turning radii, ways to a place are followed at first."""
 
 NEAR = 0.5
-"""A car is at a place from which it is at most so many strides away."""
+"""A search ends where at most so many strides of the way are left."""
+
+
+OFF_CENTRES = 1.5
+"""Sum of the distances of two places from the centres of their points, in points; rounded up."""
 
 
 class Manoeuvres:
-    """Arcs to be driven one after the other."""
+    """Arcs to be driven one after the other.
+
+    Attributes:
+        parking: A car no farther than this from a place, with nothing in between, parks there; m.
+    """
 
     def __init__(self, spec: RobotSpec, terrain: Terrain, steering: CarSteering, step: float) -> None:
         """Lay out the arcs of the search.
@@ -67,8 +82,11 @@ class Manoeuvres:
         self._steering = steering
         self._step = step
         stride = spec.speed * step
+        self._tolerance = OFF_COURSE * stride
         self._times = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
-        self.near = max(NEAR * stride, terrain.point)
+        self._near = max(NEAR * stride, terrain.point)
+        # Ways are measured between the centres of points, so the car may be this much farther away.
+        self.parking = self._near + OFF_CENTRES * terrain.point
         tightest = 1.0 / spec.turning_radius
         drives = [
             Drive(sign * share * spec.speed, bend * tightest)
@@ -87,6 +105,7 @@ class Manoeuvres:
     def drop(self) -> None:
         """Forget what was found."""
         self._plan.clear()
+        self._place = None
 
     def next(self, view: View, place: Spot) -> Drive | None:
         """The next step towards a place.
@@ -98,16 +117,47 @@ class Manoeuvres:
         Returns:
             None where no arc brings the car nearer.
         """
-        pose, expected = view.pose, self._expected
-        if self._place is None or math.dist(self._place, place) > self.near:
+        if self._place is None or math.dist(self._place, place) > self._near:
             self.drop()
-        on_course = (
+        if not self._goes_on(view.pose):
+            self.drop()
+            left = self._left(view, place)
+            if left is not None:
+                self._place = place
+                near = min(self._near, 0.5 * left[1])
+                self._search(view, *left, near=near, progress=AHEAD * self._spec.turning_radius)
+        return self._take(view.pose)
+
+    def back(self, view: View, left: NDArray[np.float64]) -> Drive | None:
+        """The next step of a car that is off the reachable points, back to one of them.
+
+        Args:
+            view: Of this tick.
+            left: float64 (h, w), lengths in m of the ways back (`agent.routes.way_back.WayBack.lengths`).
+
+        Returns:
+            None where no arc brings the car nearer.
+        """
+        pose = view.pose
+        if self._place is not None or not self._goes_on(pose):
+            self.drop()
+            first = float(left[self._terrain.point_at(pose.x, pose.y)])
+            self._search(view, left, first, near=0.0, progress=math.inf)
+        return self._take(pose)
+
+    def _goes_on(self, pose: Pose) -> bool:
+        """Whether the car is where the last step should have brought it, and can take the next one."""
+        expected = self._expected
+        return (
             expected is not None
-            and math.dist((pose.x, pose.y), (expected.x, expected.y)) <= ON_COURSE
-            and abs(math.remainder(pose.heading - expected.heading, math.tau)) <= ON_COURSE
+            and math.dist((pose.x, pose.y), (expected.x, expected.y)) <= self._tolerance
+            and abs(math.remainder(pose.heading - expected.heading, math.tau)) <= ASKEW
+            and bool(self._plan)
+            and self._steering.is_free(pose, self._plan[0])
         )
-        if not on_course or not self._plan or not self._steering.is_free(pose, self._plan[0]):
-            self._search(view, place)
+
+    def _take(self, pose: Pose) -> Drive | None:
+        """The first step of the plan; None without one that is free."""
         if not self._plan or not self._steering.is_free(pose, self._plan[0]):
             self.drop()
             return None
@@ -115,42 +165,67 @@ class Manoeuvres:
         self._expected = advance(pose, drive, self._step)
         return drive
 
-    def _search(self, view: View, place: Spot) -> None:
-        self.drop()
-        self._place = place
-        pose, terrain, start = view.pose, self._terrain, view.start
+    def _left(self, view: View, place: Spot) -> tuple[NDArray[np.float64], float] | None:
+        """Lengths of the ways to a place from all points and from the car, m; None where no way leads there."""
+        pose, start = view.pose, view.start
         if start is None:
-            return
-        left = view.lengths(place)
-        here = view.ground.centre(*start)
-        first = float(left[start[0] - 1, start[1] - 1]) + math.dist(here, (pose.x, pose.y))
+            return None
+        margin = MARGIN * self._spec.turning_radius
+        row, col = start[0] - 1, start[1] - 1
+        within = 2.0 * math.dist((pose.x, pose.y), place) + margin
+        left = view.lengths(place, within)
+        first = float(left[row, col])
+        if first + margin > within:
+            # The way winds: the lengths have to reach as far beyond the car as a search does.
+            left = view.lengths(place, first + margin if math.isfinite(first) else None)
+            first = float(left[row, col])
         if not math.isfinite(first):
-            return
+            return None
+        if self._terrain.point_at(pose.x, pose.y) != (row, col):
+            first += math.dist(view.ground.centre(*start), (pose.x, pose.y))
+        return left, first
+
+    def _search(self, view: View, left: NDArray[np.float64], first: float, *, near: float, progress: float) -> None:
+        """Look for arcs that bring the car nearer.
+
+        Args:
+            view: Of this tick.
+            left: float64 (h, w), the way left from each point, m; infinite where none is known.
+            first: The way left from where the car is, m.
+            near: How short the way left has to be, m.
+            progress: How much shorter it has to become otherwise, m.
+        """
+        pose, terrain = view.pose, self._terrain
         found = np.zeros(MOST_ARCS, dtype=np.int64)
-        turning = self._spec.turning_radius
-        count = search(
-            terrain.blocked,
-            self._closed(view),
-            left,
-            terrain.point,
-            *terrain.origin,
-            pose.x,
-            pose.y,
-            pose.heading,
-            first,
-            self._arcs,
-            self._cell,
-            self._spec.radius,
-            turning,
-            self.near,
-            AHEAD * turning,
-            MOST_NODES,
-            found,
-        )
+        closed = self._closed(view)
+        count = 0
+        # A gap that is exactly as wide as the body leaves no clearance.
+        for clearance in (CLEARANCE, 0.0):
+            if count == 0:
+                count = search(
+                    terrain.blocked,
+                    closed,
+                    left,
+                    terrain.point,
+                    *terrain.origin,
+                    pose.x,
+                    pose.y,
+                    pose.heading,
+                    first,
+                    self._arcs,
+                    self._cell,
+                    self._spec.radius,
+                    clearance,
+                    self._spec.turning_radius,
+                    near,
+                    progress,
+                    MOST_NODES,
+                    found,
+                )
         for index in found[:count]:
             self._plan.extend([self._drives[index]] * self._times)
 
-    def _closed(self, view: View) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
+    def _closed(self, view: View) -> NDArray[np.uint8]:
         """The points that are closed at this tick; of size 0 where there are none or the car is on one of them."""
         ground = view.ground
         row, col = self._terrain.point_at(view.pose.x, view.pose.y)

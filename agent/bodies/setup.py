@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from agent.bodies.giveway import GiveWay
 from agent.bodies.goal import GoalFinder
 from agent.routes.ground import Disc, Ground
+from agent.routes.way_back import WayBack
 
 if TYPE_CHECKING:
     from agent.ports import Place
@@ -65,12 +66,14 @@ class BodyBase:
         spec: The robot's model and limits.
         stride: Longest way in one step, m.
         goals: Finds the goal along a bearing.
+        way_back: Finds ways back to the reachable points.
     """
 
     def __init__(self, setup: BodySetup) -> None:
         self.spec = setup.spec
         self.stride = setup.spec.speed * setup.step
         self.goals = GoalFinder(setup.lengths, setup.ground, setup.psi)
+        self.way_back = WayBack(setup.ground, setup.spec.radius)
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way
         self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None

@@ -23,7 +23,8 @@ class Pair:
         terrain = Terrain("room", np.ones((40, 60), dtype=np.bool_), 0.5)
         robots = {"count": 2, "model": model}
         radio = {"trail": 2, "forget_after": 5}
-        patrol = {"dilatation": 2.0, "separation": "claims", "random_move_for": "holonomic"}
+        patrol = {"dilatation": 2.0, "separation": "claims", "commitment": "none", "manoeuvres": False}
+        patrol |= {"random_move": 0.1, "random_move_for": "holonomic"}
         mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "radio": radio, "patrol": patrol}
         scenario = load_scenario({**mapping, "sensor": {"range": 4.0}})
         self.poses = [Pose(6.0, 6.0, 0.3), Pose(20.0, 12.0, 2.0)]

@@ -27,6 +27,10 @@ def scenario_of(model: str, **patrol: Any) -> Scenario:
     )
 
 
+PAPERS: dict[str, Any] = {"commitment": "none", "manoeuvres": False, "random_move": 0.1, "random_move_for": "holonomic"}
+"""A direction chosen anew at each tick, as in the paper."""
+
+
 def rooms() -> Terrain:
     """Two rooms of 24 x 30 m joined by a gap of 6 m."""
     passable = np.ones((60, 100), dtype=np.bool_)
@@ -84,10 +88,22 @@ def test_the_same_inputs_give_the_same_decisions(model: str) -> None:
 @pytest.mark.parametrize("direction", ["mode", "vector"])
 @pytest.mark.parametrize("model", MODELS)
 def test_robots_never_command_themselves_into_a_wall(model: str, direction: str) -> None:
-    terrain = rooms()
-    scenario = scenario_of(model, direction=direction)
+    scenario = scenario_of(model, direction=direction, **PAPERS)
     _, decisions, _ = patrol(scenario, 200)
     assert all(d.figures for decided in decisions for d in decided)
+    drives_freely(decisions)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_committed_robots_never_command_themselves_into_a_wall(model: str) -> None:
+    _, decisions, _ = patrol(scenario_of(model), 200)
+    assert all(d.figures for decided in decisions[1:] for d in decided)
+    drives_freely(decisions)
+
+
+def drives_freely(decisions: list[list[Decision]]) -> None:
+    """The first robot's commands, one after the other, touch no wall of the rooms."""
+    terrain = rooms()
     pose = Pose(6.0, 6.0, 0.3)
     for decided in decisions:
         assert path_is_free(terrain, pose, decided[0].command, 0.5, 1.0)
@@ -95,7 +111,7 @@ def test_robots_never_command_themselves_into_a_wall(model: str, direction: str)
 
 
 def test_a_car_keeps_to_its_speed_and_turning_radius_and_reverses_only_when_stuck() -> None:
-    _, decisions, _ = patrol(scenario_of("car"), 300)
+    _, decisions, _ = patrol(scenario_of("car", **PAPERS), 300)
     for decision in (d for decided in decisions for d in decided):
         assert isinstance(decision.command, Drive)
         assert abs(decision.command.curvature) <= 1 / 3.5
@@ -105,10 +121,10 @@ def test_a_car_keeps_to_its_speed_and_turning_radius_and_reverses_only_when_stuc
 
 
 def test_about_one_in_ten_holonomic_moves_is_random_and_none_without_chance() -> None:
-    _, decisions, _ = patrol(scenario_of("holonomic"), 300)
+    _, decisions, _ = patrol(scenario_of("holonomic", **PAPERS), 300)
     random = [d for decided in decisions for d in decided if d.goal is None]
     assert 0.05 < len(random) / 600 < 0.16
-    _, decisions, _ = patrol(scenario_of("holonomic", random_move=0.0), 50)
+    _, decisions, _ = patrol(scenario_of("holonomic", **{**PAPERS, "random_move": 0.0}), 50)
     assert all(d.goal is not None for decided in decisions for d in decided)
     for decision in (d for decided in decisions for d in decided):
         assert isinstance(decision.command, Velocity)
@@ -143,7 +159,7 @@ def test_a_robot_off_the_reachable_ground_holds() -> None:
 
 def test_a_bumped_car_backs_out() -> None:
     terrain = rooms()
-    mind = minds(scenario_of("car"), terrain, [Pose(6.0, 6.0, 0.0)])[0]
+    mind = minds(scenario_of("car", **PAPERS), terrain, [Pose(6.0, 6.0, 0.0)])[0]
     pose = Pose(12.0, 15.0, 0.0)
     assert mind.step(at(0, pose), []).state is State.PATROLLING
     decision = mind.step(at(1, pose, bumped=True), [])
@@ -161,9 +177,13 @@ def test_a_trail_holds_no_places_from_before_a_tick_that_was_skipped() -> None:
 
 @pytest.mark.parametrize("field", ["sensor.range", "patrol.refine_reach", "patrol.dilatation"])
 def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str) -> None:
-    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}, {field: 1e6})
-    mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    assert mind.step(at(0, Pose(6.0, 6.0, 0.0)), []).goal is not None
+    for commitment, first in (("none", 0), ("target", 1)):
+        chosen = {field: 1e6, "patrol.commitment": commitment}
+        scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}, chosen)
+        mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+        decisions = [mind.step(at(k, Pose(6.0, 6.0, 0.0)), []) for k in (0, 1)]
+        # At tick 0 nothing has an age that a robot could commit itself to.
+        assert [decision.goal is not None for decision in decisions] == [k >= first for k in (0, 1)]
 
 
 def surrounding(own: Pose, contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:

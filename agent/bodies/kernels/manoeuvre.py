@@ -30,14 +30,19 @@ GREED = 1.3
 """Weight of the way that is left in a node's rank; a node's cost is at most so many times the least."""
 
 CLEARANCE = 1e-3
-"""Gap kept between a body and walls, m; more than an arc bulges between two of its samples."""
+"""Gap kept between a body and walls at the samples of an arc, m. Samples are so close to each other that between two of
+them a body comes less than that nearer to a wall."""
+
+TOUCHING = 5e-10
+"""How much nearer than its radius a disc may be to a square and still only touch it, m."""
 
 
 @njit(types.boolean(MASK, float64, float64, float64, float64, float64, float64), cache=True, nogil=True)
 def _fits(blocked, point, ox, oy, x, y, radius):
     """Whether a disc at (x, y) overlaps no blocked square and stays on the grid; m."""
     height, width = blocked.shape
-    if x - radius < ox or y - radius < oy or x + radius > ox + width * point or y + radius > oy + height * point:
+    inner = radius - TOUCHING
+    if x - inner < ox or y - inner < oy or x + inner > ox + width * point or y + inner > oy + height * point:
         return False
     for row in range(math.floor((y - radius - oy) / point), math.floor((y + radius - oy) / point) + 1):
         if row < 0 or row >= height:
@@ -49,7 +54,7 @@ def _fits(blocked, point, ox, oy, x, y, radius):
                 continue
             left = ox + col * point
             across = max(left - x, 0.0, x - left - point)
-            if up * up + across * across < radius * radius:
+            if math.sqrt(up * up + across * across) < inner:
                 return False
     return True
 
@@ -58,14 +63,14 @@ def _fits(blocked, point, ox, oy, x, y, radius):
 @njit(
     int64(
         MASK, MASK, LENGTHS, float64, float64, float64, float64, float64, float64, float64, ARCS, float64, float64,
-        float64, float64, float64, int64, FOUND,
+        float64, float64, float64, float64, int64, FOUND,
     ),
     cache=True,
     nogil=True,
 )
 def search(
-    blocked, closed, left, point, ox, oy, x, y, heading, first_left, arcs, cell, radius, turning, near, progress,
-    most, found,
+    blocked, closed, left, point, ox, oy, x, y, heading, first_left, arcs, cell, radius, clearance, turning,
+    near, progress, most, found,
 ):
     """Find arcs that bring a car nearer to its goal.
 
@@ -87,11 +92,12 @@ def search(
         arcs: float64 (n, 2), the arcs to drive: length (m, negative in reverse) and curvature (1/m).
         cell: Side of the grid that tells nodes apart, m.
         radius: Of the body, m.
+        clearance: Gap to keep between the body and walls, m.
         turning: Of the tightest turn, m.
-        near: m.
-        progress: m.
+        near: How short the way left has to be for the search to end, m.
+        progress: How much shorter than at the start it has to be for the search to end, m.
         most: Largest number of nodes to look at.
-        found: int64, filled in with the indices of the arcs in driving order, as far as it is long.
+        found: int64, filled in with the indices of the arcs in driving order, as far as there is room.
 
     Returns:
         The number of arcs in ``found``; 0 when no arc leads nearer.
@@ -109,7 +115,8 @@ def search(
     best, goal = 0, -1
     # Every arc takes the same time, however short it is.
     longest = np.abs(arcs[:, 0]).max()
-    spacing = 0.5 * point
+    # Between two samples a wall's corner gets in by at most s**2 / 8 * (1 / radius + curvature).
+    spacing = min(0.5 * point, math.sqrt(8.0 * CLEARANCE / (1.0 / radius + 1.0 / turning)))
     while size > 0:
         node = heap[0]
         size -= 1
@@ -144,7 +151,7 @@ def search(
                 nx = px[node] + chord * math.cos(ph[node] + half)
                 ny = py[node] + chord * math.sin(ph[node] + half)
                 nh = ph[node] + 2.0 * half
-                if not _fits(blocked, point, ox, oy, nx, ny, radius + CLEARANCE):
+                if not _fits(blocked, point, ox, oy, nx, ny, radius + clearance):
                     free = False
                     break
                 if closed.size > 0:

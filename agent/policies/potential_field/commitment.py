@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from agent.policies.potential_field.force import PAPER_POINT, log_distance_force, log_fow_force
 from agent.policies.potential_field.kernels.hardest import hardest, own_reach
 from agent.ports import Bearing, Intent, Place
-from agent.routes.kernels.wave import SETTLED, STATUS
+from agent.routes.kernels.wave import BLOCKED, SETTLED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.routes import LONGEST
 from patrol.ground.footprint import Footprint
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from agent.ports import PolicySetup
+    from agent.routes.ground import Spot
     from agent.routes.path_window import PathWindow
     from agent.routes.routes import Element, Way
     from agent.view import View
@@ -43,6 +44,9 @@ NO_NEARER_S = 15.0
 
 AT_HAND_S = 3.0
 """The same for a robot that is less than a stride away from where it wanted to be, s."""
+
+TRIES = 3
+"""Number of targets that are tried in one tick, where no way leads to the first ones."""
 
 SHUNNED_S = 60.0
 """How long a robot then leaves out the target's surroundings, s; doubled each time that it gives up in a row."""
@@ -54,7 +58,7 @@ NEARER = 0.1
 """Least share of a stride by which a way must get shorter to count as progress."""
 
 ROAM_S = 45.0
-"""A robot that has stayed within a circle of `ROAM_REACH` for so long looks for a target outside and leaves, s."""
+"""A robot that has stayed within a circle of `ROAM_REACH` for so long looks for a target outside and goes there, s."""
 
 ROAM_REACH = 5.0
 """Radius of that circle, in radii and strides of the robot."""
@@ -82,46 +86,58 @@ class Target:
         stand: The point to go to: the nearest one in sight of it.
         close: The point to go to where the first did not do: the point itself, or its post.
         age: Of the point when it was chosen, ticks.
+        away: Whether it was chosen so that the robot leaves a circle in which it has stayed for too long.
     """
 
     point: tuple[int, int]
     stand: tuple[int, int]
     close: tuple[int, int]
     age: int
+    away: bool
+
+
+class _Law(NamedTuple):
+    """How hard points pull: see `agent.policies.potential_field.kernels.hardest.hardest`."""
+
+    pull: NDArray[np.float64]
+    decay: NDArray[np.float64]
+    rival: NDArray[np.int32]
 
 
 class Commitment:
     """Chooses a target and keeps to it."""
 
-    def __init__(self, setup: PolicySetup, paths: PathWindow, width_m: float) -> None:
+    def __init__(self, setup: PolicySetup, paths: PathWindow | None, width_m: float) -> None:
         """Start without a target.
 
         Args:
             setup: As for every policy.
-            paths: The window of the path method, over the whole terrain.
+            paths: The window of the path method, over the whole terrain; None for the wave of the robot's own routes.
             width_m: Width of the claims, m; 0 without claims.
         """
+        spec, sensor, terrain = setup.spec, setup.sensor, setup.terrain
+        stride = spec.speed * setup.step
         self._patrol = setup.patrol
-        self._point = setup.terrain.point
+        self._point = terrain.point
         self._step = setup.step
         self._posts = setup.posts
         self._paths = paths
         self._width = 100.0 * width_m / self._point
-        self._nearer = NEARER * setup.spec.speed * setup.step
-        sensor = setup.sensor
-        looks_round = sensor.angle >= 360.0 and sensor.quality == 1.0
-        self._sight = Footprint(setup.terrain, sensor.range, 360.0, sensor.line_of_sight) if looks_round else None
+        self._nearer = NEARER * stride
+        sight = Footprint(terrain, sensor.range, 360.0, sensor.line_of_sight, sensor.quality)
+        self._sight = sight if sensor.angle >= 360.0 and not sight.leaves_age else None
         # A car ends up near the place that it heads for, and not exactly on it.
-        self._slack = math.ceil(setup.spec.speed * setup.step / self._point) if setup.spec.model == "car" else 0
-        self._roam = ROAM_REACH * (setup.spec.radius + setup.spec.speed * setup.step)
+        self._slack = math.ceil(stride / self._point) if spec.model == "car" else 0
+        self._roam = ROAM_REACH * (spec.radius + stride)
         self._often = max(1, round(1.0 / setup.step))
-        self._been: deque[tuple[float, float]] = deque(maxlen=math.ceil(ROAM_S / (self._often * setup.step)))
-        self._hand_over = round(100.0 * HAND_OVER * setup.spec.speed * setup.step / self._point)
-        self._around = 2.0 * max(setup.spec.radius, self._point)
+        self._been: deque[Spot] = deque(maxlen=math.ceil(ROAM_S / (self._often * setup.step)))
+        self._hand_over = round(100.0 * HAND_OVER * stride / self._point)
+        self._around = math.ceil((2.0 * max(spec.radius, self._point) / self._point) ** 2)
         self._reach = _reach(setup)
         self._target: Target | None = None
         self._expected = 0
         self._least = math.inf
+        self._least_age = 0
         self._least_at = 0
         self._given_up = 0
         self._shunned: list[tuple[int, int, int]] = []
@@ -159,31 +175,34 @@ class Commitment:
         target = self._target
         if target is None:
             return None
-        seen = self._age(view, target.point) < STILL_STALE * target.age
-        if seen and self._home() is None:
+        age = self._age(view, target.point)
+        seen = age < STILL_STALE * target.age
+        if seen and not (target.away and self._home() is not None):
             self._given_up = 0
             return None
         way = self._way_to(view, start, target.stand)
-        return None if way is None else self._on(view, start, target, way, seen)
-
-    def _on(self, view: View, start: Element, target: Target, way: Way, seen: bool) -> Way | None:
-        """The way on to the target, unless the robot comes no nearer; ``seen``: it only goes on to leave its circle."""
-        if way.length < self._least - self._nearer:
-            self._least, self._least_at = way.length, view.tick
-        stood_s = (view.tick - self._least_at) * self._step
-        at_hand = way.length <= view.stride
-        if seen and (at_hand or stood_s > NO_NEARER_S):
+        if way is None or (seen and way.length <= view.stride):
             return None
+        at_hand = way.length <= view.stride
+        if way.length < self._least - self._nearer or age < self._least_age:
+            # A look that leaves some of a point's age is progress as well.
+            self._least, self._least_at = min(self._least, way.length), view.tick
+        self._least_age = age
+        stood_s = (view.tick - self._least_at) * self._step
         if target.stand != target.close and (way.length == 0.0 or (at_hand and stood_s > AT_HAND_S)):
             self._target = target = replace(target, stand=target.close)
             self._least, self._least_at = math.inf, view.tick
             return self._way_to(view, start, target.stand)
         if stood_s > (AT_HAND_S if at_hand else NO_NEARER_S):
-            spell = min(SHUNNED_S * 2.0**self._given_up, LONGEST_SHUNNED_S)
-            self._given_up += 1
-            self._shunned.append((*target.close, view.tick + round(spell / self._step)))
+            self._give_up(view.tick, target.close)
             return None
         return way
+
+    def _give_up(self, tick: int, point: tuple[int, int]) -> None:
+        """Leave a point and its surroundings out for a while, for longer each time in a row."""
+        spell_s = min(SHUNNED_S * 2.0**self._given_up, LONGEST_SHUNNED_S)
+        self._given_up += 1
+        self._shunned.append((*point, tick + round(spell_s / self._step)))
 
     def _way_to(self, view: View, start: Element, stand: tuple[int, int]) -> Way | None:
         """The shortest way to a point of the terrain; None if no way leads there now."""
@@ -198,7 +217,28 @@ class Commitment:
         self._target = None
         tick = view.tick
         self._shunned = [shunned for shunned in self._shunned if tick < shunned[2]]
-        paths = self._paths
+        if view.mfow == 0:
+            return None
+        home = self._home()
+        for _ in range(TRIES):
+            target = self._best(view, start, rivals, home)
+            if target is None:
+                return None
+            way = self._way_to(view, start, target.stand)
+            if way is not None:
+                self._target = target
+                self._least, self._least_age, self._least_at = math.inf, target.age, tick
+                return way
+            # Only straight paths and paths through regions lead where no way does.
+            self._give_up(tick, target.close)
+        return None
+
+    def _best(self, view: View, start: Element, rivals: Sequence[Element], home: Spot | None) -> Target | None:
+        """The target that pulls hardest, outside of the circle around ``home`` if possible; None where nothing pulls.
+
+        The paths' window may be shared, so it is used within this call only.
+        """
+        paths = self._paths or view.routes.window()
         rival = np.full(paths.length.shape, FAR, dtype=np.int32)
         if self._width > 0.0 and rivals:
             rival = paths.lengths_from(view.ground.static, *start, rivals, LONGEST)
@@ -211,27 +251,25 @@ class Commitment:
         unit = self._point / PAPER_POINT / 100.0 / stretch
         patrol = self._patrol
         decay = log_distance_force(patrol.distance, np.arange(longest + 1).clip(1) * unit, patrol.beta, patrol.length)
-        fow = np.arange(view.mfow + 1).clip(1) / max(view.mfow, 1)
-        pull = log_fow_force(patrol.fow, fow, patrol.alpha)
-        left_out = [(row, col, self._squared) for row, col, _ in self._shunned]
-        if (home := self._home()) is not None:
-            left_out.append((*view.point_of(home), math.ceil((self._roam / self._point) ** 2)))
-        shunned = np.array(left_out, dtype=np.int64).reshape(-1, 3)
-        found = self._hardest(view, pull, decay, rival, shunned)
-        if found is None and left_out:
+        fow = np.arange(view.mfow + 1).clip(1) / view.mfow
+        law = _Law(log_fow_force(patrol.fow, fow, patrol.alpha), decay, rival)
+        found = None if home is None else self._hardest(view, paths, law, home, self._shunned)
+        away = found is not None
+        if found is None:
+            found = self._hardest(view, paths, law, None, self._shunned)
+        if found is None and self._shunned:
             self._shunned.clear()
-            found = self._hardest(view, pull, decay, rival, shunned[:0])
+            found = self._hardest(view, paths, law, None, ())
         if found is None:
             return None
         point, close = found
-        # Whoever is to leave has to go there, not only to look.
-        stand = close if home is not None else self._nearest_in_sight(point, settled) or close
-        self._target = Target(point, stand, close, self._age(view, point))
+        standing = settled & (view.ground.state & STATUS != BLOCKED)
+        # Who has to leave a circle must not stop within it, as soon as the point is in sight.
+        stand = close if away else self._nearest_in_sight(paths, point, standing) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
-        self._least, self._least_at = math.inf, tick
-        return self._way_to(view, start, stand)
+        return Target(point, stand, close, self._age(view, point), away)
 
-    def _home(self) -> tuple[float, float] | None:
+    def _home(self) -> Spot | None:
         """The centre, x and y in m, of the circle in which the robot has stayed for too long; None if it has not."""
         if len(self._been) < (self._been.maxlen or 0):
             return None
@@ -239,51 +277,57 @@ class Commitment:
         centre = 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))
         return centre if all(math.dist(centre, place) <= self._roam for place in self._been) else None
 
-    @property
-    def _squared(self) -> int:
-        """Squared radius of what is left out around a target that was given up, in points."""
-        return math.ceil((self._around / self._point) ** 2)
-
     def _hardest(
-        self,
-        view: View,
-        pull: NDArray[np.float64],
-        decay: NDArray[np.float64],
-        rival: NDArray[np.int32],
-        shunned: NDArray[np.int64],
+        self, view: View, paths: PathWindow, law: _Law, home: Spot | None, shunned: Sequence[tuple[int, int, int]]
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
 
         What a rival has the shorter way to counts only where all of the robot's own points are fresh.
+
+        Args:
+            view: Of this tick.
+            paths: From where the robot stands.
+            law: How hard points pull.
+            home: x and y in m, the centre of the circle in which the robot must not stand; None for no circle.
+            shunned: Row and column of the places to stand on whose surroundings are left out.
         """
-        paths, fog = self._paths, view.fog
+        fog = view.fog
         grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
+        left_out = np.array([(row, col, self._around) for row, col, _ in shunned], dtype=np.int64).reshape(-1, 3)
+        circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
         stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
         for hand_over, least in ((self._hand_over, stale), (FAR, stale), (FAR, 1)):
             best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
             for points in (None, self._posts.rows):
-                law = (view.tick, least, pull, decay, rival, self._width, hand_over)
-                hardest(points, *grids, *law, shunned, best, place)
+                forces = (view.tick, least, law.pull, law.decay, law.rival, self._width, hand_over)
+                hardest(points, *grids, *forces, left_out, *circle, best, place)
             if best[0] > -np.inf:
                 row, col, stand_row, stand_col = (int(number) for number in place)
                 return (row, col), (stand_row, stand_col)
         return None
 
-    def _nearest_in_sight(self, point: tuple[int, int], settled: NDArray[np.bool_]) -> tuple[int, int] | None:
-        """The reachable point with the shortest way from which the sensor shows a point; None if it is not known."""
+    def _nearest_in_sight(
+        self, paths: PathWindow, point: tuple[int, int], standing: NDArray[np.bool_]
+    ) -> tuple[int, int] | None:
+        """The point with the shortest way from which the sensor shows a point; None if it is not known.
+
+        Args:
+            paths: From where the robot stands.
+            point: Row and column in the terrain of what is to be seen.
+            standing: bool, the elements of the window on which the robot may stand and to which a path is known.
+        """
         if self._sight is None:
             return None
-        paths, terrain = self._paths, self._sight.terrain
-        seen = self._sight.visible(Pose(*terrain.centre(*point), 0.0))
+        seen = self._sight.visible(Pose(*self._sight.terrain.centre(*point), 0.0))
         rows, cols = np.nonzero(seen.mask)
         if self._slack:
             inner = np.nonzero(_eroded(seen.mask, self._slack))
             if inner[0].size:
                 rows, cols = inner
         rows, cols = rows + seen.row0 - paths.row0, cols + seen.col0 - paths.col0
-        inside = (rows >= 0) & (rows < settled.shape[0]) & (cols >= 0) & (cols < settled.shape[1])
+        inside = (rows >= 0) & (rows < standing.shape[0]) & (cols >= 0) & (cols < standing.shape[1])
         rows, cols = rows[inside], cols[inside]
-        known = settled[rows, cols]
+        known = standing[rows, cols]
         rows, cols = rows[known], cols[known]
         if not rows.size:
             return None

@@ -57,7 +57,9 @@ class PotentialField:
         if patrol.commitment == "target":
             height, width = terrain.shape
             sizes = height, width, height + width
-            whole = window_of(patrol.paths, sizes, setup.scratch, setup.fields.patrolled, setup.regions)
+            whole = None
+            if patrol.paths != "wave":
+                whole = window_of(patrol.paths, sizes, setup.scratch, setup.fields.patrolled, setup.regions)
             claims = patrol.claim_width if "claims" in self._separations else 0.0
             self._commitment = Commitment(setup, whole, claims)
         names = ("x", "y", "total") if patrol.direction == "vector" else (f"sector {i}" for i in range(patrol.sectors))
@@ -72,11 +74,14 @@ class PotentialField:
         if self._commitment is not None and start is not None:
             intent = self._commitment.decide(view, start, self._rivals(view), self._random_step(view))
             return Stay() if intent is None else intent
-        pull = Pull(np.zeros(0), None) if start is None else self._pull(view, start)
+        if start is None:
+            # The body has to find its way back to the reachable ground first.
+            return Bearing((), wander=self._random_step(view))
+        pull = self._pull(view, start)
         bearings = self._bearings(pull)
         wander = self._random_step(view)
         figures = dict(zip(self._names, pull.sums.tolist(), strict=False))
-        if start is None or not bearings:
+        if not bearings:
             return Stay(figures=figures) if wander is None else Bearing((), wander=wander, figures=figures)
         centre = view.ground.centre
         near = None if pull.near is None else centre(*pull.near)

@@ -197,6 +197,15 @@ def test_a_start_in_no_region_has_no_paths() -> None:
 # --- patrols ---------------------------------------------------------------------------------------------------------
 
 
+PAPERS: dict[str, object] = {
+    "commitment": "none",
+    "separation": "none",
+    "random_move": 0.1,
+    "random_move_for": "holonomic",
+}
+"""A direction chosen anew at each tick, as in the paper."""
+
+
 def scenario(terrain: str, model: str, ticks: int, **patrol: object) -> Scenario:
     return load_scenario(
         {
@@ -204,7 +213,7 @@ def scenario(terrain: str, model: str, ticks: int, **patrol: object) -> Scenario
             "point": 0.5,
             "robots": {"count": 3, "model": model},
             "duration": 0.5 * ticks,
-            "patrol": {"paths": "regions", "dilatation": 2.0, **patrol},
+            "patrol": {"paths": "regions", "dilatation": 2.0, **PAPERS, **patrol},
         }
     )
 
@@ -214,6 +223,12 @@ def scenario(terrain: str, model: str, ticks: int, **patrol: object) -> Scenario
 @pytest.mark.parametrize("terrain", ["yards", "clutter"])
 def test_patrols_on_regions_see_everything(terrain: str, model: str, direction: str) -> None:
     outcome = run_in_process(scenario(terrain, model, 800, direction=direction))
+    assert outcome.verdict.valid, outcome.verdict.failed
+    assert outcome.summary["seen_share"] == 1.0
+
+
+def test_committed_robots_on_regions_see_everything() -> None:
+    outcome = run_in_process(scenario("yards", "holonomic", 800, commitment="target", separation="claims"))
     assert outcome.verdict.valid, outcome.verdict.failed
     assert outcome.summary["seen_share"] == 1.0
 

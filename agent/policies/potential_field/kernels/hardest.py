@@ -43,7 +43,7 @@ def own_reach(state, length, rival):
     [
         types.void(
             posts, STATE, GRID, int64, int64, GRID, GRID, int64, int64, TABLE, TABLE, GRID, float64, int64, SHUNNED,
-            BEST, PLACES,
+            int64, int64, int64, BEST, PLACES,
         )
         for posts in (types.none, ROWS)
     ],
@@ -52,7 +52,7 @@ def own_reach(state, length, rival):
 )
 def hardest(
     posts, state, length, row0, col0, seen, looked, tick, least, log_pull, log_decay, rival, width, hand_over, shunned,
-    best, place,
+    home_row, home_col, home_squared, best, place,
 ):
     """Find the point with the greatest force, as logarithms: f and g may be too small for a float.
 
@@ -76,6 +76,9 @@ def hardest(
             point.
         shunned: int64 (n, 3), row, column and squared radius, in points of the terrain, of the places to stand on that
             are left out.
+        home_row: Row in the terrain of the centre of the circle in which the robot must not stand.
+        home_col: Column of the same centre.
+        home_squared: Squared radius of the circle, in points; negative for no circle.
         best: float64 (1,), the greatest logarithm so far; updated in place.
         place: int64 (4,), row and column in the terrain of the point that exerts it and of the place to stand on;
             updated in place.
@@ -106,7 +109,8 @@ def hardest(
             force -= behind if behind > 40.0 else math.log1p(math.exp(max(behind, -40.0)))
             if force <= best[0]:
                 continue
-        away = True
+        up, across = row0 + row - home_row, col0 + col - home_col
+        away = up * up + across * across > home_squared
         for j in range(shunned.shape[0]):
             up, across = row0 + row - shunned[j, 0], col0 + col - shunned[j, 1]
             away = away and up * up + across * across > shunned[j, 2]

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from agent.belief.posts import Posts
 from agent.policies.potential_field.direction import bearings_by_force, bearings_by_vector, sector_table
 from agent.policies.potential_field.field import Field, Pull
-from agent.policies.potential_field.force import PAPER_AREA, ForceLaw, distance_force, fow_force, reach_scale
+from agent.policies.potential_field.force import (
+    PAPER_AREA,
+    ForceLaw,
+    distance_force,
+    fow_force,
+    log_distance_force,
+    log_fow_force,
+    reach_scale,
+)
 from agent.routes.ground import Ground
 from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
@@ -50,6 +58,34 @@ def test_functions_of_the_fog_are_those_of_table_1(name: str, expected: float) -
 )
 def test_functions_of_the_length_are_those_of_table_1(name: str, expected: float) -> None:
     assert distance_force(name, np.array([50.0]), 4000.0, 800.0)[0] == pytest.approx(expected)
+
+
+@given(fow=st.floats(1e-6, 1.0), alpha=st.floats(0.0, 300.0))
+@pytest.mark.parametrize("name", ["f1", "f2", "f3", "f4", "f5"])
+def test_logarithms_of_the_fog_are_those_of_its_functions(name: str, fow: float, alpha: float) -> None:
+    force = fow_force(name, np.array([fow]), alpha)
+    assert log_fow_force(name, np.array([fow]), alpha) == pytest.approx(np.log(force), rel=1e-9, abs=1e-9)
+
+
+@given(length=st.floats(1.0, 300.0))
+@pytest.mark.parametrize("name", ["g1", "g2", "g3", "g4", "g5"])
+def test_logarithms_of_the_length_are_those_of_its_functions(name: str, length: float) -> None:
+    force = distance_force(name, np.array([length]), 4000.0, 800.0)
+    assert log_distance_force(name, np.array([length]), 4000.0, 800.0) == pytest.approx(np.log(force), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["g1", "g2", "g3", "g4", "g5"])
+def test_logarithms_tell_lengths_apart_where_the_functions_are_0(name: str) -> None:
+    logs = log_distance_force(name, np.array([1e4, 2e4, 1e5]), 4000.0, 800.0)
+    assert np.isfinite(logs).all()
+    assert (np.diff(logs) < 0.0).all()
+
+
+@pytest.mark.parametrize("function", [log_fow_force, log_distance_force])
+def test_there_is_no_sixth_function(function: object) -> None:
+    assert callable(function)
+    with pytest.raises(ValueError, match="no function x6"):
+        function("x6", np.ones(1), 40.0, *([800.0] if function is log_distance_force else []))
 
 
 @pytest.mark.parametrize("point", [0.1, 0.5])

@@ -1,0 +1,147 @@
+"""The way back to the reachable points, for a body that is off them.
+
+Routes run over points that leave half a point more room than the body needs. A body fits in places in between, such as
+pockets and slits, and can get in there where its steps are not bound to points. From there no route leads on, so it
+first has to return to a reachable point.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.routes.ground import Ground
+from agent.routes.kernels.wave import HEMMED, STATUS
+from agent.routes.path_window import FAR
+from agent.routes.wave import Wave
+from patrol.ground.fields import cspace_of
+from patrol.ground.swept_path import free_fraction
+from patrol.pose import Pose
+
+if TYPE_CHECKING:
+    from agent.routes.ground import Spot
+
+REACH = 5.0
+"""How long a way back may be, m."""
+
+OFF_CENTRE = 1.25
+"""A body fits somewhere on every point at whose centre one smaller by so many points has its planning radius: half a
+diagonal, half a point for that radius, and a little for rounding."""
+
+LONGEST_TRAIL = 64
+"""Places that are remembered of the way off the reachable points."""
+
+
+class WayBack:
+    """Finds ways from anywhere to the points on which a body's centre may be, whatever is closed at this tick."""
+
+    def __init__(self, ground: Ground, radius: float) -> None:
+        """Compute nothing yet.
+
+        Args:
+            ground: Where the robot's centre may be.
+            radius: Of the body, m.
+        """
+        self._ground = ground
+        self._radius = radius
+        self._loose: tuple[Ground, Wave] | None = None
+        self._trail: list[Spot] = []
+        self._lengths: tuple[tuple[int, int], NDArray[np.float64] | None] | None = None
+        self._spot: tuple[Spot, Spot | None] | None = None
+
+    def note(self, x: float, y: float) -> None:
+        """Remember where the body has been since it was last on the reachable points; call it once a tick.
+
+        Args:
+            x: Of the body's centre, m.
+            y: Of the body's centre, m.
+        """
+        if self._ground.join(x, y) is not None:
+            self._trail = [(x, y)]
+        elif len(self._trail) < LONGEST_TRAIL:
+            self._trail.append((x, y))
+
+    def is_needed(self, x: float, y: float) -> bool:
+        """Whether a body is so far off the reachable points that it could not join them with nothing closed.
+
+        Args:
+            x: Of the body's centre, m.
+            y: Of the body's centre, m.
+        """
+        return self._ground.static.join(x, y) is None
+
+    def lengths(self, x: float, y: float) -> NDArray[np.float64] | None:
+        """Lengths of the ways to the nearest reachable points, over all points on which the body may fit.
+
+        Args:
+            x: Of the body's centre, m.
+            y: Of the body's centre, m.
+
+        Returns:
+            float64 (height, width) in m, infinity where no way leads or only one longer than `REACH`; None if that is
+            so at (x, y) itself.
+        """
+        here = self._ground.terrain.point_at(x, y)
+        if self._lengths is None or self._lengths[0] != here:
+            self._lengths = here, self._lengths_at(*here)
+        return self._lengths[1]
+
+    def spot(self, x: float, y: float) -> Spot | None:
+        """Where a body that moves in any direction should head: in a straight line that is free, and on the way back.
+
+        Args:
+            x: Of the body's centre, m.
+            y: Of the body's centre, m.
+
+        Returns:
+            x and y in m: the centre of the point nearest to the end of the way, else a place that the body came by;
+            None where neither can be reached in a straight line.
+        """
+        if self._spot is None or self._spot[0] != (x, y):
+            self._spot = (x, y), self._spot_at(x, y)
+        return self._spot[1]
+
+    def _lengths_at(self, row: int, col: int) -> NDArray[np.float64] | None:
+        terrain, static = self._ground.terrain, self._ground.static
+        if not terrain.inside(row, col):
+            return None
+        if self._loose is None:
+            fits = cspace_of(terrain, max(0.0, self._radius - OFF_CENTRE * terrain.point))
+            span = math.ceil(REACH / terrain.point)
+            self._loose = Ground(terrain, fits), Wave(*terrain.shape, span)
+        loose, wave = self._loose
+        if loose.state[row + 1, col + 1] & STATUS == 0:
+            return None
+        top, left = max(0, row - wave.span), max(0, col - wave.span)
+        box = slice(top, row + wave.span + 1), slice(left, col + wave.span + 1)
+        inner = static.state[1:-1, 1:-1][box]
+        rows, cols = np.nonzero((inner & STATUS != 0) & (inner & HEMMED != 0))
+        starts = list(zip((rows + top + 1).tolist(), (cols + left + 1).tolist(), strict=True))
+        limit = round(100.0 * REACH / terrain.point)
+        found = wave.lengths_from(loose, row + 1, col + 1, starts, limit)[1:-1, 1:-1]
+        lengths = np.full(terrain.shape, np.inf)
+        part = lengths[wave.row0 + 1 :, wave.col0 + 1 :][: found.shape[0], : found.shape[1]]
+        np.copyto(part, found * (terrain.point / 100.0), where=found < FAR)
+        lengths[box][inner & STATUS != 0] = 0.0
+        return lengths if math.isfinite(lengths[row, col]) else None
+
+    def _spot_at(self, x: float, y: float) -> Spot | None:
+        lengths = self.lengths(x, y)
+        if lengths is not None:
+            terrain = self._ground.terrain
+            rows, cols = np.nonzero(lengths < float(lengths[terrain.point_at(x, y)]))
+            xs, ys = (
+                start + (at + 0.5) * terrain.point for start, at in zip(terrain.origin, (cols, rows), strict=True)
+            )
+            away = np.hypot(xs - x, ys - y)
+            for index in np.lexsort((away, lengths[rows, cols])):
+                place = float(xs[index]), float(ys[index])
+                if self._is_free(x, y, place):
+                    return place
+        return next((place for place in self._trail if place != (x, y) and self._is_free(x, y, place)), None)
+
+    def _is_free(self, x: float, y: float, place: Spot) -> bool:
+        return free_fraction(self._ground.terrain, Pose(x, y, 0.0), Pose(*place, 0.0), self._radius) >= 1.0
