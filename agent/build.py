@@ -147,11 +147,13 @@ def build_mind(
     posts = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
     # A window of half the terrain's points in every direction already holds all of it.
     dilatation = min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
+    kind = policy_of(scenario)
+    if kind.ours and patrol.commitment != "none":
+        dilatation = 0  # commitment asks for single points only
     spread = fields.patrolled if straight else fields.reach
     inbox = inbox_of(scenario, number, terrain.bounds, key)
     belief = Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation)
     ground = Ground(terrain, fields.reach)
-    kind = policy_of(scenario)
     setup = PolicySetup(
         spec=spec,
         radii=radii,
