@@ -48,7 +48,7 @@ patrol:
   dilatation: 5
   avoidance: goal-refinement
   separation: claims
-  random_move: 0.1
+  random_move: 0.02
 radio: {trail: 0, key: null, forget_after: 10}
 faults: []
 """
