@@ -85,7 +85,7 @@ OUTPUT = "Output"
     app,
     examples=[
         "fogwatch run yards --robots 5 --duration 600",
-        "fogwatch run my-map.yaml --model car --radius 0.4 --pace realtime",
+        "fogwatch run my-map.yaml --model differential --radius 0.3 --speed 1",
         "fogwatch run examples/yards-five.yaml --set patrol.dilatation=2 --seed 7",
     ],
     exit_codes="0 verdict valid, 1 verdict invalid, 2 bad input, 3 verdict unknown (the run could not be judged), 130 "

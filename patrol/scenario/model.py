@@ -158,29 +158,31 @@ class PatrolSpec(Section):
         "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
     )
     regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: found automatically")
-    direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
-    sectors: Sectors = Field(8, description="number of sectors that mode chooses from")
+    commitment: Literal["none", "target"] = Field(
+        "target", description="target (go to one place until it is seen) | none (a direction chosen anew at each tick)"
+    )
+    direction: Literal["mode", "vector"] = Field(
+        "mode", description="mode (strongest sector) | vector (sum), without commitment"
+    )
+    sectors: Sectors = Field(8, description="number of sectors that mode chooses from, without commitment")
     reach: Literal["paper", "area"] = Field(
-        "paper", description="paper | area, how far g reaches: as printed, or farther where each robot has more ground"
+        "paper", description="paper | area (farther on larger ground), how far g reaches without commitment"
     )
     dilatation: AutoNotNegative = Field(
-        AUTO, description="m, half-width of the window that spreads staleness; 0: none; auto: 5 radii"
+        AUTO, description="m, how far staleness spreads without commitment; 0: not at all; auto: 5 radii"
     )
     avoidance: Literal["none", "goal-refinement", "fuzzy"] = Field(
-        "goal-refinement", description="none | goal-refinement | fuzzy (mode only)"
+        "goal-refinement", description="none | goal-refinement | fuzzy (mode only), without commitment"
     )
     separation: Separation = Field("claims", description=SEPARATIONS)
     random_move: Probability = Field(
-        0.02, description="probability of a random step, so that patrols stay unpredictable"
+        0.02, description="probability of a random step in a tick, so that patrols stay unpredictable"
     )
     random_move_for: Literal["holonomic", "all"] = Field(
         "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
     )
-    commitment: Literal["none", "target"] = Field(
-        "target", description="none (a direction chosen anew at each tick) | target (one place, until it is seen)"
-    )
     give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
-    manoeuvres: Flag = Field(True, description="cars on their way to a place search for three-point turns and reverse")
+    manoeuvres: Flag = Field(True, description="cars make three-point turns and leave dead ends in reverse")
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"

@@ -48,7 +48,7 @@ patrol:
   dilatation: 5
   avoidance: goal-refinement
   separation: claims
-  random_move: 0.1
+  random_move: 0.02
 radio: {trail: 0, key: null, forget_after: 10}
 faults: []
 """
@@ -279,8 +279,8 @@ def test_a_dump_says_the_same_to_any_yaml_reader() -> None:
 def test_a_dump_has_one_field_a_line_with_its_unit() -> None:
     lines = dump_scenario(load_scenario(LONG)).splitlines()
     assert "point: 0.1                       # m, side of one point of the grid" in lines
-    window = "m, half-width of the window that spreads staleness; 0: none; auto: 5 radii"
-    assert f"  dilatation: auto               # {window}; here 5 for on, 1.5 for 007" in lines
+    spreads = "m, how far staleness spreads without commitment; 0: not at all; auto: 5 radii"
+    assert f"  dilatation: auto               # {spreads}; here 5 for on, 1.5 for 007" in lines
     assert any(
         line.startswith("  - {model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5, name: 'on', ") for line in lines
     )
