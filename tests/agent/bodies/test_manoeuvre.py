@@ -1,4 +1,4 @@
-"""Cars in corridors: three-point turns, ways out in reverse, ways round what is closed, and no plan where there is none."""
+"""Cars in corridors: three-point turns, ways out in reverse, and ways round what is closed."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from agent.bodies.car import CarBody
 from agent.bodies.kernels.manoeuvre import CLEARANCE, search
 from agent.bodies.manoeuvre import MOST_ARCS, Manoeuvres
 from agent.ports import Place, State
+from agent.routes.ground import Spot
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose
@@ -22,9 +23,7 @@ RADIUS, TURNING, SPEED = 0.5, 1.0, 1.0
 CAR = {"model": "car", "radius": RADIUS, "turning_radius": TURNING, "speed": SPEED}
 
 
-def car(
-    terrain: Terrain, pose: Pose, place: tuple[float, float], start: Pose | None = None, **patrol: object
-) -> Robots:
+def car(terrain: Terrain, pose: Pose, place: Spot, start: Pose | None = None, **patrol: object) -> Robots:
     """A car that is to go to a place; ``start`` is where its reachable ground begins, unless that is its pose."""
     prepared = prepared_in(terrain, [start or pose], CAR, patrol=patrol, sensor={"range": 3.0})
     return Robots(prepared, Place(*place), at_poses=[pose])
