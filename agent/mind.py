@@ -11,8 +11,9 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from agent.answers import checked
 from agent.belief.believed import Belief
-from agent.ports import Body, Decision, Policy, PolicyFailed, checked
+from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Disc, Ground
 from agent.routes.routes import Routes
 from agent.view import Draw, FogView, View

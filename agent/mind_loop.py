@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from agent.ports import PolicyFailed, Telemetry, policy_failure
+from agent.answers import policy_failure
+from agent.ports import PolicyFailed, Telemetry
 from patrol.net.telemetry import Telemetry as TelemetryView
 from patrol.net.telemetry import Traffic, pack_view
 from patrol.process.deadline import Late, deadline

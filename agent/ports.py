@@ -14,12 +14,9 @@ unstuck and giving way are the body's business, so that policies compete on equa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Protocol
-
-import numpy as np
 
 from patrol.exchange import Sensed
 from patrol.pose import Command
@@ -38,17 +35,6 @@ if TYPE_CHECKING:
 
 Figures = Mapping[str, float]
 """Numbers that a policy wants to have shown, by name."""
-
-MAX_FAILURE = 300
-"""Characters of the longest account of a failure."""
-
-MAX_STATE = 32
-"""Characters of the longest state word."""
-
-LARGEST = 1e9
-"""Numbers beyond it mean nothing in metres and radians."""
-
-PAIR = "pair of numbers"
 
 
 class State(StrEnum):
@@ -191,89 +177,6 @@ class Policy(Protocol):
 
 class PolicyFailed(Exception):
     """A policy has raised, taken too long, or returned something that is no intent; one line says which."""
-
-
-def _where(cause: BaseException | None) -> str:
-    """The innermost line of code of an error, as `` (file.py:27)``."""
-    last = None if cause is None else cause.__traceback__
-    while last is not None and last.tb_next is not None:
-        last = last.tb_next
-    return "" if last is None else f" ({PurePath(last.tb_frame.f_code.co_filename).name}:{last.tb_lineno})"
-
-
-def policy_failure(k: int, failed: BaseException) -> str:
-    """Why a robot is lost whose policy has failed at tick k: the same words wherever its mind runs."""
-    line = " ".join(str(failed).split()) + _where(failed.__cause__)
-    printable = "".join(letter if letter.isprintable() else "?" for letter in line)
-    return f"its policy failed at tick {k}: {printable}"[:MAX_FAILURE]
-
-
-def checked(intent: object) -> Intent:
-    """An intent whose numbers can be used; numpy's become Python's, so that they fare alike wherever a mind runs.
-
-    Raises:
-        PolicyFailed: It is no intent, or a number in it is none that a body can compute with.
-    """
-    kind = type(intent).__name__
-    if not isinstance(intent, Bearing | Place | Stay | Steer):
-        raise PolicyFailed(f"returned {kind}; return Bearing, Place, Stay or Steer")
-    if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
-        raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
-    if not isinstance(intent.figures, Mapping) or not all(isinstance(name, str) for name in intent.figures):
-        raise PolicyFailed("returned figures that are no mapping from names to numbers")
-    plain = _plain_numbers(intent)
-    for name, value in _numbers(plain):
-        if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
-            raise PolicyFailed(f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9")
-    return plain
-
-
-def _plain_numbers(intent: Intent) -> Intent:
-    """The same with Python's numbers in place of numpy's."""
-    names = [entry.name for entry in fields(intent) if entry.name not in ("state", "figures")]
-    given = {name: getattr(intent, name) for name in names}
-    plain = {name: _plain(value) for name, value in given.items()}
-    changed = {name: value for name, value in plain.items() if value is not given[name]}
-    return replace(intent, **changed) if changed else intent
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return tuple(value.tolist())
-    if isinstance(value, tuple | list) and any(isinstance(one, np.generic) for one in value):
-        return tuple(_plain(one) for one in value)
-    if isinstance(value, Command) and any(isinstance(number, np.generic) for number in value.numbers):
-        return type(value)(*(_plain(number) for number in value.numbers))
-    return value
-
-
-def _numbers(intent: Intent) -> list[tuple[str, object]]:
-    """Every number of an intent that a body computes with, by name."""
-    match intent:
-        case Bearing(bearings, near, bend, wander):
-            alone = [] if wander is None else [("wander", wander)]
-            return [*_several("bearings", bearings), *alone, *_pair("near", near), *_pair("bend", bend)]
-        case Place(x, y, bend, lean, wander):
-            alone = [] if wander is None else [("wander", wander)]
-            return [("x", x), ("y", y), *_pair("bend", bend), *_pair("lean", lean), *alone]
-        case Stay():
-            return []
-        case Steer(command):
-            if not isinstance(command, Command):
-                raise PolicyFailed(f"returned Steer with command = {command!r}, which is no Velocity, Drive or Twist")
-            return [("command", value) for value in command.numbers]
-
-
-def _several(name: str, values: object, kind: str = "tuple of numbers") -> list[tuple[str, object]]:
-    if isinstance(values, str) or not isinstance(values, Sequence) or (kind == PAIR and len(values) != 2):
-        raise PolicyFailed(f"returned an intent with {name} = {values!r}, which is no {kind}")
-    return [(name, value) for value in values]
-
-
-def _pair(name: str, spot: object) -> list[tuple[str, object]]:
-    return [] if spot is None else _several(name, spot, PAIR)
 
 
 # --- how a body carries it out ---------------------------------------------------------------------------------------

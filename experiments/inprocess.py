@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from agent.answers import policy_failure
 from agent.build import Shared, mind_maker, shared_by
 from agent.mind import MakeMind, Mind
 from agent.policies.found import policy_of
-from agent.ports import PolicyFailed, policy_failure
+from agent.ports import PolicyFailed
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal

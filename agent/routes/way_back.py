@@ -97,8 +97,8 @@ class WayBack:
             y: Of the body's centre, m.
 
         Returns:
-            x and y in m: the centre of the point nearest to the end of the way, else a place that the body came by;
-            None where neither can be reached in a straight line.
+            x and y in m: a place on the point nearest to the end of the way, else a place that the body came by; None
+            where neither can be reached in a straight line.
         """
         if self._spot is None or self._spot[0] != (x, y):
             self._spot = (x, y), self._spot_at(x, y)
@@ -132,15 +132,18 @@ class WayBack:
         lengths = self.lengths(x, y)
         if lengths is not None:
             terrain = self._ground.terrain
-            rows, cols = np.nonzero(lengths < float(lengths[terrain.point_at(x, y)]))
-            xs, ys = (
-                start + (at + 0.5) * terrain.point for start, at in zip(terrain.origin, (cols, rows), strict=True)
-            )
-            away = np.hypot(xs - x, ys - y)
-            for index in np.lexsort((away, lengths[rows, cols])):
-                place = float(xs[index]), float(ys[index])
-                if self._is_free(x, y, place):
-                    return place
+            (ox, oy), point = terrain.origin, terrain.point
+            here = terrain.point_at(x, y)
+            rows, cols = np.nonzero(lengths < float(lengths[here]))
+            xs, ys = ox + (cols + 0.5) * point, oy + (rows + 0.5) * point
+            centre = terrain.centre(*here)
+            off = x - centre[0], y - centre[1]
+            for index in np.lexsort((np.hypot(xs - x, ys - y), lengths[rows, cols])):
+                # In a slit as wide as the body, the places in line with its own are free, and those at centres not.
+                for across, up in ((0.0, 0.0), off):
+                    place = float(xs[index]) + across, float(ys[index]) + up
+                    if self._is_free(x, y, place):
+                        return place
         return next((place for place in self._trail if place != (x, y) and self._is_free(x, y, place)), None)
 
     def _is_free(self, x: float, y: float, place: Spot) -> bool:

@@ -178,6 +178,26 @@ def test_a_holonomic_body_that_bumps_on_its_way_steps_aside_now_and_then(prepare
     assert len(set(bearings)) == 60 - straight + 1
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_on_the_way_to_a_place_a_wander_goes_first_for_one_step(model: str, prepared: dict[str, Prepared]) -> None:
+    pose = Pose(5.0, 5.0, 1.2)
+    wander = Place(15.0, 5.0, bend=(15.0, 5.0), wander=1.2, state="straying")
+    drives = Drives(prepared[model], wander, pose)
+    decision = drives.tick()
+    assert (decision.state, decision.direction, decision.goal) == ("straying", 1.2, None)
+    assert math.atan2(drives.pose.y - 5.0, drives.pose.x - 5.0) == pytest.approx(1.2)
+    drives.mind.policy = Says(lambda _: Place(15.0, 5.0, bend=(15.0, 5.0)))
+    assert drives.tick().goal == (15.0, 5.0)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_wander_into_a_wall_leads_as_far_as_there_is_room(model: str, prepared: dict[str, Prepared]) -> None:
+    pose = Pose(10.0, 13.9, math.pi / 2)
+    drives = Drives(prepared[model], Place(15.0, 13.9, bend=(15.0, 13.9), wander=math.pi / 2), pose)
+    drives.tick()  # which checks walls
+    assert drives.pose.y <= 14.0
+
+
 # --- Steer -----------------------------------------------------------------------------------------------------------
 
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.answers import MAX_FAILURE, MAX_STATE, checked, policy_failure
 from agent.ports import (
-    MAX_FAILURE,
-    MAX_STATE,
     Bearing,
     Intent,
     Place,
@@ -18,8 +17,6 @@ from agent.ports import (
     State,
     Stay,
     Steer,
-    checked,
-    policy_failure,
 )
 from patrol.pose import Drive, Velocity
 

@@ -1,0 +1,104 @@
+"""Small floor plans for tests, and robots that the world moves through them as their minds command."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from agent.build import build_mind, shared_by
+from agent.mind import Mind
+from agent.ports import Decision, Intent
+from agent.routes.ground import Spot
+from agent.view import View
+from patrol.ground.fields import compute_fields
+from patrol.ground.swept_path import path_is_free
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose, halted
+from patrol.prepare import Prepared
+from patrol.scenario import load_scenario
+from tests.agent.minds import STEP, at
+from worldsim.bodies import Body
+from worldsim.motion import move
+
+POINT = 0.1
+
+
+def plan(size: Spot, *free: tuple[float, float, float, float], point: float = POINT) -> Terrain:
+    """Free rectangles (left, low, right, high), m, in a block of wall of this size."""
+    passable = np.zeros((round(size[1] / point), round(size[0] / point)), dtype=np.bool_)
+    for left, low, right, high in free:
+        passable[round(low / point) : round(high / point), round(left / point) : round(right / point)] = True
+    return Terrain("plan", passable, point)
+
+
+def prepared_in(
+    terrain: Terrain,
+    starts: Sequence[Pose],
+    robots: Mapping[str, Any],
+    *,
+    patrol: Mapping[str, Any] | None = None,
+    sensor: Mapping[str, Any] | None = None,
+) -> Prepared:
+    """A scenario with equal robots that begin at these places, and reach what they reach from there."""
+    roster = [{**robots, "start": [start.x, start.y, start.heading]} for start in starts]
+    mapping = {"terrain": {"builtin": "open"}, "point": terrain.point, "robots": roster}
+    scenario = load_scenario({**mapping, "patrol": dict(patrol or {}), "sensor": dict(sensor or {})})
+    fields = compute_fields(terrain, scenario.roster[0].radius, scenario.sensor.range, True, list(starts))
+    return Prepared(scenario, terrain, tuple(starts), {robot.number: fields for robot in scenario.roster})
+
+
+class Says:
+    """A policy that always wants the same."""
+
+    def __init__(self, intent: Intent) -> None:
+        self._intent = intent
+
+    def decide(self, view: View) -> Intent:
+        del view
+        return self._intent
+
+
+class Robots:
+    """Robots that the world moves as their bodies command; each hears all others."""
+
+    def __init__(self, prepared: Prepared, *intents: Intent, at_poses: Sequence[Pose] = ()) -> None:
+        roster = prepared.scenario.roster
+        self.terrain = prepared.terrain
+        starts = at_poses or prepared.starts
+        self.bodies = [Body(spec, start, halted(spec.model)) for spec, start in zip(roster, starts, strict=True)]
+        shared = shared_by(prepared)
+        self.minds: list[Mind] = [build_mind(prepared, spec.number, shared=shared) for spec in roster]
+        for mind, intent in zip(self.minds, intents, strict=False):
+            mind.policy = Says(intent)
+        self.k = 0
+
+    def tick(self) -> list[Decision]:
+        sensed = [at(self.k, body.pose, body.bumped) for body in self.bodies]
+        sent = [mind.frames(one) for mind, one in zip(self.minds, sensed, strict=True)]
+        decisions = []
+        for i, mind in enumerate(self.minds):
+            heard = [frame for j, frames in enumerate(sent) if j != i for frame in frames]
+            decisions.append(mind.step(sensed[i], heard))
+        for body, decision in zip(self.bodies, decisions, strict=True):
+            assert decision.command.is_within(body.spec.limits)
+            assert path_is_free(self.terrain, body.pose, decision.command, STEP, body.spec.radius), "into a wall"
+            body.command = decision.command
+        move(self.bodies, self.terrain, STEP)
+        self.k += 1
+        return decisions
+
+    def apart(self, spot: Spot, robot: int = 0) -> float:
+        pose = self.bodies[robot].pose
+        return math.dist((pose.x, pose.y), spot)
+
+    def until_near(self, spot: Spot, within: float, ticks: int) -> int:
+        """Ticks until the first is there; fails when it takes more."""
+        for _ in range(ticks):
+            if self.apart(spot) <= within:
+                return self.k
+            self.tick()
+        assert self.apart(spot) <= within, f"it is at {self.bodies[0].pose} after {self.k} ticks"
+        return self.k
