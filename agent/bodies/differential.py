@@ -63,9 +63,13 @@ class DifferentialBody(BodyBase):
     def _bear(self, intent: Bearing, view: View) -> Choice:
         if (back := self._backing_off(intent.state, view)) is not None:
             return back
+        start = view.start
+        if intent.wander is not None and start is None:
+            self._back_off.begin(view.tick, view.pose, self._neighbour(view), stuck=True)
+            if (out := self._back_off.next(view.tick, view.pose, bumped=False)) is not None:
+                return Choice(out, intent.state, intent.wander)
         if intent.wander is not None:
             return Choice(self._steering.turning(view.pose, intent.wander), intent.state, intent.wander)
-        start = view.start
         if start is None or not intent.bearings:
             return self._stand(State.HOLDING)
         return self._take(self._options(intent, view, start), intent.state, view)
