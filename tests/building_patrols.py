@@ -20,8 +20,17 @@ from patrol.values.types import Kind
 from tests.buildings import random_building
 from worldsim.world import World
 
-STAYS = ((4.0, 120.0), (0.5, 60.0))
-"""Radius of a circle, m, and the longest time in s that a robot may be in it while ground outside of it grows stale."""
+ROAMS = (4.0, 120.0)
+"""Radius of a circle, m, and the longest time in s that a robot may be in it while ground outside of it grows stale.
+
+For a robot slower than 1 m/s the time is longer in proportion.
+"""
+
+HALTS = (0.5, 60.0)
+"""The same for a robot that hardly moves."""
+
+DEAD_ENDS = {"holonomic": 0.05, "differential": 0.05, "car": 0.25}
+"""Largest share of a robot's decisions in dead ends. In these buildings cars meet where there is no room to pass."""
 
 MODELS: tuple[Kind, ...] = ("holonomic", "differential", "car")
 POINTS = (0.1, 0.15, 0.2, 0.25, 0.3)
@@ -33,19 +42,35 @@ class Findings:
 
     Attributes:
         what: The patrol, in one line.
+        model: Of the robots.
         invalid: The verdict's checks that failed.
         warnings: The verdict's warnings.
-        stays: Robots that stayed too long (`STAYS`), one line each.
+        stays: Robots that were in one place for too long (`ROAMS`), one line each.
+        halts: Robots that hardly moved for too long (`HALTS`), one line each.
         dead_ends: Largest share of a robot's decisions in dead ends.
         seen: Share of what can be seen that was seen.
     """
 
     what: str
+    model: Kind
     invalid: tuple[str, ...]
     warnings: tuple[str, ...]
     stays: tuple[str, ...]
+    halts: tuple[str, ...]
     dead_ends: float
     seen: float
+
+    @property
+    def stuck(self) -> list[str]:
+        """What no patrol may show."""
+        trapped = [warning for warning in self.warnings if "trapped" in warning]
+        too_often = [f"dead ends: {self.dead_ends:.0%}"] if self.dead_ends > DEAD_ENDS[self.model] else []
+        return [*self.invalid, *trapped, *self.halts, *too_often]
+
+    @property
+    def left_out(self) -> list[str]:
+        """Ground that was not seen for long, or never; cars cannot turn wherever they fit, so it may happen to them."""
+        return [*self.stays, *(warning for warning in self.warnings if "trapped" not in warning)]
 
 
 def random_scenario(seed: int, folder: Path, longest_s: float = 600.0) -> Scenario:
@@ -95,9 +120,11 @@ class LongStays:
         self._fog = world.truth.fog
         self._step = prepared.scenario.step
         self._every = max(round(SAMPLE_S / self._step), 1)
+        slow = max(1.0, 1.0 / min(spec.speed for spec in prepared.scenario.roster))
+        self._stays = [(radius, math.ceil(longest_s * slow)) for radius, longest_s in (ROAMS, HALTS)]
         self._grounds = own_grounds(prepared)
         self._been: dict[tuple[int, float], deque[tuple[int, float, float]]] = {}
-        self.found: dict[tuple[int, float], str] = {}
+        self._found: dict[tuple[int, float], str] = {}
 
     def tick(self, record: TickRecord) -> None:
         """Take in a tick.
@@ -109,7 +136,7 @@ class LongStays:
             return
         for row in record.robots:
             assert row.status is Status.ALIVE
-            for radius, longest_s in STAYS:
+            for radius, longest_s in self._stays:
                 been = self._been.setdefault((row.number, radius), deque())
                 been.append((record.k, row.x, row.y))
                 while (record.k - been[0][0]) * self._step > longest_s:
@@ -117,7 +144,15 @@ class LongStays:
                 if (record.k - been[0][0]) * self._step == longest_s:
                     self._look(row.number, radius, longest_s, been)
 
-    def _look(self, number: int, radius: float, longest_s: float, been: deque[tuple[int, float, float]]) -> None:
+    def lines(self, within: float) -> tuple[str, ...]:
+        """What was found, one line for each robot.
+
+        Args:
+            within: Radius of the circles, m.
+        """
+        return tuple(line for (_, radius), line in sorted(self._found.items()) if radius == within)
+
+    def _look(self, number: int, radius: float, longest_s: int, been: deque[tuple[int, float, float]]) -> None:
         xs, ys = [x for _, x, _ in been], [y for _, _, y in been]
         middle = 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))
         if any(math.dist(middle, place) > radius for place in zip(xs, ys, strict=True)):
@@ -129,8 +164,8 @@ class LongStays:
             return
         x, y = terrain.centre(*at)
         last_s = int(self._fog.last_seen[at]) * self._step
-        self.found[number, radius] = (
-            f"r{number} was within {radius:g} m of ({middle[0]:.2f}, {middle[1]:.2f}) for {longest_s:g} s until "
+        self._found[number, radius] = (
+            f"r{number} was within {radius:g} m of ({middle[0]:.2f}, {middle[1]:.2f}) for {longest_s} s until "
             f"{been[-1][0] * self._step:g} s, and ({x:.2f}, {y:.2f}) was last seen at {last_s:g} s"
         )
 
@@ -154,9 +189,11 @@ def patrol(scenario: Scenario) -> Findings:
     return Findings(
         f"{scenario.name}: {len(scenario.roster)} x {spec.model}, radius {spec.radius:g} m, {spec.speed:g} m/s"
         f"{turning}, points of {scenario.point:g} m, {scenario.duration:g} s",
+        spec.model,
         tuple(check.name for check in outcome.verdict.checks if not check.ok),
         tuple(outcome.verdict.warnings),
-        tuple(watching[0].found.values()),
+        watching[0].lines(ROAMS[0]),
+        watching[0].lines(HALTS[0]),
         max(robot["dead_end_share"] for robot in summary["robots"].values()),
         summary["seen_share"],
     )

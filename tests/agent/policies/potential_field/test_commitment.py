@@ -151,7 +151,7 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out_for_longer_each_t
     assert (waits >= AT_HAND_S).all()
     assert (waits <= AT_HAND_S + NO_NEARER_S + 2.5).all()
     shunned = commitment_of(robots)._shunned
-    assert {shun[:2] for shun in shunned} == {change.old.point for change in stuck}
+    assert {shun[:2] for shun in shunned} == {change.old.close for change in stuck}
     spells = [(shun[2] - change.k) * STEP for shun, change in zip(shunned, stuck, strict=True)]
     assert spells == [SHUNNED_S * 2.0**turn for turn in range(len(stuck))]
     # The next targets are not beside those that were given up.
