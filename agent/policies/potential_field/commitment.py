@@ -6,9 +6,8 @@ that pulls hardest, by the same law and with the same claims, and goes the short
 it. It chooses again once the point has been seen, when no way leads there any more, and when it comes no nearer.
 
 In a large building whatever is stale may lie beyond the reach of the law, where forces are too small to matter. So the
-law's unit of length stretches until the farthest point of the robot's own ground is within reach. Own are the points
-that no other robot has a shorter way to; with claims, a robot leaves the others' points alone as long as one of its own
-pulls.
+law's unit of length stretches until the farthest point of the robot's claimed ground is within reach: the points that
+no other robot has a shorter way to. With claims, a robot leaves all other points alone unless its claimed ground is fresh.
 """
 
 from __future__ import annotations
@@ -64,10 +63,10 @@ ROAM_REACH = 5.0
 """Radius of that circle, in radii and strides of the robot."""
 
 HAND_OVER = 2.0
-"""A point is a robot's own if no other robot's way there is shorter by more than so many strides."""
+"""A robot claims a point if no other robot's way there is shorter by more than so many strides."""
 
 WORTH_WHILE = 0.25
-"""A point of the robot's own ground is fresh below this share of the age of the stalest point."""
+"""A point of the claimed ground is fresh below this share of the age of the stalest point."""
 
 STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
@@ -282,7 +281,7 @@ class Commitment:
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
 
-        What a rival has the shorter way to counts only where all of the robot's own points are fresh.
+        What a rival has the shorter way to counts only where all of the claimed ground is fresh.
 
         Args:
             view: Of this tick.

@@ -1,4 +1,4 @@
-"""Kernels of commitment: the one point that pulls hardest, and how far a robot's own ground reaches."""
+"""Kernels of commitment: the one point that pulls hardest, and how far a robot's claimed ground reaches."""
 
 from __future__ import annotations
 
