@@ -17,7 +17,7 @@ from patrol.prepare import Prepared, prepare
 from patrol.progress import SAMPLE_S, Stay, stalest_outside
 from patrol.scenario import Scenario, load_scenario
 from patrol.values.types import Kind
-from tests.buildings import random_building
+from tests.buildings import TEAM, random_building
 from worldsim.world import World
 
 ROAMS = (4.0, 120.0)
@@ -85,7 +85,7 @@ def random_scenario(seed: int, folder: Path, longest_s: float = 600.0) -> Scenar
     model = MODELS[int(rng.integers(3))]
     point = float(rng.choice(POINTS))
     low, high = (0.3, 0.5) if model == "car" else (0.15, 0.4)
-    count, radius = int(rng.integers(1, 5)), round(float(rng.uniform(low, high)), 3)
+    count, radius = int(rng.integers(1, TEAM + 1)), round(float(rng.uniform(low, high)), 3)
     robots = {
         "count": count,
         "model": model,

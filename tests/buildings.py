@@ -18,13 +18,17 @@ from numpy.typing import NDArray
 from patrol.errors import BadInput
 from patrol.ground.fields import cspace_of
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.starts import starting_part
+from patrol.scenario import RobotSpec
+from patrol.starts import place_starts, starting_part
 
 LEAST_PART = 0.5
 """Least share of the places where the body fits that are connected with each other."""
 
 LEAST_AREA = 25.0
 """Least area of these places, m2."""
+
+TEAM = 4
+"""How many robots there has to be room for, in rooms that they can leave."""
 
 OUTSIDE = 0.5
 """Thickness of the solid border, m."""
@@ -112,7 +116,7 @@ class Building:
 
 
 def random_building(seed: int, radius: float, point: float) -> Building:
-    """A building most of which a body can patrol.
+    """A building most of which a few robots can patrol.
 
     Args:
         seed: Random seed.
@@ -120,9 +124,11 @@ def random_building(seed: int, radius: float, point: float) -> Building:
         point: Side of a point, m.
     """
     architect = Architect(np.random.default_rng(seed), radius, point)
+    robots = [RobotSpec(n, f"r{n}", "holonomic", 1.0, radius, 1.0, None) for n in range(1, TEAM + 1)]
     while True:
         building = architect.building()
         try:
+            place_starts(building.terrain, robots, seed)
             part = np.count_nonzero(starting_part(building.terrain, radius))
         except BadInput:
             continue
