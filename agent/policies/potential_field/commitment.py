@@ -263,8 +263,9 @@ class Commitment:
             return None
         point, close = found
         standing = settled & (view.ground.state & STATUS != BLOCKED)
+        # A car may find no way to turn at the point itself; other bodies head for it, so that they do not stop short.
         # Who has to leave a circle must not stop within it, as soon as the point is in sight.
-        stand = close if away else self._nearest_in_sight(paths, point, standing) or close
+        stand = close if away or not self._slack else self._nearest_in_sight(paths, point, standing) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
