@@ -2,8 +2,7 @@
 
 The paper's robot chooses its direction anew at each tick, from sums over directions that may hardly differ. Between two
 rooms with equally stale points it turns round again and again, and sees neither. A committed robot takes the one point
-that pulls hardest, by the same law and with the same claims, and goes the shortest way to the nearest place in sight of
-it. It chooses again once the point has been seen, when no way leads there any more, and when it comes no nearer.
+that pulls hardest, by the same law and with the same claims, and goes there by the shortest way. It chooses again once the point has been seen, when no way leads there any more, and when it comes no nearer.
 
 In a large building whatever is stale may lie beyond the reach of the law, where forces are too small to matter. So the
 law's unit of length stretches until the farthest point of the robot's claimed ground is within reach: the points that
@@ -82,7 +81,7 @@ class Target:
 
     Attributes:
         point: The terrain's point (row, col) that is to be seen.
-        stand: The point to go to: the nearest one in sight of it.
+        stand: The point to go to. For a car this is the nearest one in sight of the target.
         close: The point to go to where the first did not do: the point itself, or its post.
         age: Of the point when it was chosen, ticks.
         away: Whether it was chosen so that the robot leaves a circle in which it has stayed for too long.
