@@ -2,7 +2,8 @@
 
 The paper's robot chooses its direction anew at each tick, from sums over directions that may hardly differ. Between two
 rooms with equally stale points it turns round again and again, and sees neither. A committed robot takes the one point
-that pulls hardest, by the same law and with the same claims, and goes there by the shortest way. It chooses again once the point has been seen, when no way leads there any more, and when it comes no nearer.
+that pulls hardest, by the same law and with the same claims, and goes there by the shortest way. It chooses again once
+the point has been seen, when no way leads there any more, and when it comes no nearer.
 
 In a large building whatever is stale may lie beyond the reach of the law, where forces are too small to matter. So the
 law's unit of length stretches until the farthest point of the robot's claimed ground is within reach: the points that
