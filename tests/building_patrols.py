@@ -141,7 +141,7 @@ class LongStays:
                 been.append((record.k, row.x, row.y))
                 while (record.k - been[0][0]) * self._step > longest_s:
                     been.popleft()
-                if (record.k - been[0][0]) * self._step == longest_s:
+                if (record.k - been[0][0] + 1) * self._step > longest_s:
                     self._look(row.number, radius, longest_s, been)
 
     def lines(self, within: float) -> tuple[str, ...]:

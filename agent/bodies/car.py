@@ -24,7 +24,7 @@ class CarBody(BodyBase):
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = CarSteering(setup.spec, setup.ground.terrain, setup.step)
-        self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius)
+        self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
         self._step = setup.step
         chance = setup.chance
         self._unstuck = Unstuck(

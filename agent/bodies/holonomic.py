@@ -22,7 +22,7 @@ class HolonomicBody(BodyBase):
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = HolonomicSteering(setup.spec, setup.ground.terrain, setup.step)
-        self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius)
+        self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """The command that best carries out an intent (`agent.ports.Body.obey`)."""

@@ -73,7 +73,7 @@ class BodyBase:
         self.spec = setup.spec
         self.stride = setup.spec.speed * setup.step
         self.goals = GoalFinder(setup.lengths, setup.ground, setup.psi)
-        self.way_back = WayBack(setup.ground, setup.spec.radius)
+        self.way_back = WayBack(setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way
         self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None

@@ -1,4 +1,4 @@
-"""From a goal to a command, for both models of robots.
+"""From a goal to a command, for holonomic robots and cars.
 
 A mind predicts one step of its own motion against the walls it knows, with the same swept-motion code by which the
 world moves bodies. It never knowingly bumps into a wall.
@@ -31,14 +31,16 @@ class Footing:
     Without such a rule a random step may end in a pocket, in which the body is but from which no route leads.
     """
 
-    def __init__(self, terrain: Terrain, ground: Ground, radius: float) -> None:
+    def __init__(self, terrain: Terrain, ground: Ground, radius: float, *, wanted: bool = True) -> None:
         """Compute nothing yet.
 
         Args:
             terrain: The map.
             ground: Where the robot's centre may be.
             radius: Of the body, m.
+            wanted: Whether there is such a rule; otherwise a step may end anywhere.
         """
+        self._wanted = wanted
         self._terrain = terrain
         self._ground = ground
         self._radius = radius
@@ -65,7 +67,7 @@ class Footing:
             x: m.
             y: m.
         """
-        return self.holds(x, y) or not self.holds(pose.x, pose.y)
+        return not self._wanted or self.holds(x, y) or not self.holds(pose.x, pose.y)
 
 
 class HolonomicSteering:

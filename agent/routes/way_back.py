@@ -24,6 +24,9 @@ from patrol.pose import Pose
 if TYPE_CHECKING:
     from agent.routes.ground import Spot
 
+MOST_TRIED = 1000
+"""Places that are tried at a time, so that the search stays short on fine points."""
+
 REACH = 5.0
 """How long a way back may be, m."""
 
@@ -38,13 +41,15 @@ LONGEST_TRAIL = 64
 class WayBack:
     """Finds ways from anywhere to the points on which a body's centre may be, whatever is closed at this tick."""
 
-    def __init__(self, ground: Ground, radius: float) -> None:
+    def __init__(self, ground: Ground, radius: float, *, wanted: bool = True) -> None:
         """Compute nothing yet.
 
         Args:
             ground: Where the robot's centre may be.
             radius: Of the body, m.
+            wanted: Whether to look for ways at all; otherwise there are none.
         """
+        self._wanted = wanted
         self._ground = ground
         self._radius = radius
         self._loose: tuple[Ground, Wave] | None = None
@@ -59,6 +64,8 @@ class WayBack:
             x: Of the body's centre, m.
             y: Of the body's centre, m.
         """
+        if not self._wanted:
+            return
         if self._ground.join(x, y) is not None:
             self._trail = [(x, y)]
         elif len(self._trail) < LONGEST_TRAIL:
@@ -71,7 +78,7 @@ class WayBack:
             x: Of the body's centre, m.
             y: Of the body's centre, m.
         """
-        return self._ground.static.join(x, y) is None
+        return self._wanted and self._ground.static.join(x, y) is None
 
     def lengths(self, x: float, y: float) -> NDArray[np.float64] | None:
         """Lengths of the ways to the nearest reachable points, over all points on which the body may fit.
@@ -100,6 +107,8 @@ class WayBack:
             x and y in m: a place on the point nearest to the end of the way, else a place that the body came by; None
             where neither can be reached in a straight line.
         """
+        if not self._wanted:
+            return None
         if self._spot is None or self._spot[0] != (x, y):
             self._spot = (x, y), self._spot_at(x, y)
         return self._spot[1]
@@ -138,7 +147,7 @@ class WayBack:
             xs, ys = ox + (cols + 0.5) * point, oy + (rows + 0.5) * point
             centre = terrain.centre(*here)
             off = x - centre[0], y - centre[1]
-            for index in np.lexsort((np.hypot(xs - x, ys - y), lengths[rows, cols])):
+            for index in np.lexsort((np.hypot(xs - x, ys - y), lengths[rows, cols]))[:MOST_TRIED]:
                 # In a slit as wide as the body, the places in line with its own are free, and those at centres not.
                 for across, up in ((0.0, 0.0), off):
                     place = float(xs[index]) + across, float(ys[index]) + up

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -133,4 +134,5 @@ def _meant(text: str, quantity: _Quantity) -> str:
     if found is None or not quantity.unit:
         return quantity.example
     factor = quantity.factors.get(found[2].lower(), None) if found[2] else 1.0
-    return quantity.example if factor is None else f"{float(found[1].replace(',', '.')) * factor:g}"
+    meant = math.nan if factor is None else float(found[1].replace(",", ".")) * factor
+    return f"{meant:g}" if 0.0 < meant < math.inf else quantity.example

@@ -182,7 +182,9 @@ class PatrolSpec(Section):
         "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
     )
     give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
-    manoeuvres: Flag = Field(True, description="cars make three-point turns and leave dead ends in reverse")
+    manoeuvres: Flag = Field(
+        True, description="cars make three-point turns and back out; all find back to the ground of routes"
+    )
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"

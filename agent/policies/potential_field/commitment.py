@@ -7,7 +7,7 @@ the point has been seen, when no way leads there any more, and when it comes no 
 
 In a large building whatever is stale may lie beyond the reach of the law, where forces are too small to matter. So the
 law's unit of length stretches until the farthest point of the robot's claimed ground is within reach: the points that
-no other robot has a shorter way to. With claims, a robot leaves all other points alone unless its claimed ground is fresh.
+no other robot has a shorter way to. With claims, a robot leaves other points alone unless its claimed ground is fresh.
 """
 
 from __future__ import annotations
@@ -42,16 +42,21 @@ NO_NEARER_S = 15.0
 """A robot that has come no nearer to its target for so long gives it up, s."""
 
 AT_HAND_S = 3.0
-"""The same for a robot that is less than a stride away from where it wanted to be, s."""
+"""The same for a robot that is less than a stride away from where it wanted to be, s; at least `AT_HAND_STEPS`."""
+
+AT_HAND_STEPS = 3
 
 TRIES = 3
 """Number of targets that are tried in one tick, where no way leads to the first ones."""
 
 SHUNNED_S = 60.0
-"""How long a robot then leaves out the target's surroundings, s; doubled each time that it gives up in a row."""
+"""How long a robot then leaves out the target's surroundings, s; doubled each time that it gives them up again."""
 
 LONGEST_SHUNNED_S = 960.0
-"""Upper bound of the same, s."""
+"""Upper bound of the same, s; also how long a robot remembers that it left them out."""
+
+MOST_SHUNNED = 64
+"""Places that are left out at a time, or remembered."""
 
 NEARER = 0.1
 """Least share of a stride by which a way must get shorter to count as progress."""
@@ -138,8 +143,8 @@ class Commitment:
         self._least = math.inf
         self._least_age = 0
         self._least_at = 0
-        self._given_up = 0
-        self._shunned: list[tuple[int, int, int]] = []
+        self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
+        self._shunned: list[tuple[int, int, int, int]] = []
 
     def decide(self, view: View, start: Element, rivals: Sequence[Element], wander: float | None) -> Intent | None:
         """The way to the target, or to a new one.
@@ -177,7 +182,7 @@ class Commitment:
         age = self._age(view, target.point)
         seen = age < STILL_STALE * target.age
         if seen and not (target.away and self._home() is not None):
-            self._given_up = 0
+            self._shunned = [one for one in self._shunned if not self._is_beside(one, target.close)]
             return None
         way = self._way_to(view, start, target.stand)
         if way is None or (seen and way.length <= view.stride):
@@ -188,20 +193,26 @@ class Commitment:
             self._least, self._least_at = min(self._least, way.length), view.tick
         self._least_age = age
         stood_s = (view.tick - self._least_at) * self._step
-        if target.stand != target.close and (way.length == 0.0 or (at_hand and stood_s > AT_HAND_S)):
+        if target.stand != target.close and (way.length == 0.0 or (at_hand and stood_s > self._at_hand_s)):
             self._target = target = replace(target, stand=target.close)
             self._least, self._least_at = math.inf, view.tick
             return self._way_to(view, start, target.stand)
-        if stood_s > (AT_HAND_S if at_hand else NO_NEARER_S):
+        if stood_s > (self._at_hand_s if at_hand else NO_NEARER_S):
             self._give_up(view.tick, target.close)
             return None
         return way
 
     def _give_up(self, tick: int, point: tuple[int, int]) -> None:
         """Leave a point and its surroundings out for a while, for longer each time in a row."""
-        spell_s = min(SHUNNED_S * 2.0**self._given_up, LONGEST_SHUNNED_S)
-        self._given_up += 1
-        self._shunned.append((*point, tick + round(spell_s / self._step)))
+        least, most = (round(bound / self._step) for bound in (SHUNNED_S, LONGEST_SHUNNED_S))
+        before = max((one[3] for one in self._shunned if self._is_beside(one, point)), default=0)
+        spell = min(max(2 * before, least), most)
+        others = [one for one in self._shunned if not self._is_beside(one, point)]
+        self._shunned = [*others, (*point, tick + spell, spell)][-MOST_SHUNNED:]
+
+    def _is_beside(self, shunned: tuple[int, int, int, int], point: tuple[int, int]) -> bool:
+        """Whether a point belongs to the surroundings of one that was given up."""
+        return (shunned[0] - point[0]) ** 2 + (shunned[1] - point[1]) ** 2 <= self._around
 
     def _way_to(self, view: View, start: Element, stand: tuple[int, int]) -> Way | None:
         """The shortest way to a point of the terrain; None if no way leads there now."""
@@ -215,7 +226,9 @@ class Commitment:
         """Commit to the point that pulls hardest, and return the way there; None where nothing pulls."""
         self._target = None
         tick = view.tick
-        self._shunned = [shunned for shunned in self._shunned if tick < shunned[2]]
+        # Who gives a place up again before long is to leave it out for longer.
+        memory = round(LONGEST_SHUNNED_S / self._step)
+        self._shunned = [one for one in self._shunned if tick < one[2] + memory]
         if view.mfow == 0:
             return None
         home = self._home()
@@ -252,20 +265,23 @@ class Commitment:
         decay = log_distance_force(patrol.distance, np.arange(longest + 1).clip(1) * unit, patrol.beta, patrol.length)
         fow = np.arange(view.mfow + 1).clip(1) / view.mfow
         law = _Law(log_fow_force(patrol.fow, fow, patrol.alpha), decay, rival)
-        found = None if home is None else self._hardest(view, paths, law, home, self._shunned)
+        shunned = [one for one in self._shunned if view.tick < one[2]]
+        found = None if home is None else self._hardest(view, paths, law, home, shunned)
         away = found is not None
         if found is None:
-            found = self._hardest(view, paths, law, None, self._shunned)
-        if found is None and self._shunned:
+            found = self._hardest(view, paths, law, None, shunned)
+        if found is None and shunned:
             self._shunned.clear()
             found = self._hardest(view, paths, law, None, ())
         if found is None:
             return None
         point, close = found
         standing = settled & (view.ground.state & STATUS != BLOCKED)
-        # A car may find no way to turn at the point itself; other bodies head for it, so that they do not stop short.
+        # A car may find no way to turn at the point itself, and straight paths lead to points that nobody can stand on.
+        # Others head for the point, so that they do not stop short of it.
         # Who has to leave a circle must not stop within it, as soon as the point is in sight.
-        stand = close if away or not self._slack else self._nearest_in_sight(paths, point, standing) or close
+        heads_for_it = away or (not self._slack and self._paths is None)
+        stand = close if heads_for_it else self._nearest_in_sight(paths, point, standing) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
@@ -278,7 +294,7 @@ class Commitment:
         return centre if all(math.dist(centre, place) <= self._roam for place in self._been) else None
 
     def _hardest(
-        self, view: View, paths: PathWindow, law: _Law, home: Spot | None, shunned: Sequence[tuple[int, int, int]]
+        self, view: View, paths: PathWindow, law: _Law, home: Spot | None, shunned: Sequence[tuple[int, int, int, int]]
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
 
@@ -293,7 +309,7 @@ class Commitment:
         """
         fog = view.fog
         grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
-        left_out = np.array([(row, col, self._around) for row, col, _ in shunned], dtype=np.int64).reshape(-1, 3)
+        left_out = np.array([(row, col, self._around) for row, col, _, _ in shunned], dtype=np.int64).reshape(-1, 3)
         circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
         stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
         for hand_over, least in ((self._hand_over, stale), (FAR, stale), (FAR, 1)):

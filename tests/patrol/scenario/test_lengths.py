@@ -185,7 +185,11 @@ def test_a_note_names_a_few_robots_of_many() -> None:
         (MIXED["robots"], {"refine_side": 4}, "patrol.goal_distance is 1.65 m (auto, for scout-1), so at most 3.3"),
         ({}, {"goal_distance": 0.01}, "patrol.goal_distance = 0.01: shorter than one point of 0.1 m"),
         ({}, {"goal_distance": 0}, "patrol.goal_distance = 0: expected auto, or a number above 0 and at most 1e9 (m, "),
-        ({}, {"dilatation": "Auto"}, 'patrol.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, half-'),
+        (
+            {},
+            {"dilatation": "Auto"},
+            'patrol.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, how far',
+        ),
         ({}, {"reach": "far"}, 'patrol.reach = "far": expected paper or area'),
     ],
 )
@@ -207,7 +211,7 @@ def test_a_short_goal_distance_cuts_an_automatic_square() -> None:
     goal=st.just("auto") | st.floats(1e3, 1e9),
 )
 def test_whatever_the_body_its_lengths_can_be_stated(radius: float, speed: float, point: float, goal: Any) -> None:
-    given_ = {**OPEN, "point": point, "sensor": {"range": 1e3}, "robots": {"radius": radius, "speed": speed}}
+    given_ = {**OPEN, "point": point, "sensor": {"range": 1e9}, "robots": {"radius": radius, "speed": speed}}
     scenario = load_scenario({**given_, "patrol": {"goal_distance": goal}})
     assert load_scenario(as_mapping(scenario)) == scenario
 

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from patrol.journal import RobotTick, TickRecord
     from worldsim.verdict.common.check import JudgedRun, Readings
 
+STALE_TOURS = 8.0
+"""The fog counts as growing where the stalest point at the end is older than so many times the best tour takes."""
+
 TOURS = 4.0
 """How often the robots must have been able to drive the best tour found before the fog of a run is judged."""
 
@@ -233,12 +236,14 @@ class Progress(Check):
         end, never = self.facts().end, self._fog.points - self._fog.seen
         took_s = self._end * self._run.step
         assert end is not None
-        if not never and end.age_s <= 0.5 * took_s:
-            return [], "all that can be seen was seen, and the fog did not grow to the end"
+        if not never and end.age_s <= min(0.5 * took_s, SHORTEST_S):
+            return [], "all that can be seen was seen, and nothing was stale for long at the end"
         tour_s = best_tour(self._run.prepared).bound_s({n: ticks / self._end for n, ticks in self._patrolled.items()})
         if tour_s is None:
             return [], "the fog is not judged: there is no tour to compare with"
         least_s = max(TOURS * tour_s, SHORTEST_S)
+        if not never and end.age_s <= min(0.5 * took_s, max(STALE_TOURS * tour_s, SHORTEST_S)):
+            return [], "all that can be seen was seen, and nothing was stale for long at the end"
         if took_s < least_s:
             return [], f"the fog is not judged: the run takes {took_s:g} s, and it would have to take {least_s:.0f} s"
         return [self._never(never, took_s) if never else self._stale(end)], ""

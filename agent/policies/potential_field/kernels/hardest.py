@@ -101,7 +101,7 @@ def hardest(
         far = max(length[row, col], 1)
         if far - rival[row, col] > hand_over:
             continue
-        force = log_pull[tick - when] + log_decay[far]
+        force = log_pull[min(tick - when, log_pull.size - 1)] + log_decay[far]
         if force <= best[0]:
             continue
         if width > 0.0:

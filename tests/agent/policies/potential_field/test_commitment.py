@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 
 from agent.build import build_mind
-from agent.policies.potential_field.commitment import AT_HAND_S, NO_NEARER_S, SHUNNED_S, Commitment, Target
+from agent.policies.potential_field.commitment import (
+    AT_HAND_S,
+    LONGEST_SHUNNED_S,
+    MOST_SHUNNED,
+    NO_NEARER_S,
+    SHUNNED_S,
+    Commitment,
+    Target,
+)
 from agent.policies.potential_field.policy import PotentialField
 from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
@@ -115,14 +123,24 @@ def test_without_an_age_nothing_pulls() -> None:
     assert target_of(robots) is not None
 
 
-def test_it_goes_only_as_far_as_its_target_comes_into_sight() -> None:
-    robots = Robots(alone(two_rooms()))
+def test_a_car_goes_only_as_far_as_its_target_comes_into_sight() -> None:
+    robots = Robots(alone(two_rooms(), model="car"))
     for _ in range(2):
         robots.tick()
     target = target_of(robots)
     assert target is not None
     assert target.stand != target.close
     assert math.dist(target.stand, target.point) * POINT <= 3.0
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential"])
+def test_a_body_that_reaches_points_exactly_does_not_stop_short_of_its_target(model: str) -> None:
+    robots = Robots(alone(two_rooms(), model=model))
+    for _ in range(2):
+        robots.tick()
+    target = target_of(robots)
+    assert target is not None
+    assert target.stand == target.close
 
 
 # --- giving up -------------------------------------------------------------------------------------------------------
@@ -142,7 +160,7 @@ class Held(Robots):
         return decisions
 
 
-def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out_for_longer_each_time() -> None:
+def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     robots = Held(alone(two_rooms()))
     changed = changes(robots, round(4.0 * (NO_NEARER_S + 2.0) / STEP) + robots.held_from)
     stuck = [change for change in changed if change.k > robots.held_from + 1]
@@ -153,10 +171,26 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out_for_longer_each_t
     shunned = commitment_of(robots)._shunned
     assert {shun[:2] for shun in shunned} == {change.old.close for change in stuck}
     spells = [(shun[2] - change.k) * STEP for shun, change in zip(shunned, stuck, strict=True)]
-    assert spells == [SHUNNED_S * 2.0**turn for turn in range(len(stuck))]
+    assert spells == [SHUNNED_S] * len(stuck)
     # The next targets are not beside those that were given up.
     for earlier, later in itertools.pairwise(stuck):
         assert math.dist(earlier.old.point, later.old.point) * POINT > 0.6
+
+
+def test_a_place_that_is_given_up_again_is_left_out_for_longer_and_others_are_not() -> None:
+    commitment = commitment_of(Robots(alone(two_rooms())))
+    spells = []
+    for turn in range(2000):
+        commitment._give_up(turn, (5, 5))
+        spells.append((commitment._shunned[-1][2] - turn) * STEP)
+    assert spells[:6] == [60.0, 120.0, 240.0, 480.0, 960.0, 960.0]
+    assert spells[-1] == LONGEST_SHUNNED_S
+    commitment._give_up(2000, (5, 40))
+    assert [one[:2] for one in commitment._shunned] == [(5, 5), (5, 40)]
+    assert (commitment._shunned[-1][2] - 2000) * STEP == SHUNNED_S
+    for col in range(3 * MOST_SHUNNED):
+        commitment._give_up(2000, (0, 50 * col))
+    assert len(commitment._shunned) == MOST_SHUNNED
 
 
 def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:

@@ -88,7 +88,7 @@ def swings(x: float, y: float) -> Path:
 def test_a_patrol_that_gets_on_has_no_warning() -> None:
     ready = rooms()
     result = result_of(Progress, ready, made(ready, 1000, WHOLE, WHOLE))
-    good = "no robot was trapped; all that can be seen was seen, and the fog did not grow to the end"
+    good = "no robot was trapped; all that can be seen was seen, and nothing was stale for long at the end"
     assert result == CheckResult("progress", True, good)
     assert result.severity is None
 
