@@ -16,6 +16,9 @@ from agent.routes.wave import Wave
 LONGEST = 2**26
 """Upper bound of all path lengths, in hundredths of a point."""
 
+LEAST_SPAN = 64
+"""Span of the smallest window, in points; larger ones have powers of two, so that there are few of them."""
+
 Element = tuple[int, int]
 """Row and column in `Ground.state`: one more than those of the terrain's point."""
 
@@ -94,28 +97,44 @@ class Routes:
         here = self._ground.centre(*target)
         if start == target:
             return Way(here, here, 0.0)
+        if expected is not None:
+            window = self.window(-(-expected // 100) + 1)
+            window.begin(self._ground, *start)
+            window.extend(expected)
+            row, col = target[0] - 1 - window.row0, target[1] - 1 - window.col0
+            height, width = window.state.shape
+            if 0 <= row < height and 0 <= col < width and window.state[row, col] & STATUS == SETTLED:
+                return self._way_in(window, row, col)
         window = self.window()
         window.begin(self._ground, *start)
+        window.extend(LONGEST)
         row, col = target[0] - 1 - window.row0, target[1] - 1 - window.col0
-        for limit in (LONGEST,) if expected is None else (expected, LONGEST):
-            if window.state[row, col] & STATUS != SETTLED:
-                window.extend(limit)
         if window.state[row, col] & STATUS != SETTLED:
             rows, cols = np.nonzero(window.state & STATUS == SETTLED)
             nearest = int(np.argmin((rows - row) ** 2 + (cols - col) ** 2))
             row, col = int(rows[nearest]), int(cols[nearest])
+        return self._way_in(window, row, col)
+
+    def _way_in(self, window: Wave, row: int, col: int) -> Way:
+        """The way to a settled element of a window."""
         bend_row, bend_col = divmod(int(window.bend[row, col]), window.state.shape[1])
         centre = self._ground.terrain.centre
         place = centre(row + window.row0, col + window.col0)
         bend = centre(bend_row + window.row0, bend_col + window.col0)
         return Way(place, bend, float(window.length[row, col]) * self._ground.terrain.point / 100.0)
 
-    def window(self) -> Wave:
-        """A wave over the whole terrain, made on first use."""
+    def window(self, span: int | None = None) -> Wave:
+        """A wave, made on first use and shared from then on.
+
+        Args:
+            span: How far it has to reach from its start, in points; it may reach farther. None for the whole terrain.
+        """
         height, width = self._ground.terrain.shape
-        key = f"whole {height} {width}"
+        whole = max(height, width)
+        wide = whole if span is None else min(whole, max(LEAST_SPAN, 2 ** max(span - 1, 1).bit_length()))
+        key = f"wave {height} {width} {wide}"
         if key not in self._scratch:
-            self._scratch[key] = Wave(height, width, max(height, width))
+            self._scratch[key] = Wave(height, width, wide)
         wave = self._scratch[key]
         assert isinstance(wave, Wave)
         return wave

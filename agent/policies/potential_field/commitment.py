@@ -70,6 +70,12 @@ ROAM_REACH = 5.0
 HAND_OVER = 2.0
 """A robot claims a point if no other robot's way there is shorter by more than so many strides."""
 
+NEAR_RANGES = 2.5
+"""A target is looked for within so many sensor ranges first; farther away only if something there could pull harder."""
+
+STRETCHED_S = 30.0
+"""How often a robot measures how far its claimed ground reaches, s."""
+
 WORTH_WHILE = 0.25
 """A point of the claimed ground is fresh below this share of the age of the stalest point."""
 
@@ -106,6 +112,7 @@ class _Law(NamedTuple):
     pull: NDArray[np.float64]
     decay: NDArray[np.float64]
     rival: NDArray[np.int32]
+    beyond: float
 
 
 class Commitment:
@@ -143,6 +150,9 @@ class Commitment:
         self._least = math.inf
         self._least_age = 0
         self._least_at = 0
+        self._near = math.ceil(NEAR_RANGES * sensor.range / self._point)
+        self._stretch = 1.0
+        self._stretched_until = -1
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
         self._shunned: list[tuple[int, int, int, int]] = []
 
@@ -250,38 +260,84 @@ class Commitment:
 
         The paths' window may be shared, so it is used within this call only.
         """
+        if self._paths is None and home is None and self._reach_known(view.tick):
+            # Whoever is nearer to a point this near is within the window too.
+            near = view.routes.window(2 * self._near)
+            law = self._law(view, near, start, rivals, 100 * self._near)
+            found = self._hardest(view, near, law, None, self._left_out(view.tick), near=True)
+            if found is not None:
+                return self._target_at(view, near, found, away=False)
         paths = self._paths or view.routes.window()
+        law = self._law(view, paths, start, rivals, LONGEST)
+        found = None if home is None else self._hardest(view, paths, law, home, self._left_out(view.tick))
+        away = found is not None
+        if found is None:
+            found = self._hardest(view, paths, law, None, self._left_out(view.tick))
+        if found is None and self._shunned:
+            self._shunned.clear()
+            found = self._hardest(view, paths, law, None, ())
+        return None if found is None else self._target_at(view, paths, found, away)
+
+    def _reach_known(self, tick: int) -> bool:
+        """Whether it is known how far the claimed ground reaches, from not long ago."""
+        return tick < self._stretched_until
+
+    def _left_out(self, tick: int) -> list[tuple[int, int, int, int]]:
+        """What has been given up and is left out now."""
+        return [one for one in self._shunned if tick < one[2]]
+
+    def _law(self, view: View, paths: PathWindow, start: Element, rivals: Sequence[Element], limit: int) -> _Law:
+        """How hard points pull, up to a path length; lays the paths from where the robot stands.
+
+        Args:
+            view: Of this tick.
+            paths: The window to use.
+            start: The element of the ground on which the robot stands.
+            rivals: Those on which other robots stand.
+            limit: In hundredths of a point.
+        """
         rival = np.full(paths.length.shape, FAR, dtype=np.int32)
         if self._width > 0.0 and rivals:
-            rival = paths.lengths_from(view.ground.static, *start, rivals, LONGEST)
-        paths.begin(view.ground, *start)
-        paths.extend(LONGEST)
-        settled = paths.state & STATUS == SETTLED
-        longest = int(paths.length[settled].max(initial=1))
-        own = int(own_reach(paths.state, paths.length, rival)) or longest
-        stretch = max(1.0, own / self._reach)
-        unit = self._point / PAPER_POINT / 100.0 / stretch
+            rival = paths.lengths_from(view.ground.static, *start, rivals, limit)
+        if self._paths is None:
+            paths.lengths_from(view.ground, *start, [start], limit)
+        else:
+            paths.begin(view.ground, *start)
+            paths.extend(limit)
+        longest = int(paths.length[paths.state & STATUS == SETTLED].max(initial=1))
+        if not self._reach_known(view.tick):
+            own = int(own_reach(paths.state, paths.length, rival)) or longest
+            self._stretch = max(1.0, own / self._reach)
+            self._stretched_until = view.tick + round(STRETCHED_S / self._step)
+        unit = self._point / PAPER_POINT / 100.0 / self._stretch
         patrol = self._patrol
         decay = log_distance_force(patrol.distance, np.arange(longest + 1).clip(1) * unit, patrol.beta, patrol.length)
         fow = np.arange(view.mfow + 1).clip(1) / view.mfow
-        law = _Law(log_fow_force(patrol.fow, fow, patrol.alpha), decay, rival)
-        shunned = [one for one in self._shunned if view.tick < one[2]]
-        found = None if home is None else self._hardest(view, paths, law, home, shunned)
-        away = found is not None
-        if found is None:
-            found = self._hardest(view, paths, law, None, shunned)
-        if found is None and shunned:
-            self._shunned.clear()
-            found = self._hardest(view, paths, law, None, ())
-        if found is None:
-            return None
+        beyond = log_distance_force(patrol.distance, np.array([limit * unit]), patrol.beta, patrol.length)
+        pull = log_fow_force(patrol.fow, fow, patrol.alpha)
+        return _Law(pull, decay, rival, float(pull[-1] + beyond[0]))
+
+    def _target_at(
+        self, view: View, paths: PathWindow, found: tuple[tuple[int, int], tuple[int, int]], away: bool
+    ) -> Target:
+        """The target at a point, with where to stand for it.
+
+        Args:
+            view: Of this tick.
+            paths: From where the robot stands.
+            found: The point, and the point to stand on.
+            away: Whether the robot has to leave a circle.
+        """
         point, close = found
-        standing = settled & (view.ground.state & STATUS != BLOCKED)
+        stand = close
         # A car may find no way to turn at the point itself, and straight paths lead to points that nobody can stand on.
         # Others head for the point, so that they do not stop short of it.
         # Who has to leave a circle must not stop within it, as soon as the point is in sight.
-        heads_for_it = away or (not self._slack and self._paths is None)
-        stand = close if heads_for_it else self._nearest_in_sight(paths, point, standing) or close
+        if not away and (self._slack or self._paths is not None):
+            standing = paths.state & STATUS == SETTLED
+            if self._paths is not None:
+                standing &= view.ground.state & STATUS != BLOCKED
+            stand = self._nearest_in_sight(paths, point, standing) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
@@ -294,7 +350,14 @@ class Commitment:
         return centre if all(math.dist(centre, place) <= self._roam for place in self._been) else None
 
     def _hardest(
-        self, view: View, paths: PathWindow, law: _Law, home: Spot | None, shunned: Sequence[tuple[int, int, int, int]]
+        self,
+        view: View,
+        paths: PathWindow,
+        law: _Law,
+        home: Spot | None,
+        shunned: Sequence[tuple[int, int, int, int]],
+        *,
+        near: bool = False,
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
 
@@ -306,18 +369,20 @@ class Commitment:
             law: How hard points pull.
             home: x and y in m, the centre of the circle in which the robot must not stand; None for no circle.
             shunned: Row and column of the places to stand on whose surroundings are left out.
+            near: Whether the window is a small one: what is found has to pull harder than anything outside could.
         """
         fog = view.fog
         grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
         left_out = np.array([(row, col, self._around) for row, col, _, _ in shunned], dtype=np.int64).reshape(-1, 3)
         circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
         stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
-        for hand_over, least in ((self._hand_over, stale), (FAR, stale), (FAR, 1)):
+        rounds = ((self._hand_over, stale), (FAR, stale), (FAR, 1))
+        for hand_over, least in rounds[:1] if near else rounds:
             best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
             for points in (None, self._posts.rows):
                 forces = (view.tick, least, law.pull, law.decay, law.rival, self._width, hand_over)
                 hardest(points, *grids, *forces, left_out, *circle, best, place)
-            if best[0] > -np.inf:
+            if best[0] > (law.beyond if near else -np.inf):
                 row, col, stand_row, stand_col = (int(number) for number in place)
                 return (row, col), (stand_row, stand_col)
         return None
