@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.potential_field.force import PAPER_POINT, log_distance_force, log_fow_force
+from agent.policies.potential_field.force import PAPER_POINT, law_reach, log_distance_force, log_fow_force
 from agent.policies.potential_field.kernels.hardest import hardest, own_reach
 from agent.ports import Bearing, Intent, Place
+from agent.routes.ground import eroded
 from agent.routes.kernels.wave import BLOCKED, SETTLED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.routes import LONGEST
@@ -82,10 +83,6 @@ WORTH_WHILE = 0.25
 STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
 
-WITHIN_REACH = 0.75
-"""The reach of the law is the way at which the stalest point pulls as hard as one close by with this share of its
-age."""
-
 
 @dataclass(frozen=True, slots=True)
 class Target:
@@ -144,7 +141,7 @@ class Commitment:
         self._been: deque[Spot] = deque(maxlen=math.ceil(ROAM_S / (self._often * setup.step)))
         self._hand_over = round(100.0 * HAND_OVER * stride / self._point)
         self._around = math.ceil((2.0 * max(spec.radius, self._point) / self._point) ** 2)
-        self._reach = _reach(setup)
+        self._reach = law_reach(setup.patrol, self._point, 4 * sum(terrain.shape))
         self._target: Target | None = None
         self._expected = 0
         self._least = math.inf
@@ -402,7 +399,7 @@ class Commitment:
         seen = self._sight.visible(Pose(*self._sight.terrain.centre(*point), 0.0))
         rows, cols = np.nonzero(seen.mask)
         if self._slack:
-            inner = np.nonzero(_eroded(seen.mask, self._slack))
+            inner = np.nonzero(eroded(seen.mask, self._slack))
             if inner[0].size:
                 rows, cols = inner
         rows, cols = rows + seen.row0 - paths.row0, cols + seen.col0 - paths.col0
@@ -418,25 +415,3 @@ class Commitment:
     @staticmethod
     def _age(view: View, point: tuple[int, int]) -> int:
         return view.tick - max(int(view.fog.last_seen[point]), 0)
-
-
-def _eroded(mask: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
-    """The points of a mask whose neighbours, up to ``by`` rows and columns away, all belong to it."""
-    inner = np.pad(mask, by)
-    for axis in (0, 1):
-        size = inner.shape[axis] - 2 * by
-        shifts = [inner.take(range(shift, shift + size), axis=axis) for shift in range(2 * by + 1)]
-        inner = np.minimum.reduce(shifts)
-    return inner
-
-
-def _reach(setup: PolicySetup) -> float:
-    """The reach of the scenario's law (see `WITHIN_REACH`), in hundredths of a point; at least one point."""
-    patrol, terrain = setup.patrol, setup.terrain
-    weaker, full = log_fow_force(patrol.fow, np.array([WITHIN_REACH, 1.0]), patrol.alpha)
-    lengths = np.arange(1, 4 * sum(terrain.shape) + 1, dtype=np.float64)
-    forces = log_distance_force(
-        patrol.distance, lengths * setup.terrain.point / PAPER_POINT, patrol.beta, patrol.length
-    )
-    within = int(np.count_nonzero(forces - forces[0] >= weaker - full))
-    return 100.0 * max(within, 1)

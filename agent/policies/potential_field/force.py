@@ -125,6 +125,29 @@ def log_distance_force(name: str, length: FloatArray, beta: float, size: float) 
             raise ValueError(f"no function {name}")
 
 
+WITHIN_REACH = 0.75
+"""The reach of the law is the way at which the stalest point pulls as hard as one close by with this share of its
+age."""
+
+
+def law_reach(patrol: PatrolSpec, point: float, longest: int) -> float:
+    """The reach of a law: the way at which the stalest point pulls as hard as a fresher one close by.
+
+    Args:
+        patrol: The scenario's section `patrol`, with the functions' names and constants.
+        point: Side of the terrain's points, m.
+        longest: Upper bound in any case, in points.
+
+    Returns:
+        Hundredths of a point; at least one point (see `WITHIN_REACH`).
+    """
+    weaker, full = log_fow_force(patrol.fow, np.array([WITHIN_REACH, 1.0]), patrol.alpha)
+    lengths = np.arange(1, longest + 1, dtype=np.float64)
+    forces = log_distance_force(patrol.distance, lengths * point / PAPER_POINT, patrol.beta, patrol.length)
+    within = int(np.count_nonzero(forces - forces[0] >= weaker - full))
+    return 100.0 * max(within, 1)
+
+
 class ForceLaw:
     """f and g as tables, and the horizon beyond which no point can change a decision.
 

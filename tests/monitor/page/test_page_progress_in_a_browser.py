@@ -180,7 +180,7 @@ def test_spare_robots_appear_when_they_join(chromium: Any, spare: Seen) -> None:
         look.page.select_option("#layer", "2")
         for _ in range(2):
             look.press("p")
-        assert look.evaluate("document.querySelector('#rows .chosen').innerText").startswith("r1")
+        look.until("document.querySelector('#rows .chosen')?.innerText.startsWith('r1')")
         look.page.click("#tab-faults")
         assert look.page.is_visible("#join")
         wire.send(15)

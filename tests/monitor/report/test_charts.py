@@ -13,7 +13,9 @@ from tests.monitor.conftest import QUIET, run_of
 def test_a_chart_of_states_names_what_robots_did(tmp_path: Path) -> None:
     faults = [{"kind": "kill", "who": "r1", "at": 20}]
     intruders = [{"place": [50, 44], "at": 5, "for": 10}]
-    run = open_run(run_of(tmp_path, {**QUIET, "faults": faults, "intruders": intruders}).folder)
+    patrol = {"commitment": "none", "random_move": 0.1}  # so that they come by in time
+    scenario = {**QUIET, "faults": faults, "intruders": intruders, "patrol": patrol}
+    run = open_run(run_of(tmp_path, scenario).folder)
     shown = {STATES[code][0] for code in np.unique(state_codes(run))}
     assert {"patrolling", "surrounding", "dead or lost"} <= shown
     assert "other" not in shown
