@@ -31,13 +31,15 @@ from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from agent.ports import PolicySetup
     from agent.routes.ground import Spot
     from agent.routes.path_window import PathWindow
     from agent.routes.routes import Element, Way
     from agent.view import View
+
+    Rivals = Callable[[View], Sequence[Element]]
 
 NO_NEARER_S = 15.0
 """A robot that has come no nearer to its target for so long gives it up, s."""
@@ -153,13 +155,13 @@ class Commitment:
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
         self._shunned: list[tuple[int, int, int, int]] = []
 
-    def decide(self, view: View, start: Element, rivals: Sequence[Element], wander: float | None) -> Intent | None:
+    def decide(self, view: View, start: Element, rivals: Rivals, wander: float | None) -> Intent | None:
         """The way to the target, or to a new one.
 
         Args:
             view: Of this tick.
             start: The element of the ground on which the robot stands.
-            rivals: The elements on which other robots stand, where claims are used.
+            rivals: Gives the elements on which other robots stand, where claims are used; asked only for a choice.
             wander: Direction of a random step, rad, or None.
 
         Returns:
@@ -229,7 +231,7 @@ class Commitment:
         self._expected = round(100.0 * (way.length + 2.0 * self._nearer / NEARER) / self._point)
         return way
 
-    def _choose(self, view: View, start: Element, rivals: Sequence[Element]) -> Way | None:
+    def _choose(self, view: View, start: Element, rivals: Rivals) -> Way | None:
         """Commit to the point that pulls hardest, and return the way there; None where nothing pulls."""
         self._target = None
         tick = view.tick
@@ -238,9 +240,9 @@ class Commitment:
         self._shunned = [one for one in self._shunned if tick < one[2] + memory]
         if view.mfow == 0:
             return None
-        home = self._home()
+        home, others = self._home(), rivals(view)
         for _ in range(TRIES):
-            target = self._best(view, start, rivals, home)
+            target = self._best(view, start, others, home)
             if target is None:
                 return None
             way = self._way_to(view, start, target.stand)

@@ -40,18 +40,6 @@ class PotentialField:
         found = critical_areas(patrol, terrain, reach, lengths.critical_width) if semaphores else []
         self._areas = [Area(area) for area in found]
         self._numbered = numbered(found, terrain.shape) if found else None
-        fuzzy = patrol.avoidance == "fuzzy"
-        self._fuzzy = FuzzySectors(terrain, patrol.sectors, lengths.fuzzy_distance) if fuzzy else None
-        self._field = Field(
-            patrol,
-            setup.fields,
-            setup.posts,
-            terrain.point,
-            setup.scratch,
-            setup.regions,
-            lengths=lengths,
-            team=setup.team,
-        )
         self._wanders = patrol.random_move_for == "all" or setup.spec.model == "holonomic"
         self._commitment: Commitment | None = None
         if patrol.commitment == "target":
@@ -62,6 +50,22 @@ class PotentialField:
                 whole = window_of(patrol.paths, sizes, setup.scratch, setup.fields.patrolled, setup.regions)
             claims = patrol.claim_width if "claims" in self._separations else 0.0
             self._commitment = Commitment(setup, whole, claims)
+        # A committed robot never asks for sums of forces, whose tables and window are large.
+        self._field: Field | None = None
+        self._fuzzy: FuzzySectors | None = None
+        if self._commitment is None:
+            if patrol.avoidance == "fuzzy":
+                self._fuzzy = FuzzySectors(terrain, patrol.sectors, lengths.fuzzy_distance)
+            self._field = Field(
+                patrol,
+                setup.fields,
+                setup.posts,
+                terrain.point,
+                setup.scratch,
+                setup.regions,
+                lengths=lengths,
+                team=setup.team,
+            )
         names = ("x", "y", "total") if patrol.direction == "vector" else (f"sector {i}" for i in range(patrol.sectors))
         self._names = tuple(names)
 
@@ -72,7 +76,7 @@ class PotentialField:
             self._keep_apart(view)
         start = view.start
         if self._commitment is not None and start is not None:
-            intent = self._commitment.decide(view, start, self._rivals(view), self._random_step(view))
+            intent = self._commitment.decide(view, start, self._rivals, self._random_step(view))
             return Stay() if intent is None else intent
         if start is None:
             # The body has to find its way back to the reachable ground first.
@@ -118,6 +122,7 @@ class PotentialField:
         """The forces at this tick, modified by other robots and by close obstacles."""
         rivals = self._rivals(view)
         fog = view.fog
+        assert self._field is not None
         pull = self._field.pull(
             view.ground, *start, fog.last_seen, fog.dilated, view.tick, view.mfow, rivals, fog.looked
         )
