@@ -30,11 +30,19 @@ _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02
 
 
+class Interrupted(KeyboardInterrupt):
+    """A signal that ends the process wherever it is; caught as `KeyboardInterrupt`.
+
+    A class of its own: where `KeyboardInterrupt` itself leaves the `exec` of a source text, as a library may run while
+    it is imported, CPython ends the process by SIGINT whatever exit code it chose later.
+    """
+
+
 class Ending:
     """Whether this process should leave, why, and how often it was asked to.
 
     Attributes:
-        patience: signals that are handled by whoever reads this object; each further one raises KeyboardInterrupt
+        patience: signals that are handled by whoever reads this object; each further one raises Interrupted
             wherever the process is. None: all are.
         reason: of the first request.
         times: requests so far.
@@ -102,7 +110,7 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
     def by_signal(number: int, _frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
         if ending.patience is not None and ending.times > ending.patience:
-            raise KeyboardInterrupt
+            raise Interrupted
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it

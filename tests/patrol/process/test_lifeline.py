@@ -50,6 +50,23 @@ def test_a_signal_asks_to_leave(number: signal.Signals) -> None:
 
 
 @pytest.mark.processes
+def test_a_signal_in_generated_code_leaves_the_exit_code_alone(tmp_path: Path) -> None:
+    """Libraries `exec` source texts while they are imported; `-m` as for the command."""
+    (tmp_path / "asked.py").write_text(
+        "import os, sys\n"
+        "from patrol.process.lifeline import heed\n"
+        "heed(None, patience=0)\n"
+        "try:\n"
+        "    exec('import os, signal; os.kill(os.getpid(), signal.SIGTERM)')\n"
+        "except KeyboardInterrupt:\n"
+        "    sys.exit(130)\n"
+    )
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    asked = subprocess.run([sys.executable, "-P", "-m", "asked"], env={**os.environ, "PYTHONPATH": path}, check=False)
+    assert asked.returncode == 130
+
+
+@pytest.mark.processes
 def test_the_end_of_the_lifeline_asks_to_leave() -> None:
     reading, writing = os.pipe()
     process = child(lifeline=str(reading))
