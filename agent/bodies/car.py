@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from agent.bodies.manoeuvre import Manoeuvres
+from agent.bodies.retreat import Retreat
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import CarSteering, Footing
 from agent.bodies.unstuck import YIELDS, Unstuck
@@ -34,12 +35,31 @@ class CarBody(BodyBase):
         self._chance = chance
         self._bumps = 0
         self._manoeuvres: Manoeuvres | None = None
+        self._retreat: Retreat | None = None
         if setup.patrol.manoeuvres:
+            self._retreat = Retreat(
+                self._steering,
+                setup.spec.number,
+                setup.radii,
+                setup.step,
+                lambda k: chance(k, 2, Purpose.UNSTUCK),
+            )
             self._manoeuvres = Manoeuvres(setup.spec, setup.ground.terrain, self._steering, setup.step)
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """The command that best carries out an intent (`agent.ports.Body.obey`)."""
         self.way_back.note(view.pose.x, view.pose.y)
+        if self._retreat is None:
+            return self._obey(intent, view)
+        if self._retreat.update(view):
+            self._unstuck.end(view.tick)
+        back = self._retreat.next(view)
+        choice = self._obey(intent, view) if back is None else Choice(back, intent.state)
+        assert isinstance(choice.command, Drive)
+        self._retreat.told(choice.command)
+        return choice
+
+    def _obey(self, intent: Intent, view: View) -> Choice:
         match intent:
             case Bearing():
                 return self._bear(intent, view)
@@ -52,7 +72,7 @@ class CarBody(BodyBase):
 
     def _bear(self, intent: Bearing, view: View) -> Choice:
         bearing, goal = self._ahead(intent, view)
-        if view.start is None and (back := self._come_back(view)) is not None:
+        if view.start is None and (back := self._come_back(view, intent.state)) is not None:
             return back
         if intent.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(view.pose, intent.wander, self.spec.speed)
@@ -85,7 +105,7 @@ class CarBody(BodyBase):
         """The way to a place, and parking there."""
         found = way_of(place, view)
         if found is None:
-            return self._come_back(view) or self._drive(view, None, None, place.state)
+            return self._come_back(view, place.state) or self._drive(view, None, None, place.state)
         spot, bend = found
         pose = view.pose
         self._bumps = self._bumps + 1 if view.bumped else 0
@@ -110,11 +130,14 @@ class CarBody(BodyBase):
         choice = self._drive(view, bearing, goal, place.state)
         return Choice(choice.command, choice.state, bearing, goal)
 
-    def _come_back(self, view: View) -> Choice | None:
+    def _come_back(self, view: View, state: str) -> Choice | None:
         """A step of a car that is off the reachable points, back to them; None where it knows no way there."""
         pose = view.pose
         if self._manoeuvres is None or self._unstuck.active or not self.way_back.is_needed(pose.x, pose.y):
             return None
+        # A manoeuvre may lead over places from which no route leads on: it goes on to its end.
+        if not view.bumped and (drive := self._manoeuvres.proceed(pose)) is not None:
+            return Choice(drive, state)
         left = self.way_back.lengths(pose.x, pose.y)
         if left is None:
             return None

@@ -128,6 +128,17 @@ class Manoeuvres:
                 self._search(view, *left, near=near, progress=AHEAD * self._spec.turning_radius)
         return self._take(view.pose)
 
+    def proceed(self, pose: Pose) -> Drive | None:
+        """The next step of what was found before, wherever it leads.
+
+        Args:
+            pose: The car's own.
+
+        Returns:
+            None where nothing was found, or the car cannot go on with it.
+        """
+        return self._take(pose) if self._goes_on(pose) else None
+
     def back(self, view: View, left: NDArray[np.float64]) -> Drive | None:
         """The next step of a car that is off the reachable points, back to one of them.
 

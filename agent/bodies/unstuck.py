@@ -95,6 +95,16 @@ class Unstuck:
         self._ease = 0
         self._stood = True
 
+    def end(self, tick: int) -> None:
+        """Leave the dead end to somebody else.
+
+        Args:
+            tick: Now.
+        """
+        if self._desired is not None:
+            self._desired = None
+            self._ended = tick
+
     def step(self, tick: int, pose: Pose, bumped: bool) -> Drive | None:
         """The next command on the way out.
 

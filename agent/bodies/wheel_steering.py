@@ -69,6 +69,7 @@ class WheelSteering:
         self._spec = spec
         self._terrain = terrain
         self._step = step
+        self._ground = ground
         self._straight = HolonomicSteering(spec, terrain, step)
         self._footing = Footing(terrain, ground, spec.radius)
         self._most = spec.speed / spec.radius * step
@@ -95,6 +96,9 @@ class WheelSteering:
     def towards(self, pose: Pose, target: Spot) -> Twist:
         """A step towards a target: an arc, a turn on the spot or a straight drive. It never goes beyond the target.
 
+        An arc swings out. Where that leads it away from a straight way to the target, beside a door for example, the
+        next way would lead back to where it began, so it turns on the spot there.
+
         Args:
             pose: The robot's own.
             target: x and y in m, with a `reach` of more than 0.
@@ -108,8 +112,10 @@ class WheelSteering:
         askew = wrap(math.atan2(target[1] - pose.y, target[0] - pose.x) - pose.heading)
         if abs(askew) <= ALIGNED:
             return self.straight(pose, self.reach(pose, target))
+        on_the_way = self._ground.sees(pose.x, pose.y, target)
         for arc in self._arcs(distance, askew):
-            if self.is_possible(pose, arc):
+            end = advance(pose, arc, self._step)
+            if self.is_possible(pose, arc) and (not on_the_way or self._ground.sees(end.x, end.y, target)):
                 return arc
         return self.on_the_spot(askew)
 
