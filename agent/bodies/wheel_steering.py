@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from agent.bodies.setup import BARELY
 from agent.bodies.steering import Footing, HolonomicSteering
 from agent.routes.ground import Ground, Spot
-from patrol.ground.swept_path import advance, path_is_free
+from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose, Twist, wrap
 from patrol.scenario import RobotSpec
@@ -69,7 +69,6 @@ class WheelSteering:
         self._spec = spec
         self._terrain = terrain
         self._step = step
-        self._ground = ground
         self._straight = HolonomicSteering(spec, terrain, step)
         self._footing = Footing(terrain, ground, spec.radius)
         self._most = spec.speed / spec.radius * step
@@ -96,8 +95,8 @@ class WheelSteering:
     def towards(self, pose: Pose, target: Spot) -> Twist:
         """A step towards a target: an arc, a turn on the spot or a straight drive. It never goes beyond the target.
 
-        An arc swings out. Where that leads it away from a straight way to the target, beside a door for example, the
-        next way would lead back to where it began, so it turns on the spot there.
+        An arc swings out. Where no straight line leads from its end to the target, beside a door for example, the next
+        way would lead back to where it began, so the body turns on the spot there.
 
         Args:
             pose: The robot's own.
@@ -112,10 +111,8 @@ class WheelSteering:
         askew = wrap(math.atan2(target[1] - pose.y, target[0] - pose.x) - pose.heading)
         if abs(askew) <= ALIGNED:
             return self.straight(pose, self.reach(pose, target))
-        on_the_way = self._ground.sees(pose.x, pose.y, target)
         for arc in self._arcs(distance, askew):
-            end = advance(pose, arc, self._step)
-            if self.is_possible(pose, arc) and (not on_the_way or self._ground.sees(end.x, end.y, target)):
+            if self.is_possible(pose, arc) and self._leads_on(advance(pose, arc, self._step), target):
                 return arc
         return self.on_the_spot(askew)
 
@@ -167,6 +164,11 @@ class WheelSteering:
     def is_free(self, pose: Pose, twist: Twist) -> bool:
         """Whether the next step of ``twist`` touches no wall."""
         return path_is_free(self._terrain, pose, twist, self._step, self._spec.radius)
+
+    def _leads_on(self, end: Pose, target: Spot) -> bool:
+        """Whether the body gets from the end of an arc straight to where the arc leads."""
+        line = Pose(end.x, end.y, 0.0), Pose(*target, 0.0)
+        return free_fraction(self._terrain, *line, self._spec.radius) >= 1.0
 
     def _arcs(self, distance: float, askew: float) -> Iterator[Twist]:
         """The arcs towards a target that the wheels are fast enough for, best first.

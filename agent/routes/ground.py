@@ -153,25 +153,6 @@ class Ground:
         beside = anchor(self.terrain, self._is_open[1:-1, 1:-1], x, y)
         return None if beside is None else (beside[0] + 1, beside[1] + 1)
 
-    def sees(self, x: float, y: float, spot: Spot) -> bool:
-        """Whether a straight way leads over open points, from the point through which a body joins them.
-
-        Args:
-            x: Of the body's centre, m.
-            y: Of the body's centre, m.
-            spot: Where the way ends, x and y in m.
-        """
-        start = self.join(x, y)
-        if start is None:
-            return False
-        row, col = self.terrain.point_at(*spot)
-        up, across = row + 1 - start[0], col + 1 - start[1]
-        parts = np.linspace(0.0, 1.0, 4 * max(abs(up), abs(across)) + 1)
-        rows = np.rint(start[0] + parts * up).astype(int)
-        cols = np.rint(start[1] + parts * across).astype(int)
-        inside = (rows > 0) & (rows < self._state.shape[0] - 1) & (cols > 0) & (cols < self._state.shape[1] - 1)
-        return bool(inside.all() and self._is_open[rows, cols].all())
-
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """The centre (x, y) in m of element (row, col) of `state`."""
         return self.terrain.centre(row - 1, col - 1)
