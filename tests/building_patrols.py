@@ -29,7 +29,7 @@ For a robot slower than 1 m/s the time is longer in proportion.
 HALTS = (0.5, 60.0)
 """The same for a robot that hardly moves."""
 
-DEAD_ENDS = {"holonomic": 0.05, "differential": 0.05, "car": 0.25}
+DEAD_ENDS = {"holonomic": 0.05, "differential": 0.05, "car": 0.15}
 """Largest share of a robot's decisions in dead ends. In these buildings cars meet where there is no room to pass."""
 
 MODELS: tuple[Kind, ...] = ("holonomic", "differential", "car")
