@@ -51,9 +51,9 @@ class CarBody(BodyBase):
         self.way_back.note(view.pose.x, view.pose.y)
         if self._retreat is None:
             return self._obey(intent, view)
-        if self._retreat.update(view):
+        if self._retreat.update(view.tick, view.pose, view.bumped, view.peers):
             self._unstuck.end(view.tick)
-        back = self._retreat.next(view)
+        back = self._retreat.next(view.tick, view.pose)
         choice = self._obey(intent, view) if back is None else Choice(back, intent.state)
         assert isinstance(choice.command, Drive)
         self._retreat.told(choice.command)

@@ -16,7 +16,8 @@ from patrol.pose import Drive
 
 if TYPE_CHECKING:
     from agent.bodies.steering import CarSteering
-    from agent.view import View
+    from patrol.pose import Pose
+    from patrol.radio.peers import Peer
 
 PATIENCE = 3
 """Number of bumps after which a car goes back for one with a lower number."""
@@ -82,17 +83,20 @@ class Retreat:
         """Remember the command of this tick; call it last."""
         self._last = drive if drive.speed != 0.0 else None
 
-    def update(self, view: View) -> bool:
+    def update(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> bool:
         """Take in what has become of the last command; call it first.
 
         Args:
-            view: Of this tick.
+            tick: Now.
+            pose: The car's own.
+            bumped: Whether its last move was cancelled.
+            peers: The robots heard lately, by number.
 
         Returns:
             Whether the car begins to go back.
         """
-        tick, last, self._last = view.tick, self._last, None
-        if not view.bumped:
+        last, self._last = self._last, None
+        if not bumped:
             if last is not None and self.active:
                 self._trail.pop()
             elif last is not None:
@@ -103,7 +107,7 @@ class Retreat:
             return False
         self._bumps = self._bumps + 1 if tick - self._bumped_at <= CALM_S / self._step else 1
         self._bumped_at = tick
-        other = self._neighbour(view)
+        other = self._neighbour(pose, peers)
         if other is None or not self._trail or self._bumps < (PATIENCE if other < self._number else STUBBORN):
             return False
         self._again = self._again + 1 if tick - self._ended <= AGAIN_S / self._step else 0
@@ -112,34 +116,34 @@ class Retreat:
         self._bumps = 0
         return True
 
-    def next(self, view: View) -> Drive | None:
+    def next(self, tick: int, pose: Pose) -> Drive | None:
         """The next command on the way back.
 
         Args:
-            view: Of this tick.
+            tick: Now.
+            pose: The car's own.
 
         Returns:
             None when the car has gone back far enough, or cannot go on.
         """
         if self._until is None:
             return None
-        if view.tick < self._until and self._trail:
+        if tick < self._until and self._trail:
             drive = Drive(-self._trail[-1].speed, self._trail[-1].curvature)
-            if self._steering.is_free(view.pose, drive):
+            if self._steering.is_free(pose, drive):
                 return drive
-        self._end(view.tick)
+        self._end(tick)
         return None
 
     def _end(self, tick: int) -> None:
         self._until = None
         self._ended = tick
 
-    def _neighbour(self, view: View) -> int | None:
+    def _neighbour(self, pose: Pose, peers: Mapping[int, Peer]) -> int | None:
         """The nearest robot's number; None where nobody is within two steps."""
-        pose = view.pose
         gaps = [
             (math.dist((peer.pose.x, peer.pose.y), (pose.x, pose.y)) - self._radii[number], number)
-            for number, peer in view.peers.items()
+            for number, peer in peers.items()
         ]
         gap, number = min(gaps, default=(math.inf, 0))
         return number if gap <= self._radii[self._number] + 2.0 * self._steering.stride else None
