@@ -1,8 +1,9 @@
 """Progress: which robots stay in one place although there is stale ground elsewhere that they could go and see.
 
 A robot *stays* while all its positions fit into one circle. A robot is *trapped* when it has stayed for `TRAPPED_S`
-while a point outside of that circle, which its body could go and see, has been seen by nobody. Positions and fog are
-given by the caller, true or believed, live or from a journal.
+while a point outside of that circle, which its body could go and see, has been seen by nobody. It is trapped until it
+leaves the circle, or until all such points have been seen; in the second case its time counts anew from then on.
+Positions and fog are given by the caller, true or believed, live or from a journal.
 """
 
 from __future__ import annotations
@@ -51,6 +52,16 @@ def roaming_radius(spec: RobotSpec, step: float) -> float:
         The radius, m.
     """
     return ROAMING * (spec.radius + spec.speed * step)
+
+
+def _ticks_of(seconds: float, step: float) -> int:
+    """The smallest number of ticks that last a time.
+
+    Args:
+        seconds: The time, s.
+        step: Length of a tick, s.
+    """
+    return math.ceil(seconds / step - 1e-9)
 
 
 # --- stays -----------------------------------------------------------------------------------------------------------
@@ -176,7 +187,7 @@ class Stays:
         """
         self._radii = dict(radii)
         self._every = max(round(SAMPLE_S / step), 1)
-        self._ticks = math.ceil(TRAPPED_S / step - 1e-9)
+        self._ticks = _ticks_of(TRAPPED_S, step)
         self._tracks: dict[int, _Track] = {}
 
     def tick(self, k: int, places: Mapping[int, Place], free: Collection[int] = ()) -> None:
@@ -237,29 +248,50 @@ class Trap:
 
     Attributes:
         robot: Its number.
-        stay: Where it has stayed, and since when.
+        stay: Where it has stayed.
+        since: The tick from which on it has been trapped: that in which the stay began, or in which all points outside
+            of the circle had been seen during the stay.
         point: A point that it could go and see, the stalest outside of the circle when the trap was found; x and y of
             its centre, m.
         unseen_since: The tick in which anybody last saw that point; -1 when nobody had seen it.
-        until: The tick in which the stay was found to have ended, or None while it goes on.
+        until: The tick in which the robot was found to have left the circle, or all points outside to have been seen;
+            None while it is trapped.
+        all_seen: Whether it was over because all points outside had been seen, and not because the robot left.
     """
 
     robot: int
     stay: Stay
+    since: int
     point: Place
     unseen_since: int
     until: int | None = None
+    all_seen: bool = False
 
     @property
     def away(self) -> float:
         """The straight distance from the circle's centre to the point, m."""
         return math.dist((self.stay.x, self.stay.y), self.point)
 
+    def told(self, step: float, before: str = "") -> str:
+        """What the terminal and the page say after "r1 trapped" and after "r1 no longer trapped".
+
+        Args:
+            step: Length of a tick, s.
+            before: "before ", where the robot may have been trapped for longer than is known.
+        """
+        where = f"within {self.stay.radius:.1f} m of ({self.stay.x:.1f}, {self.stay.y:.1f})"
+        if self.until is None:
+            point = f"({self.point[0]:.1f}, {self.point[1]:.1f})"
+            return f"{where} since {before}{self.since * step:g} s; nobody has seen {point} in that time"
+        why = "; all that it could see elsewhere has been seen" if self.all_seen else ""
+        return f"after {(self.until - self.since) * step:g} s {where}{why}"
+
 
 class Traps:
     """Finds the robots that are trapped, tick after tick.
 
-    It looks every `LOOK_S`, and asks for the fog only while a robot has stayed for `TRAPPED_S`.
+    It looks every `LOOK_S`, and asks for the fog only while a robot is trapped or has stayed for `TRAPPED_S`, counted
+    from the last look that found nothing stale outside of its circle.
 
     Attributes:
         stays: The stays that it follows.
@@ -278,6 +310,9 @@ class Traps:
         self.open: dict[int, Trap] = {}
         self._prepared = prepared
         self._every = max(round(LOOK_S / scenario.step), 1)
+        self._ticks = _ticks_of(TRAPPED_S, scenario.step)
+        self._all_seen: dict[tuple[int, int], int] = {}
+        """By robot and first tick of its stay, the last look that found nothing stale outside of its circle."""
         self._grounds: dict[int, OwnGround] | None = None
 
     def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Trap]:
@@ -289,7 +324,7 @@ class Traps:
                 this tick's observations. It is called only when it is needed.
 
         Returns:
-            The traps that were found in this tick (``until`` is None), and those that were left.
+            The traps that were found in this tick (``until`` is None), and those that are over.
         """
         k = record.k
         self.stays.tick(k, *judged_places(record))
@@ -301,15 +336,34 @@ class Traps:
             if stay is None or stay.since != trap.stay.since:
                 news.append(replace(self.open.pop(number), until=k))
         terrain = self._prepared.terrain
-        for number, long in self.stays.long(k).items():
-            if number in self.open:
-                continue
+        for number, (stay, since) in self._to_look_at(k).items():
             grid = last_seen()
-            at = stalest_outside(long, terrain, self._ground(number), grid)
-            if at is not None:
-                self.open[number] = Trap(number, long, terrain.centre(*at), int(grid[at]))
+            at = stalest_outside(replace(stay, since=since), terrain, self._ground(number), grid)
+            if at is None:
+                self._all_seen[number, stay.since] = k
+                if number in self.open:
+                    news.append(replace(self.open.pop(number), until=k, all_seen=True))
+            elif number not in self.open:
+                self.open[number] = Trap(number, stay, since, terrain.centre(*at), int(grid[at]))
                 news.append(self.open[number])
         return news
+
+    def needs_fog(self, k: int) -> bool:
+        """Whether `tick` may ask for the fog of a tick.
+
+        Args:
+            k: The tick, the next to be taken in.
+        """
+        return k % self._every == 0 and bool(self._to_look_at(k))
+
+    def _to_look_at(self, k: int) -> dict[int, tuple[Stay, int]]:
+        """By number, the robots that are trapped or may be: their stays, and from when on these count."""
+        found = {}
+        for number, stay in self.stays.long(k).items():
+            since = self._all_seen.get((number, stay.since), stay.since)
+            if number in self.open or k - since >= self._ticks:
+                found[number] = stay, since
+        return found
 
     def _ground(self, number: int) -> BoolGrid:
         if self._grounds is None:

@@ -203,12 +203,56 @@ def test_a_robot_that_stays_while_the_other_room_is_stale_is_trapped_until_it_le
         place = (5.0 + (k % 3), 5.0) if 20 <= k < 900 else (30.0, 5.0)
         found += traps.tick(tick(k, place), lambda: seen)
     begun, ended = found
-    assert (begun.robot, begun.stay.since, begun.until, begun.unseen_since) == (1, 20, None, 3)
+    assert (begun.robot, begun.since, begun.stay.since, begun.until, begun.unseen_since) == (1, 20, 20, None, 3)
     assert (begun.stay.x, begun.stay.y) == (6.0, 5.0)
     assert begun.point == (20.25, 5.25)
     assert begun.away == pytest.approx(14.25, abs=0.1)
     assert ended == replace(begun, until=900)
+    assert not ended.all_seen
     assert not traps.open
+    where = "within 3.2 m of (6.0, 5.0)"
+    assert begun.told(0.5) == f"{where} since 10 s; nobody has seen (20.2, 5.2) in that time"
+    assert begun.told(0.5, "before ").startswith(f"{where} since before 10 s; ")
+    assert ended.told(0.5) == f"after 440 s {where}"
+
+
+def test_a_trap_is_over_when_all_outside_has_been_seen_and_the_time_counts_anew() -> None:
+    ready = prepared(rooms(), LEFT)
+    traps, seen = Traps(ready), np.full(ready.terrain.shape, -1, dtype=np.int32)
+    found = []
+    for k in range(1300):
+        seen[:, :40] = k
+        if k in (470, 501):
+            seen[:, 40 : 60 if k == 470 else 81] = k  # a part of the other room, then all of it
+        found += traps.tick(tick(k, (5.0, 5.0)), lambda: seen)
+        assert set(traps.open) == ({1} if 360 <= k < 510 or k >= 870 else set())
+    first, over, second = found
+    assert (first.since, first.until, first.unseen_since) == (0, None, -1)
+    assert over == replace(first, until=510, all_seen=True)
+    assert over.told(0.5).endswith("m of (5.0, 5.0); all that it could see elsewhere has been seen")
+    assert (second.since, second.stay, second.until, second.unseen_since) == (510, first.stay, None, 501)
+    assert traps.open == {1: second}
+
+
+@pytest.mark.parametrize("stale_from", [0, 700])
+def test_the_fog_is_not_looked_at_unless_it_is_needed(stale_from: int) -> None:
+    ready = prepared(rooms(), LEFT)
+    traps, seen = Traps(ready), np.full(ready.terrain.shape, -1, dtype=np.int32)
+    asked: list[int] = []
+
+    def last_seen() -> np.ndarray[tuple[int, int], np.dtype[np.int32]]:
+        asked.append(k)
+        return seen
+
+    needed = []
+    for k in range(1200):
+        seen[:, : 40 if k >= stale_from else 81] = k
+        place = (5.0, 5.0) if k < 1100 else (30.0, 5.0)
+        needed += [k] if traps.needs_fog(k) else []
+        traps.tick(tick(k, place), last_seen)
+    assert set(asked) <= set(needed)
+    assert set(needed) <= {*asked, 1100}
+    assert asked == list(range(360, 1100, 10)) if stale_from == 0 else [360, 720, *range(1080, 1100, 10)]
 
 
 def test_the_fog_is_asked_for_only_when_a_robot_stays() -> None:
@@ -220,9 +264,9 @@ def test_the_fog_is_asked_for_only_when_a_robot_stays() -> None:
         asked.append(k)
         return np.full(ready.terrain.shape, k, dtype=np.int32)
 
-    for k in range(600):
+    for k in range(1100):
         assert not traps.tick(tick(k, (5.0, 5.0)), last_seen)
-    assert asked == list(range(360, 600, 10))
+    assert asked == [360, 720, 1080]
 
 
 @pytest.mark.parametrize("doors", [True, False])

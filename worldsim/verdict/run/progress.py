@@ -83,8 +83,9 @@ class TrappedRobot:
         x: Of the circle's centre, m.
         y: Of the circle's centre, m.
         radius_m: Of the circle, m.
-        from_s: When it came, s.
-        until_s: When it left, s; None where it was still there at the end.
+        from_s: From when on it was trapped, s: when it came, or when all that it could see elsewhere had been seen.
+        until_s: When it left, or when all that it could see elsewhere had been seen, s; None where it was trapped to
+            the end.
         stale: x and y in m of a stale point outside of the circle that it could have gone to and seen.
         seen_s: When that point had last been seen, s; None where nobody had seen it.
     """
@@ -144,7 +145,7 @@ class Progress(Check):
     def _tick(self, record: TickRecord) -> None:
         fog, k = self._fog, record.k
         for trap in self._traps.tick(record, lambda: fog.last_seen):
-            self._found[trap.robot, trap.stay.since] = trap
+            self._found[trap.robot, trap.since] = trap
         places, free = judged_places(record)
         self._patrolled.update(places.keys() - free)
         for number in places:
@@ -168,7 +169,7 @@ class Progress(Check):
             number: LongestStay(ticks * step, stay.since * step, stay.x, stay.y, stay.radius)
             for number, (ticks, stay) in self._stays.items()
         }
-        traps = sorted(self._found.values(), key=lambda trap: (trap.stay.since, trap.robot))
+        traps = sorted(self._found.values(), key=lambda trap: (trap.since, trap.robot))
         trapped = tuple(self._trapped_robot(trap) for trap in traps)
         return RunProgress(self._stalest(*self._worst), self._stalest(*end), stays, trapped)
 
@@ -188,7 +189,7 @@ class Progress(Check):
     # --- trapped robots ----------------------------------------------------------------------------------------------
 
     def _trapped(self) -> list[str]:
-        """One line for each robot that was trapped, about its longest stay."""
+        """One line for each robot that was trapped, about the longest time."""
         lines = []
         for number, name in self._run.names.items():
             traps = [trap for trap in self._found.values() if trap.robot == number]
@@ -205,14 +206,14 @@ class Progress(Check):
             stay.x,
             stay.y,
             stay.radius,
-            stay.since * step,
+            trap.since * step,
             None if trap.until is None else trap.until * step,
             trap.point,
             None if trap.unseen_since == NEVER else trap.unseen_since * step,
         )
 
     def _ticks(self, trap: Trap) -> int:
-        return (self._end if trap.until is None else trap.until) - trap.stay.since
+        return (self._end if trap.until is None else trap.until) - trap.since
 
     @property
     def _end(self) -> int:
@@ -224,9 +225,10 @@ class Progress(Check):
         unseen = (
             "had never been seen" if trap.unseen_since == NEVER else f"was last seen at {trap.unseen_since * step:g} s"
         )
+        seen = "; then all that it could see elsewhere had been seen" if trap.all_seen else ""
         return (
-            f"it stayed within {stay.radius:.1f} m of {_at((stay.x, stay.y))} from {stay.since * step:g} s to {until}, "
-            f"while {_at(trap.point)}, {trap.away:.0f} m away, {unseen}"
+            f"it stayed within {stay.radius:.1f} m of {_at((stay.x, stay.y))} from {trap.since * step:g} s to {until}, "
+            f"while {_at(trap.point)}, {trap.away:.0f} m away, {unseen}{seen}"
         )
 
     # --- fog ---------------------------------------------------------------------------------------------------------

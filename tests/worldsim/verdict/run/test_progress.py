@@ -124,8 +124,23 @@ def test_several_traps_of_one_robot_are_one_line_about_the_longest() -> None:
     assert progress is not None
     first, other, second = progress.trapped
     assert (first.robot, first.from_s, first.until_s, first.seen_s) == ("r1", 0.0, 250.0, None)
-    assert (other.robot, other.from_s, other.until_s) == ("r2", 0.0, None)
+    assert (other.robot, other.from_s, other.until_s) == ("r2", 0.0, 745.0)  # when r1 had been everywhere
     assert (second.robot, second.from_s, second.until_s) == ("r1", 250.0, 700.0)
+
+
+def test_a_robot_is_trapped_until_others_have_seen_all_that_it_could_see_elsewhere() -> None:
+    ready = rooms()
+    journal = made(ready, 1000, lambda _: (2.0, 2.0), lambda k: (2.0, 8.0) if k < 500 else WHOLE(k))
+    result = result_of(Progress, ready, journal)
+    (line,) = [warning for warning in result.warnings if warning.startswith("r1")]
+    assert line.startswith("r1 was trapped: it stayed within 3.2 m of (2.0, 2.0) from 0 s to 3")
+    assert line.endswith("had never been seen; then all that it could see elsewhere had been seen")
+    progress = judge(journal, {}, ready).progress
+    assert progress is not None
+    (one,) = [trapped for trapped in progress.trapped if trapped.robot == "r1"]
+    assert one.until_s is not None
+    assert 250.0 < one.until_s <= 315.0
+    assert progress.stays[1].seconds == 499.5  # it goes on staying
 
 
 @pytest.mark.parametrize("free", [{"status": Status.PAUSED}, {"status": Status.DEAD}, {"state": "surrounding"}])
