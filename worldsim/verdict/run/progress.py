@@ -32,6 +32,11 @@ SHORTEST_S = 2.0 * TRAPPED_S
 """The shortest run whose fog is judged, s: on small ground a tour takes seconds."""
 
 
+NEW_SHARE = 0.1
+"""Without a tour, ground that was never seen is judged where the run's second half saw at most this share more points than
+its first."""
+
+
 @dataclass(frozen=True, slots=True)
 class Stalest:
     """The stalest place at some time.
@@ -134,6 +139,7 @@ class Progress(Check):
         self._found: dict[tuple[int, int], Trap] = {}
         self._stays: dict[int, tuple[int, Stay]] = {}
         self._patrolled: Counter[int] = Counter()
+        self._seen: list[int] = []
         self._worst: tuple[int, int, tuple[int, int], int, tuple[RobotTick, ...]] | None = None
         self._last: TickRecord | None = None
 
@@ -152,6 +158,7 @@ class Progress(Check):
             stay = self._traps.stays.stay(number)
             if stay is not None and k - stay.since > self._stays.get(number, (0, stay))[0]:
                 self._stays[number] = k - stay.since, stay
+        self._seen.append(fog.seen)
         age = fog.mfow(k)
         if self._worst is None or age > self._worst[0]:
             point = fog.stalest()
@@ -242,13 +249,27 @@ class Progress(Check):
             return [], "all that can be seen was seen, and nothing was stale for long at the end"
         tour_s = best_tour(self._run.prepared).bound_s({n: ticks / self._end for n, ticks in self._patrolled.items()})
         if tour_s is None:
-            return [], "the fog is not judged: there is no tour to compare with"
+            return self._without_tour(never, took_s)
         least_s = max(TOURS * tour_s, SHORTEST_S)
         if not never and end.age_s <= min(0.5 * took_s, max(STALE_TOURS * tour_s, SHORTEST_S)):
             return [], "all that can be seen was seen, and nothing was stale for long at the end"
         if took_s < least_s:
             return [], f"the fog is not judged: the run takes {took_s:g} s, and it would have to take {least_s:.0f} s"
         return [self._never(never, took_s) if never else self._stale(end)], ""
+
+    def _without_tour(self, never: int, took_s: float) -> tuple[list[str], str]:
+        """The same where there is no tour to compare with: only ground that was never seen is judged."""
+        if not never:
+            return [], "all that can be seen was seen; there is no tour to compare the fog's growth with"
+        if took_s < SHORTEST_S:
+            return [], f"the fog is not judged: the run takes {took_s:g} s, and it would have to take {SHORTEST_S:g} s"
+        before = self._seen[self._end // 2 - 1]
+        if self._fog.seen - before > NEW_SHARE * before:
+            return (
+                [],
+                "the fog is not judged: there is no tour to compare with, and new ground was seen to the end",
+            )
+        return [self._never(never, took_s)], ""
 
     def _stale(self, end: Stalest) -> str:
         near = "" if end.nearest is None else f"; {end.nearest} was nearest to it then, {end.nearest_m:.0f} m away"

@@ -32,7 +32,7 @@ Path = Callable[[int], Place]
 STEP = 0.5
 
 
-def rooms() -> Prepared:
+def rooms(angle: float = 360.0) -> Prepared:
     """Two rooms of 10 x 10 m, joined by a door; two robots of 0.3 m at 1 m/s that see 3 m far."""
     free = np.ones((20, 41), dtype=np.bool_)
     free[:, 20] = False
@@ -40,7 +40,13 @@ def rooms() -> Prepared:
     starts = (Pose(5.0, 5.0, 0.0), Pose(15.0, 5.0, 0.0))
     robots = [{"name": name, "model": "holonomic", "radius": 0.3, "speed": 1.0} for name in ("r1", "r2")]
     scenario = load_scenario(
-        {"terrain": {"builtin": "open"}, "point": 0.5, "step": STEP, "robots": robots, "sensor": {"range": 3.0}}
+        {
+            "terrain": {"builtin": "open"},
+            "point": 0.5,
+            "step": STEP,
+            "robots": robots,
+            "sensor": {"range": 3.0, "angle": angle},
+        }
     )
     terrain = Terrain("rooms", free, 0.5)
     fields = compute_fields(terrain, 0.3, 3.0, True, starts)
@@ -185,6 +191,31 @@ def test_the_fog_of_a_short_run_is_not_judged() -> None:
     result = result_of(Progress, ready, made(ready, 300, LEFT_ROOM, LEFT_ROOM))
     assert result.warnings == ()
     assert "the fog is not judged: the run takes 150 s, and it would have to take 360 s" in result.detail
+
+
+def test_without_a_tour_ground_that_nobody_has_seen_is_judged_once_no_more_is_found() -> None:
+    narrow = rooms(angle=300.0)
+    result = result_of(Progress, narrow, made(narrow, 1000, LEFT_ROOM, LEFT_ROOM))
+    (line,) = result.warnings
+    assert " were never seen in 500 s:" in line
+
+    def late(k: int) -> Place:
+        return LEFT_ROOM(k) if k < 600 else round_of(1.0, 15.0)(k)
+
+    def leaves(k: int) -> Place:
+        return WHOLE(k) if k < 480 else LEFT_ROOM(k)
+
+    for ticks, path, detail in (
+        (700, LEFT_ROOM, "the fog is not judged: the run takes 350 s, and it would have to take 360 s"),
+        (
+            1000,
+            late,
+            "the fog is not judged: there is no tour to compare with, and new ground was seen to the end",
+        ),
+        (1400, leaves, "all that can be seen was seen; there is no tour to compare the fog's growth with"),
+    ):
+        result = result_of(Progress, narrow, made(narrow, ticks, path, path))
+        assert (result.warnings, result.detail) == ((), f"no robot was trapped; {detail}")
 
 
 def test_robots_that_were_down_leave_more_time() -> None:
