@@ -33,8 +33,8 @@ SHORTEST_S = 2.0 * TRAPPED_S
 
 
 NEW_SHARE = 0.1
-"""Without a tour, ground that was never seen is judged where the run's second half saw at most this share more points than
-its first."""
+"""Without a tour, ground that was never seen is judged where the run's second half saw at most this share more points
+than its first."""
 
 
 @dataclass(frozen=True, slots=True)
