@@ -211,7 +211,7 @@ def summarise(
     - `bound_s`: a lower bound of MFoW, 0 where discs of the sensor's range around all robots have a larger area than
       the ground.
     - `best_tour_s`: the MFoW that the robots keep on the best tour found (`patrol.best_tour`), and `best_tour_m` its
-      length; None where there is no tour.
+      length; None where there is no tour. It counts all robots that are not spare, whether or not they were ever down.
     - `missed`: ticks in which no command came in time.
     - `refused_commands`: invalid commands.
     - `refused`, for a fleet of processes: messages that the world dropped unread, by reason.
