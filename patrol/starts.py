@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.ground.doors.fitting import fits_no_door, fits_nowhere, no_room_for_all
+from patrol.ground.doors.rooms import Rooms
 from patrol.ground.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
-from patrol.ground.fitting import fits_no_door, fits_nowhere, no_room_for_all
 from patrol.ground.kernels.clearance import nearest
 from patrol.ground.kernels.doors import ROOM
-from patrol.ground.rooms import Rooms
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose, wrap
 from patrol.random import Purpose, draw

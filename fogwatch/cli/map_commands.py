@@ -21,7 +21,7 @@ from patrol.process.warmup import warm
 
 if TYPE_CHECKING:
     from fogwatch.map_check import MapReport, SealedPart
-    from patrol.ground.rooms import Door
+    from patrol.ground.doors.rooms import Door
 
 app = typer.Typer(
     help="Check what a robot can reach and see on a map, or split the map into regions.", no_args_is_help=True

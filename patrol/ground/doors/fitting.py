@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from patrol.ground.doors.rooms import Door
 from patrol.ground.fields import clearance_levels
-from patrol.ground.rooms import Door
 from patrol.ground.terrain import Terrain
 
 LEAST_SHARE = 0.05
