@@ -202,7 +202,7 @@ class Progress(Check):
             traps = [trap for trap in self._found.values() if trap.robot == number]
             if traps:
                 longest = max(traps, key=self._ticks)
-                total = f"; {len(traps)} times in all, {sum(map(self._ticks, traps)) * self._run.step:g} s"
+                total = f"; {len(traps)} times in all, {self._together(traps) * self._run.step:g} s"
                 lines.append(f"{name} was trapped: {self._told(longest)}{total if len(traps) > 1 else ''}")
         return lines
 
@@ -221,6 +221,15 @@ class Progress(Check):
 
     def _ticks(self, trap: Trap) -> int:
         return (self._end if trap.until is None else trap.until) - trap.since
+
+    def _together(self, traps: list[Trap]) -> int:
+        """How many ticks one robot was trapped; a stay may begin before the last one ended, and ticks of both count once."""
+        ticks = known = 0
+        for trap in sorted(traps, key=lambda trap: trap.since):
+            until = trap.since + self._ticks(trap)
+            ticks += max(until - max(trap.since, known), 0)
+            known = max(known, until)
+        return ticks
 
     @property
     def _end(self) -> int:

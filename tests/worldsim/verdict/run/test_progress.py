@@ -134,6 +134,19 @@ def test_several_traps_of_one_robot_are_one_line_about_the_longest() -> None:
     assert (second.robot, second.from_s, second.until_s) == ("r1", 250.0, 700.0)
 
 
+def test_times_that_overlap_count_once() -> None:
+    ready = rooms()
+    journal = made(ready, 1400, lambda k: (2.0 + 0.005 * k, 2.0), lambda _: (2.0, 8.0))
+    (line,) = [line for line in result_of(Progress, ready, journal).warnings if line.startswith("r1")]
+    progress = judge(journal, {}, ready).progress
+    assert progress is not None
+    first, second = [trapped for trapped in progress.trapped if trapped.robot == "r1"]
+    assert (first.from_s, second.until_s) == (0.0, None)
+    assert first.until_s is not None
+    assert second.from_s < first.until_s
+    assert line.endswith("; 2 times in all, 700 s")
+
+
 def test_a_robot_is_trapped_until_others_have_seen_all_that_it_could_see_elsewhere() -> None:
     ready = rooms()
     journal = made(ready, 1000, lambda _: (2.0, 2.0), lambda k: (2.0, 8.0) if k < 500 else WHOLE(k))
