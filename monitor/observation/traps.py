@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from monitor.observation.source import Trapped
 from patrol.journal.records import Event
 from patrol.net.telemetry import FREE, TRAPPED
-from patrol.progress import SAMPLE_S, Trap, Traps
+from patrol.progress import Trap, Traps
+from patrol.stays import SAMPLE_S
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,7 +8,7 @@ import pytest
 
 from patrol.journal import Event, TickRecord
 from patrol.net.telemetry import Notice
-from patrol.progress import Place
+from patrol.stays import Place
 from tests.worldsim.verdict.run.test_progress import WHOLE, made, rooms
 from worldsim.output.live_progress import LiveProgress
 from worldsim.world import World

@@ -13,7 +13,8 @@ from patrol.best_tour import best_tour
 from patrol.ground.fields import parts_of
 from patrol.ground.fog import NEVER
 from patrol.journal import Status
-from patrol.progress import TRAPPED_S, Place, Stay, Trap, Traps, judged_places
+from patrol.progress import Trap, Traps, judged_places
+from patrol.stays import TRAPPED_S, Place, Stay
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.common.true_fog import TrueFog
@@ -62,7 +63,7 @@ class Stalest:
 
 @dataclass(frozen=True, slots=True)
 class LongestStay:
-    """The longest time for which a robot stayed in one place (`patrol.progress.Stays`).
+    """The longest time for which a robot stayed in one place (`patrol.stays.Stays`).
 
     Attributes:
         seconds: How long, s.
@@ -223,7 +224,7 @@ class Progress(Check):
         return (self._end if trap.until is None else trap.until) - trap.since
 
     def _together(self, traps: list[Trap]) -> int:
-        """How many ticks one robot was trapped; a stay may begin before the last one ended, and ticks of both count once."""
+        """How many ticks one robot was trapped; stays may overlap, and ticks that lie in two of them count once."""
         ticks = known = 0
         for trap in sorted(traps, key=lambda trap: trap.since):
             until = trap.since + self._ticks(trap)
