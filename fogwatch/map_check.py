@@ -12,9 +12,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.ground.doors.rooms import LISTED_AREA, Door, Rooms
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.kernels.doors import FIRST, ROOM, SADDLE, SECOND
-from patrol.ground.rooms import LISTED_AREA, Door, Rooms
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.starts import starting_part

@@ -127,7 +127,7 @@ def _length(terrain: Terrain, own: OwnGround, ground: BoolGrid, proxy: Any, foot
             if length is not None and not (isinstance(length, float) and 0.0 <= length < float("inf")):
                 raise ValueError("no length")
         except (OSError, ValueError, LookupError, TypeError):
-            from patrol.ground.tour import find_tour  # here: most processes need no tour
+            from patrol.ground.tour.search import find_tour  # here: most processes need no tour
 
             tour = find_tour(terrain, own.reach, ground, proxy, footprint)
             length = None if tour is None else tour.length_m

@@ -15,14 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.ground.doors.fitting import fits_no_door, fits_nowhere, no_room_for_all
+from patrol.ground.doors.rooms import Rooms
 from patrol.ground.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
-from patrol.ground.fitting import fits_no_door, fits_nowhere, no_room_for_all
 from patrol.ground.kernels.clearance import nearest
 from patrol.ground.kernels.doors import ROOM
-from patrol.ground.rooms import Rooms
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose, wrap
 from patrol.random import Purpose, draw
+from patrol.scenario.model import DEFAULT_RADIUS
 
 if TYPE_CHECKING:
     from patrol.scenario import RobotSpec
@@ -98,7 +99,7 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
     """
     cspace = cspace_of(terrain, radius)
     if not cspace.any():
-        raise BadInput(fits_nowhere(terrain, radius))
+        raise BadInput(fits_nowhere(terrain, radius, radius == DEFAULT_RADIUS))
     labels, count = parts_of(cspace)
     at = None if first is None else anchor(terrain, cspace, first.x, first.y)
     part = preferred_part(terrain, labels, count, radius) if at is None else int(labels[at])
@@ -189,7 +190,7 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
     inside = sum(rooms.areas[leaf] for leaf in np.flatnonzero(rooms.reached & (rooms.nodes[:, ROOM] >= 0)))
     if inside >= enough * terrain.point_area:
         return
-    raise BadInput(fits_no_door(terrain, radius, doors[-1]))
+    raise BadInput(fits_no_door(terrain, radius, doors[-1], radius == DEFAULT_RADIUS))
 
 
 def _place(

@@ -140,7 +140,10 @@ def run(
     settings: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="FIELD=VALUE", help="Set any field of the scenario. Repeatable.", rich_help_panel=RUN
+            "--set",
+            metavar="FIELD=VALUE",
+            help="Set any field of the scenario, such as patrol.dilatation=2. Repeatable.",
+            rich_help_panel=RUN,
         ),
     ] = None,
     in_process: Annotated[
@@ -187,8 +190,8 @@ def run(
 ) -> int:
     """Run a fleet, one process per robot, and judge the run.
 
-    A scenario file holds all settings, and options override them. A map file or a built-in terrain holds none: unless
-    options say otherwise, five cars patrol it for 5000 s.
+    Options override the settings of a scenario file. A map file or a built-in terrain has no settings: unless options
+    say otherwise, five cars with a radius of 1 m patrol it for 5000 s.
     """
     overrides: dict[str, object] = {
         "robots.count": robots,

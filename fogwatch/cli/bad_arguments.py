@@ -1,4 +1,4 @@
-"""What the command line says about arguments that cannot be parsed: the option, its value, its unit and the remedy."""
+"""What the command line says about arguments that cannot be used: the option, its value, its unit and the remedy."""
 
 from __future__ import annotations
 
@@ -46,6 +46,26 @@ _QUANTITIES = {
 _NUMBER = re.compile(r"\s*([-+]?[0-9]*[.,]?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z/]*)\s*")
 
 
+_FIELDS = {
+    "robots": "robots.count",
+    "spare": "robots.spare",
+    "model": "robots.model",
+    "radius": "robots.radius",
+    "speed": "robots.speed",
+    "start": "robots.starts",
+    "duration": "duration",
+    "seed": "seed",
+    "pace": "pace",
+    "point": "point",
+    "sensor_range": "sensor.range",
+    "terrain": "terrain.builtin",
+}
+"""The scenario's fields that options set, by the names of the options' parameters."""
+
+_FIELD = re.compile(r"(?:(?P<before>^|.*: )override |^)(?P<field>[a-z_]\w*(?:\.\w+)*)(?P<equals> = )?")
+"""A field at the beginning of an error, or one that an override gave."""
+
+
 class HelpfulCommand(TyperCommand):
     """A command whose errors name the argument, the value that was given, and what to give instead."""
 
@@ -74,6 +94,33 @@ class HelpfulCommand(TyperCommand):
                 raise
             raise BadInput(line) from None
 
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command.
+
+        Args:
+            ctx: The context of the call.
+
+        Returns:
+            What the command returns.
+
+        Raises:
+            BadInput: The command cannot use what it was given. Fields that options set have the options' names.
+        """
+        try:
+            return super().invoke(ctx)
+        except BadInput as error:
+            raise BadInput(_as_typed(str(error), self._typed(ctx))) from None
+
+    def _typed(self, ctx: Any) -> dict[str, str]:
+        """The options that were given and set fields of a scenario, by field."""
+        set_by_name = [text.partition("=")[0].strip() for text in ctx.params.get("settings") or ()]
+        options = {
+            _FIELDS[param.name]: param.opts[0]
+            for param in self.params
+            if param.name in _FIELDS and ctx.get_parameter_source(param.name).name == "COMMANDLINE"
+        }
+        return options | {field: f"--set {field}" for field in set_by_name}
+
     def _explained(self, error: Exception, ctx: Any, given: list[str]) -> str | None:
         """An error of the parser in our words; None to leave it as it is."""
         if hasattr(error, "possibilities") and hasattr(error, "option_name"):
@@ -98,6 +145,27 @@ class HelpfulCommand(TyperCommand):
     def _unknown(self, option: str) -> str:
         known = [text for param in self.params for text in (*param.opts, *param.secondary_opts) if text[:2] == "--"]
         return f"{option}: no such option; {_nearest(option, [*known, '--help'], self.example)}"
+
+
+def _as_typed(line: str, typed: dict[str, str]) -> str:
+    """An error with an option in place of the field that it set, and ``--set`` in place of "override" where it did.
+
+    Args:
+        line: The error.
+        typed: The options by field.
+    """
+    found = _FIELD.match(line)
+    if found is None:
+        return line
+    field, before = found["field"], found["before"]
+    option = typed.get(re.sub(r"\.\d+", "", field), "")
+    if option and not option.startswith("--set"):
+        rest = re.sub(r"^(-?\d+)\.0:", r"\1:", line[found.end() :])
+        return f"{before or ''}{option}{' ' if found['equals'] else ''}{rest}"
+    sections = [f"{name}." for name in typed]
+    if before is not None and any(f"{field}.".startswith(name) or name.startswith(f"{field}.") for name in sections):
+        return f"{before}--set {line[found.start('field') :]}"
+    return line
 
 
 def _nearest(option: str, known: Sequence[str], example: str) -> str:

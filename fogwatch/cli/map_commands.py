@@ -21,9 +21,11 @@ from patrol.process.warmup import warm
 
 if TYPE_CHECKING:
     from fogwatch.map_check import MapReport, SealedPart
-    from patrol.ground.rooms import Door
+    from patrol.ground.doors.rooms import Door
 
-app = typer.Typer(help="Check what a robot reaches and sees on a map, and split it into regions.", no_args_is_help=True)
+app = typer.Typer(
+    help="Check what a robot can reach and see on a map, or split the map into regions.", no_args_is_help=True
+)
 
 MOST_LINES = 20
 """Sealed parts listed at most, and doors."""
@@ -38,10 +40,13 @@ def check(
     line_of_sight: Annotated[
         bool, typer.Option("--line-of-sight/--through-walls", help="Whether obstacles block the sensor.")
     ] = True,
-    start: Annotated[list[str] | None, typer.Option(metavar="X,Y", help="Start of a robot in m. Repeatable.")] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="Where a robot starts, in m (default: chosen as for a run). Repeatable."),
+    ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the result into this PNG file.")] = None,
 ) -> None:
-    """Report how much of a map a robot reaches and sees, what is sealed off and why, and the narrowest doors."""
+    """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
     for name, value in (("radius", radius), ("point", point), ("range", sensor_range)):
         if not (math.isfinite(value) and value > 0.0):
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")

@@ -18,7 +18,7 @@ from patrol.scenario.policy_file import PAPER
 if TYPE_CHECKING:
     from worldsim.timeline import Timeline
 
-app = typer.Typer(help="Print and check scenario files, and print their JSON schema.", no_args_is_help=True)
+app = typer.Typer(help="Print or check a scenario, or print the JSON schema of scenario files.", no_args_is_help=True)
 
 What = Annotated[str, typer.Argument(metavar="SCENARIO", help="Scenario file, map file or built-in terrain.")]
 Settings = Annotated[
@@ -41,7 +41,7 @@ def print_scenario(what: What, settings: Settings = None) -> None:
 def check(what: What, settings: Settings = None) -> None:
     """Check whether a scenario can run, and list its faults.
 
-    Checked are the values, the terrain, the fleet's key, the policy and its options, and whether all robots find room
+    The check covers the values, the terrain, the fleet's key, the policy and its options, and the room for all robots
     at the start.
     """
     scenario = open_scenario(what, parse_overrides(settings or []))

@@ -196,7 +196,7 @@ def _place(place: tuple[float, float] | None) -> str:
 
 def _news(notice: Notice) -> str:
     if notice.kind in (TRAPPED, FREE):
-        return f"tick {notice.k}: {notice.robot} {notice.detail}"
+        return f"tick {notice.k}: {notice.robot} {notice.kind} {notice.detail}"
     return " ".join(part for part in (f"tick {notice.k}:", notice.robot, f"{notice.kind}:", notice.detail) if part)
 
 

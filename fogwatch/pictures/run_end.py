@@ -24,8 +24,8 @@ from fogwatch.pictures.drawing import (
     save,
 )
 from patrol.errors import BadInput
+from patrol.ground.doors.rooms import Door
 from patrol.ground.fog import NEVER, Fog
-from patrol.ground.rooms import Door
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
 from patrol.pose import Pose

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 from monitor.observation.source import Trapped
 from patrol.journal.records import Event
-from patrol.progress import SAMPLE_S, Trap, Traps
+from patrol.net.telemetry import FREE, TRAPPED
+from patrol.progress import Trap, Traps
+from patrol.stays import SAMPLE_S
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,9 +20,6 @@ if TYPE_CHECKING:
 
     from patrol.journal.records import TickRecord
     from patrol.prepare import Prepared
-
-TRAPPED, FREE = "trapped", "no longer trapped"
-"""Kinds of events."""
 
 
 class TrapWatch:
@@ -71,24 +70,18 @@ class TrapWatch:
         return [self._event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
 
     def needs_fog(self, k: int) -> bool:
-        """Whether `tick` may ask for the fog of tick k: some robot has stayed for long and is not trapped yet.
+        """Whether `tick` may ask for the fog of tick k: a robot is trapped, or has stayed for long.
 
         Args:
             k: The tick.
         """
-        return any(number not in self._traps.open for number in self._traps.stays.long(k))
+        return self._traps.needs_fog(k)
 
     def _trapped(self, trap: Trap) -> Trapped:
         known = self._known or 0
-        exact = (self._from_start and known == 0) or (trap.stay.since - known) * self._step > SAMPLE_S
-        return Trapped(trap.stay.since * self._step, exact)
+        exact = (self._from_start and known == 0) or (trap.since - known) * self._step > SAMPLE_S
+        return Trapped(trap.since * self._step, exact)
 
     def _event(self, k: int, trap: Trap) -> Event:
-        stay, step = trap.stay, self._step
-        where = f"within {stay.radius:.1f} m of ({stay.x:.1f}, {stay.y:.1f})"
-        if trap.until is not None:
-            return Event(k, FREE, trap.robot, f"after {(k - stay.since) * step:g} s {where}")
-        point = f"({trap.point[0]:.1f}, {trap.point[1]:.1f})"
-        before = "" if self._trapped(trap).exact else "before "
-        since = f"since {before}{stay.since * step:g} s"
-        return Event(k, TRAPPED, trap.robot, f"{where} {since}; nobody has seen {point} in that time")
+        kind = TRAPPED if trap.until is None else FREE
+        return Event(k, kind, trap.robot, trap.told(self._step, "" if self._trapped(trap).exact else "before "))

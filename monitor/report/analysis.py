@@ -19,6 +19,9 @@ from patrol.journal.records import Status
 from patrol.prepare import sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 
+NO_TOUR = "no tour for this ground or sensor"
+"""What stands beside the best tour found where there is none."""
+
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
@@ -110,7 +113,7 @@ def measures(run: Run) -> list[Measure]:
     return [
         Measure("mean MFoW", mean, "s", lower),
         Measure("largest MFoW", float(run.mfow.max()) * step, "s"),
-        Measure("best tour found", tour_s, "s", "" if tour_s is not None else "no tour for this ground or sensor"),
+        Measure("best tour found", tour_s, "s", _tour_note(run) if tour_s is not None else NO_TOUR),
         _ratio(run, "mean MFoW / best tour", mean, tour_s, area, "no tour"),
         _ratio(run, "mean MFoW / bound", mean, bound or None, area, "the lower bound is 0"),
         Measure("mean fog", float(run.fog_mean.mean()) * step, "s"),
@@ -128,11 +131,19 @@ def measures(run: Run) -> list[Measure]:
 def best_tour_s(run: Run) -> float | None:
     """The MFoW that all robots that are not spare keep on the best tour found, s; None where there is no tour.
 
+    It does not count who was dead, paused or lost in the run.
+
     Args:
         run: The run.
     """
     shares = {spec.number: 1.0 for spec in run.prepared.scenario.roster if not spec.spare}
     return best_tour(run.prepared).bound_s(shares)
+
+
+def _tour_note(run: Run) -> str:
+    """Which robots the best tour is for."""
+    count = sum(not spec.spare for spec in run.prepared.scenario.roster)
+    return "for 1 robot that is never down" if count == 1 else f"for all {count} robots, as if none were ever down"
 
 
 def warnings_of(run: Run) -> Sequence[str]:

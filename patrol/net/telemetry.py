@@ -23,7 +23,7 @@ from patrol.scenario.controls import described
 METRICS = "metrics"
 EVENTS = "events"
 TRAPPED = "trapped"
-FREE = "free"
+FREE = "no longer trapped"
 """Kinds of the notices about a robot that makes no progress; they are no events of the journal."""
 SHOW_S = 0.1
 """Wall time between two metrics."""

@@ -289,7 +289,12 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
         for entry in node:
             _set(entry, parts, value, field)
     elif isinstance(node, list):
-        raise BadInput(f"override {field}: this is a list of {len(node)}; give an index, 0 to {len(node) - 1}")
+        of_group = field.startswith("robots.") and head in RobotGroup.model_fields
+        raise BadInput(
+            f"override {field}: the scenario lists its {len(node)} robots; add or remove entries there"
+            if of_group
+            else f"override {field}: this is a list of {len(node)}; give an index, 0 to {len(node) - 1}"
+        )
     else:
         raise BadInput(f"override {field}: {quoted(node)} has no field {head}; leave .{'.'.join(parts)} out")
 

@@ -57,6 +57,9 @@ from patrol.values.types import (
     by_shape,
 )
 
+DEFAULT_RADIUS = 1.0
+"""Radius of the paper's body, m."""
+
 
 class TerrainSpec(Section):
     """Where the robots patrol: a built-in terrain by name, or a map_server YAML file."""
@@ -82,7 +85,7 @@ class Body(Section):
 
     model: Kind = Field("car", description="body model: car | differential | holonomic")
     speed: Positive = Field(4.4, description="m/s, top speed")
-    radius: Positive = Field(1.0, description="m, of the round body")
+    radius: Positive = Field(DEFAULT_RADIUS, description="m, of the round body")
     turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by other models)")
 
 

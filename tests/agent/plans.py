@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -83,6 +83,7 @@ class Robots:
             heard = [frame for j, frames in enumerate(sent) if j != i for frame in frames]
             decisions.append(mind.step(sensed[i], heard))
         for body, decision in zip(self.bodies, decisions, strict=True):
+            assert type(decision.command) is type(halted(body.spec.model))
             assert decision.command.is_within(body.spec.limits)
             assert path_is_free(self.terrain, body.pose, decision.command, STEP, body.spec.radius), "into a wall"
             body.command = decision.command
@@ -90,15 +91,19 @@ class Robots:
         self.k += 1
         return decisions
 
+    def until(self, there: Callable[[], bool], ticks: int) -> None:
+        """Go on until something holds; fail when it takes more ticks."""
+        for _ in range(ticks):
+            if there():
+                return
+            self.tick()
+        assert there(), [body.pose for body in self.bodies]
+
     def apart(self, spot: Spot, robot: int = 0) -> float:
         pose = self.bodies[robot].pose
         return math.dist((pose.x, pose.y), spot)
 
     def until_near(self, spot: Spot, within: float, ticks: int) -> int:
         """Ticks until the first is there; fails when it takes more."""
-        for _ in range(ticks):
-            if self.apart(spot) <= within:
-                return self.k
-            self.tick()
-        assert self.apart(spot) <= within, f"it is at {self.bodies[0].pose} after {self.k} ticks"
+        self.until(lambda: self.apart(spot) <= within, ticks)
         return self.k

@@ -138,6 +138,14 @@ def spare(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 
 @pytest.fixture(scope="session")
+def edges(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run that begins with robots at the upper and the lower edge of the terrain, two of them in corners."""
+    corners = {"top": [50.0, 87.0], "topmost-left": [1.0, 87.0], "lowest-right": [99.0, 1.0], "bottom": [50.0, 1.0]}
+    robots = [{"name": name, "model": "holonomic", "start": start} for name, start in corners.items()]
+    return run_of(tmp_path_factory.mktemp("edges"), {**QUIET, "name": "edges", "duration": 5, "robots": robots})
+
+
+@pytest.fixture(scope="session")
 def mixed(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """A run of robots that do not all get everywhere."""
     robots = [{"model": "holonomic", "radius": radius} for radius in (0.3, 2.5)]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import patrol.ground.tour
+import patrol.ground.tour.search
 from patrol import best_tour as module
 from patrol.best_tour import BestTour, PartTour, best_tour
 from patrol.ground.fields import compute_fields
@@ -98,7 +98,7 @@ def test_a_tour_is_found_once_and_read_afterwards(cache: Path, monkeypatch: pyte
     (file,) = cache.iterdir()
     assert json.loads(file.read_text()) == {"length_m": tour.length_m}
     monkeypatch.setattr(module, "_known", {})
-    monkeypatch.setattr(patrol.ground.tour, "find_tour", None)
+    monkeypatch.setattr(patrol.ground.tour.search, "find_tour", None)
     assert best_tour(prepared()) == tour
 
 

@@ -17,6 +17,7 @@ from patrol.ground.maps import read_terrain
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
+from patrol.scenario.model import DEFAULT_RADIUS
 from patrol.starts import clearance_at, place_starts, starting_part
 
 
@@ -215,6 +216,20 @@ def test_a_body_too_wide_for_every_door_is_refused_unless_told_where_to_start() 
         place_starts(two_rooms(0, 9), robots(0.45), 1)
     chosen = Pose(3.0, 2.0, 0.0)
     assert place_starts(two_rooms(0, 9), robots(0.45, starts=(chosen,)), 1) == [chosen]
+
+
+def test_the_error_says_whether_the_radius_is_the_default() -> None:
+    for rooms, radius, default in (
+        (two_rooms(0, 9), DEFAULT_RADIUS, True),
+        (two_rooms(0, 9), 0.45, False),
+        (Terrain("closet", np.ones((6, 6), dtype=np.bool_), 0.1), DEFAULT_RADIUS, True),
+        (Terrain("closet", np.ones((6, 6), dtype=np.bool_), 0.1), 0.45, False),
+    ):
+        with pytest.raises(BadInput) as caught:
+            place_starts(rooms, robots(radius), 1)
+        line = str(caught.value)
+        assert line.startswith(f"robots.radius = {radius:g}{', the default' if default else ''}: ")
+        assert ("your robot's own radius, or give starts" in line) == (default and rooms.name == "rooms")
 
 
 def test_being_shut_out_of_a_closet_does_not_matter() -> None:

@@ -36,7 +36,7 @@ class LiveProgress:
             record: Of the tick.
 
         Returns:
-            The measures, when they are due; and a notice for each robot that is found to be trapped, or is free again.
+            The measures, when they are due; and a notice for each robot that is found to be trapped, or no longer is.
         """
         fog = self._world.truth.fog
         traps = self._traps.tick(record, lambda: fog.last_seen)
@@ -57,10 +57,5 @@ class LiveProgress:
         return self._world.terrain.centre(*self._world.truth.fog.stalest())
 
     def _notice(self, k: int, trap: Trap) -> Notice:
-        stay, step = trap.stay, self._world.step
-        where = f"({stay.x:.1f}, {stay.y:.1f})"
-        if trap.until is None:
-            text = f"has stayed within {stay.radius:.1f} m of {where} since {stay.since * step:g} s"
-            return Notice(k, TRAPPED, self._names[trap.robot], text)
-        text = f"is free again: it stayed at {where} from {stay.since * step:g} s to {trap.until * step:g} s"
-        return Notice(k, FREE, self._names[trap.robot], text)
+        kind = TRAPPED if trap.until is None else FREE
+        return Notice(k, kind, self._names[trap.robot], trap.told(self._world.step))

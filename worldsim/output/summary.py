@@ -207,11 +207,11 @@ def summarise(
     - `stalest`: the stalest place over the run (`worst`) and at its end (`end`), with its age, the time, and the robot
       that was nearest to it then.
     - `longest_stay_s`: the longest time for which a robot that took part stayed in one circle of four times its radius
-      and its stride together; `longest_stay` says where and from when (`patrol.progress`).
+      and its stride together; `longest_stay` says where and from when (`patrol.stays`).
     - `bound_s`: a lower bound of MFoW, 0 where discs of the sensor's range around all robots have a larger area than
       the ground.
     - `best_tour_s`: the MFoW that the robots keep on the best tour found (`patrol.best_tour`), and `best_tour_m` its
-      length; None where there is no tour.
+      length; None where there is no tour. It counts all robots that are not spare, whether or not they were ever down.
     - `missed`: ticks in which no command came in time.
     - `refused_commands`: invalid commands.
     - `refused`, for a fleet of processes: messages that the world dropped unread, by reason.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Disc
-from patrol.ground.passages import narrow_passages
+from patrol.ground.doors.passages import narrow_passages
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose

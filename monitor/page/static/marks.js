@@ -4,6 +4,8 @@ import { SERIES } from "./colours.js";
 import { robotStatus, stalestAge } from "./store.js";
 
 const LEAST = 5;
+/** Height of a line of a label. */
+const LINE = 16;
 const RAYS = 120;
 /** In fleets of more than MANY robots only the selected one has a footprint, a goal and a full trail; others: SHORT ticks. */
 const MANY = 24, SHORT = 60;
@@ -39,7 +41,7 @@ export function drawStalest(map) {
     c.closePath();
     c.stroke();
   }
-  label(c, stalestAge(stalest), x, y + size + 17 * r, "center", r);
+  labelMark(map, stalestAge(stalest), x, y, size, true);
 }
 
 function footprint(map, [status, , pose], facts, place) {
@@ -166,7 +168,7 @@ function body(map, robot, facts, place) {
     c.setLineDash([]);
   }
   if (map.store.facts.robots.length <= 24 || place === map.selected) {
-    label(c, facts.name, x, y - size - 5 * r, "center", r);
+    labelMark(map, facts.name, x, y, size + 4 * r, false);
   }
 }
 
@@ -210,8 +212,24 @@ export function drawScaleBar(map) {
   label(c, `${length} m`, right, y - 4 * r, "right", r);
 }
 
+/** A label below or above a mark that reaches so far; on its other side, or shifted, where it would leave the map. */
+function labelMark(map, text, x, y, reach, below) {
+  const { context: c, ratio: r, canvas: { width, height } } = map;
+  if (x < -reach || x > width + reach || y < -reach || y > height + reach) return;
+  const away = reach + r, line = LINE * r;
+  const under = below ? y + away + line <= height : y - away - line < 0;
+  c.font = font(r);
+  const half = 0.5 * c.measureText(text).width + 2 * r;
+  const left = Math.max(half, Math.min(x, width - half));
+  label(c, text, left, under ? y + away + line : y - away, "center", r);
+}
+
+function font(r) {
+  return `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
+}
+
 function label(c, text, x, y, align, r) {
-  c.font = `${11.5 * r}px system-ui, "DejaVu Sans", sans-serif`;
+  c.font = font(r);
   c.textAlign = align;
   c.textBaseline = "bottom";
   c.lineWidth = 3 * r;

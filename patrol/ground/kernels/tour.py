@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, types
 
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
@@ -9,6 +10,7 @@ PLACES = types.Array(types.int64, 1, "C", readonly=True)
 LENGTHS = types.Array(types.int32, 2, "C")
 KNOWN_LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
 TOUR = types.Array(types.int64, 1, "C")
+USED = types.Array(types.int64, 1, "C")
 WORK = types.Array(types.int32, 1, "C")
 QUEUE = types.Array(types.int32, 1, "C")
 
@@ -16,13 +18,88 @@ FAR = 2**31 - 1
 """The length of what no path leads to."""
 
 
-@njit(types.int64(GRID, PLACES, LENGTHS, WORK, QUEUE, QUEUE, types.int64), cache=True, nogil=True)
-def lengths_between(is_open, places, lengths, length, straight, diagonal, limit):
-    """Shortest 8-connected paths between places: steps cost 100 and 141, no path cuts a corner.
-
-    Paths up to the limit are exact. A longer one is the shortest that leads through other places (Floyd-Warshall).
+@njit(
+    types.void(GRID, types.int64, types.int64, types.int64, WORK, QUEUE, QUEUE, USED),
+    cache=True,
+    nogil=True,
+)
+def wave(is_open, start, stop, limit, length, straight, diagonal, used):
+    """Shortest 8-connected paths from a point: steps cost 100 and 141, no path cuts a corner.
 
     Two first-in first-out queues, one per step cost, each stay sorted by length (see the wave of the robots' planning).
+
+    Args:
+        is_open: uint8 (h, w), non-zero where a body's centre may be; its outermost points are 0.
+        start: flat index of an open point.
+        stop: flat index of a point whose length ends the wave, or -1: points that are farther may have none then.
+        limit: the longest path, in hundredths of a point.
+        length: int32 (h * w,), FAR everywhere; changed in place to the lengths in hundredths of a point.
+        straight: int32 (2 * h * w + 2,), scratch.
+        diagonal: int32 (2 * h * w + 2,), scratch.
+        used: int64 (2,), overwritten with how much of the two queues was used, which `forget` needs.
+    """
+    ground = is_open.ravel()
+    stride = is_open.shape[1]
+    step = (1, stride, -1, -stride, stride + 1, stride - 1, -stride - 1, -stride + 1)
+    side_a = (1, -1, -1, 1)
+    side_b = (stride, stride, -stride, -stride)
+    length[start] = 0
+    straight[0], straight[1] = start, 0
+    straight_head, straight_tail, diagonal_head, diagonal_tail = 0, 2, 0, 0
+    # An entry is a point and its length; it is out of date when a shorter path has come since. Lengths come in
+    # ascending order, so a point is entered into each queue once at most.
+    while straight_head < straight_tail or diagonal_head < diagonal_tail:
+        by_diagonal = straight_head >= straight_tail
+        if not by_diagonal and diagonal_head < diagonal_tail:
+            by_diagonal = diagonal[diagonal_head + 1] <= straight[straight_head + 1]
+        if by_diagonal:
+            here, far = diagonal[diagonal_head], diagonal[diagonal_head + 1]
+            diagonal_head += 2
+        else:
+            here, far = straight[straight_head], straight[straight_head + 1]
+            straight_head += 2
+        if here == stop:
+            break
+        if far != length[here]:
+            continue
+        for way in range(8):
+            there = here + step[way]
+            cost = 100 if way < 4 else 141
+            if ground[there] == 0 or far + cost >= length[there] or far + cost > limit:
+                continue
+            if way >= 4 and (ground[here + side_a[way - 4]] == 0 or ground[here + side_b[way - 4]] == 0):
+                continue
+            length[there] = far + cost
+            if way < 4:
+                straight[straight_tail], straight[straight_tail + 1] = there, far + cost
+                straight_tail += 2
+            else:
+                diagonal[diagonal_tail], diagonal[diagonal_tail + 1] = there, far + cost
+                diagonal_tail += 2
+    used[0], used[1] = straight_tail, diagonal_tail
+
+
+@njit(types.void(WORK, QUEUE, QUEUE, USED), cache=True, nogil=True)
+def forget(length, straight, diagonal, used):
+    """Set what a wave has reached back to FAR.
+
+    Args:
+        length: as for `wave`.
+        straight: as `wave` left it.
+        diagonal: as `wave` left it.
+        used: as `wave` left it.
+    """
+    for entry in range(0, used[0], 2):
+        length[straight[entry]] = FAR
+    for entry in range(0, used[1], 2):
+        length[diagonal[entry]] = FAR
+
+
+@njit(types.int64(GRID, PLACES, LENGTHS, WORK, QUEUE, QUEUE, types.int64), cache=True, nogil=True)
+def lengths_between(is_open, places, lengths, length, straight, diagonal, limit):
+    """Lengths of the paths of `wave` between places.
+
+    Paths up to the limit are exact. A longer one is the shortest that leads through other places (Floyd-Warshall).
 
     Args:
         is_open: uint8 (h, w), non-zero where a body's centre may be; its outermost points are 0.
@@ -36,49 +113,12 @@ def lengths_between(is_open, places, lengths, length, straight, diagonal, limit)
     Returns:
         the number of ordered pairs of places without a path.
     """
-    ground = is_open.ravel()
-    stride = is_open.shape[1]
-    step = (1, stride, -1, -stride, stride + 1, stride - 1, -stride - 1, -stride + 1)
-    side_a = (1, -1, -1, 1)
-    side_b = (stride, stride, -stride, -stride)
+    used = np.empty(2, np.int64)
     for first in range(places.size):
-        length[places[first]] = 0
-        straight[0], straight[1] = places[first], 0
-        straight_head, straight_tail, diagonal_head, diagonal_tail = 0, 2, 0, 0
-        # An entry is a point and its length; it is out of date when a shorter path has come since. Lengths come in
-        # ascending order, so a point is entered into each queue once at most.
-        while straight_head < straight_tail or diagonal_head < diagonal_tail:
-            by_diagonal = straight_head >= straight_tail
-            if not by_diagonal and diagonal_head < diagonal_tail:
-                by_diagonal = diagonal[diagonal_head + 1] <= straight[straight_head + 1]
-            if by_diagonal:
-                here, far = diagonal[diagonal_head], diagonal[diagonal_head + 1]
-                diagonal_head += 2
-            else:
-                here, far = straight[straight_head], straight[straight_head + 1]
-                straight_head += 2
-            if far != length[here]:
-                continue
-            for way in range(8):
-                there = here + step[way]
-                cost = 100 if way < 4 else 141
-                if ground[there] == 0 or far + cost >= length[there] or far + cost > limit:
-                    continue
-                if way >= 4 and (ground[here + side_a[way - 4]] == 0 or ground[here + side_b[way - 4]] == 0):
-                    continue
-                length[there] = far + cost
-                if way < 4:
-                    straight[straight_tail], straight[straight_tail + 1] = there, far + cost
-                    straight_tail += 2
-                else:
-                    diagonal[diagonal_tail], diagonal[diagonal_tail + 1] = there, far + cost
-                    diagonal_tail += 2
+        wave(is_open, places[first], -1, limit, length, straight, diagonal, used)
         for other in range(places.size):
             lengths[first, other] = length[places[other]]
-        for entry in range(0, straight_tail, 2):
-            length[straight[entry]] = FAR
-        for entry in range(0, diagonal_tail, 2):
-            length[diagonal[entry]] = FAR
+        forget(length, straight, diagonal, used)
     missing = 0
     for by in range(places.size):
         for first in range(places.size):
@@ -159,37 +199,8 @@ def way_between(is_open, first, last, length, straight, diagonal, way):
     step = (1, stride, -1, -stride, stride + 1, stride - 1, -stride - 1, -stride + 1)
     side_a = (1, -1, -1, 1)
     side_b = (stride, stride, -stride, -stride)
-    length[last] = 0
-    straight[0], straight[1] = last, 0
-    straight_head, straight_tail, diagonal_head, diagonal_tail = 0, 2, 0, 0
-    while straight_head < straight_tail or diagonal_head < diagonal_tail:
-        by_diagonal = straight_head >= straight_tail
-        if not by_diagonal and diagonal_head < diagonal_tail:
-            by_diagonal = diagonal[diagonal_head + 1] <= straight[straight_head + 1]
-        if by_diagonal:
-            here, far = diagonal[diagonal_head], diagonal[diagonal_head + 1]
-            diagonal_head += 2
-        else:
-            here, far = straight[straight_head], straight[straight_head + 1]
-            straight_head += 2
-        if here == first:
-            break
-        if far != length[here]:
-            continue
-        for turn in range(8):
-            there = here + step[turn]
-            cost = 100 if turn < 4 else 141
-            if ground[there] == 0 or far + cost >= length[there]:
-                continue
-            if turn >= 4 and (ground[here + side_a[turn - 4]] == 0 or ground[here + side_b[turn - 4]] == 0):
-                continue
-            length[there] = far + cost
-            if turn < 4:
-                straight[straight_tail], straight[straight_tail + 1] = there, far + cost
-                straight_tail += 2
-            else:
-                diagonal[diagonal_tail], diagonal[diagonal_tail + 1] = there, far + cost
-                diagonal_tail += 2
+    used = np.empty(2, np.int64)
+    wave(is_open, last, first, FAR, length, straight, diagonal, used)
     # Down the lengths, and a corner wherever the point before the last one goes out of sight.
     corners, here, before = 1, first, first
     while here != last:
@@ -206,10 +217,7 @@ def way_between(is_open, first, last, length, straight, diagonal, way):
             way[corners] = before
             corners += 1
     way[corners] = last
-    for entry in range(0, straight_tail, 2):
-        length[straight[entry]] = FAR
-    for entry in range(0, diagonal_tail, 2):
-        length[diagonal[entry]] = FAR
+    forget(length, straight, diagonal, used)
     return corners + 1
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -11,97 +11,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.bodies.wheel_steering import WheelSteering, smaller_turn
-from agent.build import build_mind
-from agent.ports import Bearing, Decision, Intent, Place, State, Stay
+from agent.ports import Bearing, Place, State, Stay
 from agent.routes.ground import Ground, Spot
-from agent.view import View
 from patrol.ground.fields import compute_fields
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Pose, Twist, halted, wrap
+from patrol.pose import Pose, Twist, wrap
 from patrol.prepare import Prepared
-from patrol.scenario import RobotSpec, load_scenario
-from tests.agent.minds import STEP, at
-from worldsim.bodies import Body
-from worldsim.motion import move
+from patrol.scenario import RobotSpec
+from tests.agent.minds import STEP
+from tests.agent.plans import POINT, Robots, Says, plan, prepared_in
 
-RADIUS, SPEED, POINT = 0.3, 1.0, 0.1
-
-
-def terrain_of(size: Spot, *free: tuple[float, float, float, float]) -> Terrain:
-    """Free rectangles (left, low, right, high), m, in a block of wall of this size."""
-    passable = np.zeros((round(size[1] / POINT), round(size[0] / POINT)), dtype=np.bool_)
-    for left, low, right, high in free:
-        passable[round(low / POINT) : round(high / POINT), round(left / POINT) : round(right / POINT)] = True
-    return Terrain("plan", passable, POINT)
+RADIUS, SPEED = 0.3, 1.0
 
 
 def with_door(width: float) -> Terrain:
     """Two rooms of 4 x 6 m, and a door in a wall of 1 m between them."""
-    return terrain_of((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (5.0, 0.0, 9.0, 6.0), (4.0, 3.0, 5.0, 3.0 + width))
+    return plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (5.0, 0.0, 9.0, 6.0), (4.0, 3.0, 5.0, 3.0 + width))
 
 
 def prepared_for(terrain: Terrain, starts: Sequence[Pose], speed: float = SPEED) -> Prepared:
-    spec = {"model": "differential", "radius": RADIUS, "speed": speed}
-    robots = [{**spec, "start": [start.x, start.y, start.heading]} for start in starts]
+    robots = {"model": "differential", "radius": RADIUS, "speed": speed}
     patrol = {"goal_distance": 1.65, "refine_side": 0.6, "refine_reach": 3.0, "dilatation": 1.5}
-    mapping = {"terrain": {"builtin": "open"}, "point": POINT, "robots": robots, "patrol": patrol}
-    scenario = load_scenario(mapping)
-    fields = compute_fields(terrain, RADIUS, scenario.sensor.range, True, list(starts))
-    return Prepared(scenario, terrain, tuple(starts), {robot.number: fields for robot in scenario.roster})
-
-
-class Says:
-    """A policy that always wants the same."""
-
-    def __init__(self, intent: Intent) -> None:
-        self._intent = intent
-
-    def decide(self, view: View) -> Intent:
-        del view
-        return self._intent
-
-
-class Robots:
-    """Robots that the world moves as their bodies command; each hears all others."""
-
-    def __init__(self, prepared: Prepared, *intents: Intent) -> None:
-        roster = prepared.scenario.roster
-        self.terrain = prepared.terrain
-        self.bodies = [
-            Body(spec, start, halted(spec.model)) for spec, start in zip(roster, prepared.starts, strict=True)
-        ]
-        self.minds = [build_mind(prepared, spec.number) for spec in roster]
-        for mind, intent in zip(self.minds, intents, strict=True):
-            mind.policy = Says(intent)
-        self.k = 0
-
-    def tick(self) -> list[Decision]:
-        sensed = [at(self.k, body.pose, body.bumped) for body in self.bodies]
-        sent = [mind.frames(one) for mind, one in zip(self.minds, sensed, strict=True)]
-        decisions = []
-        for i, mind in enumerate(self.minds):
-            heard = [frame for j, frames in enumerate(sent) if j != i for frame in frames]
-            decisions.append(mind.step(sensed[i], heard))
-        for body, decision in zip(self.bodies, decisions, strict=True):
-            assert isinstance(decision.command, Twist)
-            assert decision.command.is_within(body.spec.limits)
-            assert path_is_free(self.terrain, body.pose, decision.command, STEP, body.spec.radius), "into a wall"
-            body.command = decision.command
-        move(self.bodies, self.terrain, STEP)
-        self.k += 1
-        return decisions
-
-    def until(self, there: Callable[[], bool], ticks: int) -> None:
-        for _ in range(ticks):
-            if there():
-                return
-            self.tick()
-        assert there(), [body.pose for body in self.bodies]
-
-    def apart(self, spot: Spot, robot: int = 0) -> float:
-        pose = self.bodies[robot].pose
-        return math.dist((pose.x, pose.y), spot)
+    return prepared_in(terrain, starts, robots, patrol=patrol)
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0, math.pi, -1.0])
@@ -119,7 +51,7 @@ def test_it_passes_a_door_two_points_wider_than_itself(heading: float) -> None:
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, 3.0])
 def test_it_turns_about_at_the_end_of_a_corridor(heading: float) -> None:
     """A corridor one point wider than the body on each side, with the robot at its closed end."""
-    terrain = terrain_of((9.0, 4.0), (0.0, 0.0, 3.0, 4.0), (3.0, 1.0, 9.0, 1.8))
+    terrain = plan((9.0, 4.0), (0.0, 0.0, 3.0, 4.0), (3.0, 1.0, 9.0, 1.8))
     alone = Robots(prepared_for(terrain, [Pose(8.6, 1.4, heading)]), Place(1.0, 3.0))
     states = set()
     for _ in range(40):
@@ -144,7 +76,7 @@ def test_it_ends_near_its_place_at_any_speed_and_never_beyond_it(speed: float, s
 
 
 def test_two_face_to_face_in_a_corridor_part() -> None:
-    terrain = terrain_of((14.0, 1.0), (0.0, 0.1, 14.0, 0.9))
+    terrain = plan((14.0, 1.0), (0.0, 0.1, 14.0, 0.9))
     starts = [Pose(6.0, 0.5, 0.0), Pose(8.0, 0.5, math.pi)]
     pair = Robots(prepared_for(terrain, starts), Bearing((0.0,)), Bearing((math.pi,)))
     gaps = []
@@ -159,7 +91,7 @@ def test_two_face_to_face_in_a_corridor_part() -> None:
 
 
 def test_a_policy_that_stays_is_obeyed_while_it_backs_off() -> None:
-    terrain = terrain_of((14.0, 1.0), (0.0, 0.1, 14.0, 0.9))
+    terrain = plan((14.0, 1.0), (0.0, 0.1, 14.0, 0.9))
     starts = [Pose(6.0, 0.5, 0.0), Pose(8.0, 0.5, math.pi)]
     pair = Robots(prepared_for(terrain, starts), Bearing((0.0,)), Bearing((math.pi,)))
     for _ in range(8):
@@ -171,7 +103,7 @@ def test_a_policy_that_stays_is_obeyed_while_it_backs_off() -> None:
 
 
 def test_who_fits_nowhere_but_where_it_stands_says_dead_end() -> None:
-    terrain = terrain_of((3.0, 3.0), (1.0, 1.0, 1.7, 1.7))
+    terrain = plan((3.0, 3.0), (1.0, 1.0, 1.7, 1.7))
     alone = Robots(prepared_for(terrain, [Pose(1.35, 1.35, 0.0)]), Bearing((0.0, 1.5)))
     states = []
     for _ in range(40):

@@ -69,15 +69,21 @@ def test_quiet_prints_the_folder_and_nothing_else(
         (["noise"], "is not UTF-8 text"),
         (["words"], "expected keys and values"),
         (["open", "--robots", "many"], "--robots"),
-        (["open", "--robots", "0"], "robots.count"),
-        (["open", "--robots", "-3"], "robots.count"),
-        (["open", "--robots", "100000"], "robots.count"),
+        (["open", "--robots", "0"], "fogwatch: --robots 0: expected"),
+        (["open", "--robots", "-3"], "fogwatch: --robots -3: expected"),
+        (["open", "--robots", "100000"], "fogwatch: --robots 100000: expected"),
+        (["open", "--spare", "-1"], "fogwatch: --spare -1: expected"),
+        (["listed.yaml", "--robots", "3"], "--robots: the scenario lists its 2 robots; add or remove entries there"),
+        (["listed.yaml", "--speed", "-2"], "fogwatch: --speed -2: expected a number above 0"),
+        (["listed.yaml", "--seed", "3"], "fogwatch: listed.yaml: line 2: robots.0.radius = -5: expected"),
         (["open", "--robots", "60000"], "GB of memory"),
         (["open", "--robots", "40", "--radius", "12"], "do not fit"),
-        (["open", "--model", "boat"], "robots.model"),
-        (["open", "--speed", "nan"], "robots.speed"),
-        (["open", "--duration", "-1"], "duration"),
-        (["open", "--pace", "warp"], "pace"),
+        (["open", "--model", "boat"], 'fogwatch: --model "boat": expected'),
+        (["open", "--speed", "nan"], "fogwatch: --speed NaN: expected a number above 0"),
+        (["open", "--radius", "-1"], "fogwatch: --radius -1: expected a number above 0"),
+        (["open", "--duration", "-1"], "fogwatch: --duration -1: expected"),
+        (["open", "--pace", "warp"], 'fogwatch: --pace "warp": expected'),
+        (["open", "--set", "robots.radius=-1"], "fogwatch: --set robots.radius = -1: expected"),
         (["open", "--start", "here"], "--start here"),
         (["open", "--start", "1,2,3,4"], "--start"),
         pytest.param(["open", "--start", "-50,3"], "50", marks=pytest.mark.processes),
@@ -98,8 +104,15 @@ def test_quiet_prints_the_folder_and_nothing_else(
         (["open", "--speed", "3.6km/h"], "--speed 3.6km/h: expected a number in m/s, such as --speed 1"),
         (["open", "--duration", "10min"], "--duration 10min: expected a number in s, such as --duration 600"),
         (["open", "--seed", "k"], "--seed k: expected a whole number, such as --seed 7"),
-        (["open", "--speed", "300"], "robots.speed = 300: a stride of 150 m leaps over ground"),
-        (["open", "--radius", "300"], "fits nowhere on open, on points of 0.5 m; use a radius of at most 43.5 m"),
+        (["open", "--speed", "300"], "fogwatch: --speed 300: a stride of 150 m leaps over ground"),
+        (
+            ["open", "--radius", "300"],
+            "fogwatch: --radius 300: a body this wide fits nowhere on open, on points of",
+        ),
+        (
+            ["open", "--set", "robots.radius=300"],
+            "fogwatch: robots.radius = 300: a body this wide fits nowhere on",
+        ),
         ([], "SCENARIO is missing; for example: fogwatch run yards"),
     ],
 )
@@ -112,6 +125,8 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 ) -> None:
     (tmp_path / "noise").write_bytes(bytes(range(256)))
     (tmp_path / "words").write_text("hello", encoding="utf-8")
+    listed = "terrain: {builtin: open}\nrobots: [{radius: -5}, {}]\n"
+    (tmp_path / "listed.yaml").write_text(listed, encoding="utf-8")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "file").touch()
     assert fogwatch("run", *arguments, "--point", "0.5") == 2

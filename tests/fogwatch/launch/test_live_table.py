@@ -12,7 +12,7 @@ from rich.console import Console
 from fogwatch.launch.live_table import LiveTable, PlainDisplay, SilentDisplay, clock, headline, make_display
 from fogwatch.launch.summary_text import measures, print_summary
 from patrol.journal import Status
-from patrol.net.telemetry import TRAPPED, Metrics, Notice, RobotView
+from patrol.net.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
 METRICS = Metrics(120, 600, 60.0, 20.0, 12.5, 30.0, 0.75, 40.0, ROBOTS)
@@ -231,8 +231,12 @@ def test_a_valid_run_with_warnings_says_so_at_once(tmp_path: Path) -> None:
 def test_a_robot_without_progress_is_told_as_a_sentence() -> None:
     text = io.StringIO()
     display = PlainDisplay(Console(file=text, width=100))
-    display.notice(Notice(1368, TRAPPED, "r2", "has stayed within 3.2 m of (26.3, 9.7) since 504 s"))
-    assert text.getvalue() == "tick 1368: r2 has stayed within 3.2 m of (26.3, 9.7) since 504 s\n"
+    display.notice(Notice(1368, TRAPPED, "r2", "within 3.2 m of (26.3, 9.7) since 504 s; nobody has seen"))
+    display.notice(Notice(1500, FREE, "r2", "after 246 s within 3.2 m of (26.3, 9.7)"))
+    assert text.getvalue().splitlines() == [
+        "tick 1368: r2 trapped within 3.2 m of (26.3, 9.7) since 504 s; nobody has seen",
+        "tick 1500: r2 no longer trapped after 246 s within 3.2 m of (26.3, 9.7)",
+    ]
 
 
 def test_the_headline_says_where_the_stalest_place_is() -> None:

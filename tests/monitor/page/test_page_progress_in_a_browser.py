@@ -112,11 +112,15 @@ def test_the_stalest_point_has_a_mark_and_the_page_says_where(chromium: Any, tra
                     const {{ drawStalest }} = await import('/marks.js');
                     const drawn = [];
                     const context = new Proxy({{}}, {{
-                        get: (_, name) => (...values) => name === 'fillText' && drawn.push(values),
+                        get: (_, name) => (...values) => {{
+                            if (name === 'fillText') drawn.push(values);
+                            return {{ width: 10 }};  // of a text
+                        }},
                         set: () => true,
                     }});
                     const stalest = [{x}, {y}, {k * run.step}, false];
-                    drawStalest({{ context, ratio: 1, store: {{ state: {{ stalest }} }}, toScreen: (x, y) => [x, y] }});
+                    const canvas = {{ width: 200, height: 200 }}, store = {{ state: {{ stalest }} }};
+                    drawStalest({{ context, canvas, ratio: 1, store, toScreen: (x, y) => [x, y] }});
                     return drawn;
                 }}"""
             )
@@ -205,6 +209,30 @@ def test_an_address_may_hold_the_time_at_which_a_replay_opens(chromium: Any, qui
         look.until(f"document.getElementById('clock').title === 'tick {tick}'")
         look.until(f"{text('play')} === 'play'")
         assert look.evaluate("location.search") == f"?t={time}"
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_labels_stay_within_the_map(chromium: Any, edges: Seen, width: int, height: int) -> None:
+    with closing(ServedPage(Player(edges.open()))) as served, Look(chromium, served.address, width, height) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.evaluate("""() => {
+            const paint = CanvasRenderingContext2D.prototype, fill = paint.fillText;
+            window.labels = [];
+            paint.fillText = function (text, x, y) {
+                const { width, height, id } = this.canvas, box = this.measureText(text);
+                if (id === 'canvas') window.labels.push([text, x - box.actualBoundingBoxLeft >= 0
+                    && y - box.actualBoundingBoxAscent >= 0 && x + box.actualBoundingBoxRight <= width
+                    && y + box.actualBoundingBoxDescent <= height]);
+                fill.call(this, text, x, y);
+            };
+        }""")
+        seek(look, 3)
+        look.evaluate("window.labels.length = 0")
+        seek(look, 0)
+        look.until("new Set(window.labels.map(([text]) => text)).size >= 5")
+        drawn = dict(look.evaluate("window.labels"))
+        assert {"top", "topmost-left", "lowest-right", "bottom"} < set(drawn)
+        assert all(drawn.values()), drawn
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from monitor.observation.source import Trapped
-from monitor.observation.traps import FREE, TRAPPED
 from monitor.replay.player import Player
 from monitor.replay.trap_log import TrapLog
-from patrol.progress import TRAPPED_S
+from patrol.net.telemetry import FREE, TRAPPED
+from patrol.stays import TRAPPED_S
 from tests.monitor.live.test_feed_source import FakeFeed, watched
 from tests.monitor.replay.test_player import Wall, at
 

@@ -235,6 +235,7 @@ def test_a_report_says_where_the_stalest_place_was_and_what_the_mfow_compares_wi
     assert f'<td>at the end</td><td class="n">{place["x"]:.1f}, {place["y"]:.1f}</td>' in page
     by_name = {measure.name: measure for measure in measures(run)}
     assert by_name["best tour found"].value == best_tour(run.prepared).bound_s(dict.fromkeys(run.numbers, 1.0))
+    assert by_name["best tour found"].note == f"for all {len(run.numbers)} robots, as if none were ever down"
     older = replace(run, summary={"verdict": run.summary["verdict"]})
     assert "stalest place" not in report_html(analyse(older), ())
 

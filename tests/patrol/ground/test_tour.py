@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import patrol.ground.tour
+import patrol.ground.tour.search
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.footprint import Footprint
 from patrol.ground.kernels.tour import FAR, clear_line, lengths_between, shorten, way_between
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.tour import Tour, find_tour
+from patrol.ground.tour.search import Tour, find_tour
 from patrol.pose import Pose
 
 
@@ -79,7 +79,7 @@ def test_a_corridor_is_driven_up_and_down() -> None:
 def test_ground_that_is_too_large_has_no_tour(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     terrain = building(1)
     fields = compute_fields(terrain, 0.3, 2.0, True, [Pose(1.0, 1.0, 0.0)])
-    monkeypatch.setattr(patrol.ground.tour, limit, 2)
+    monkeypatch.setattr(patrol.ground.tour.search, limit, 2)
     footprint = Footprint(terrain, 2.0)
     assert find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, footprint) is None
 

@@ -220,7 +220,8 @@ def test_a_wrong_override_is_named(field: str, value: str, expected: str) -> Non
             "robots.speed",
             "override robots.0.speed = -2: expected a number above 0 and at most 1e9",
         ),
-        ("robots.count", "override robots.count: this is a list of 2; give an index, 0 to 1"),
+        ("robots.count", "override robots.count: the scenario lists its 2 robots; add or remove entries there"),
+        ("robots.wheels", "override robots.wheels: this is a list of 2; give an index, 0 to 1"),
     ],
 )
 def test_a_wrong_override_of_a_list_is_named(field: str, expected: str) -> None:

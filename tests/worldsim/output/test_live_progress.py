@@ -8,7 +8,7 @@ import pytest
 
 from patrol.journal import Event, TickRecord
 from patrol.net.telemetry import Notice
-from patrol.progress import Place
+from patrol.stays import Place
 from tests.worldsim.verdict.run.test_progress import WHOLE, made, rooms
 from worldsim.output.live_progress import LiveProgress
 from worldsim.world import World
@@ -31,10 +31,10 @@ def told(path: Callable[[int], Place], ticks: int = 1600) -> tuple[LiveProgress,
 
 def test_a_trapped_robot_is_told_once_and_once_when_it_is_free() -> None:
     _, notices = told(lambda k: (5.0, 5.0) if k < 900 else WHOLE(k))
-    last = notices[-1].k
+    last, where = notices[-1].k, "within 3.2 m of (5.0, 5.0)"
     assert notices == [
-        Notice(360, "trapped", "r1", "has stayed within 3.2 m of (5.0, 5.0) since 0 s"),
-        Notice(last, "free", "r1", f"is free again: it stayed at (5.0, 5.0) from 0 s to {last / 2:g} s"),
+        Notice(360, "trapped", "r1", f"{where} since 0 s; nobody has seen (10.8, 5.2) in that time"),
+        Notice(last, "no longer trapped", "r1", f"after {last / 2:g} s {where}"),
     ]
     assert 900 < last < 930
 

@@ -12,8 +12,8 @@ import pytest
 
 from patrol.best_tour import best_tour
 from patrol.journal import Status, trace_hash
-from patrol.progress import roaming_radius
 from patrol.scenario import load_scenario, scenario_hash
+from patrol.stays import roaming_radius
 from worldsim.output.record import lower_bound
 from worldsim.output.summary import summarise
 from worldsim.run_record import MemoryJournal

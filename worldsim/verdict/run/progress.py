@@ -13,7 +13,8 @@ from patrol.best_tour import best_tour
 from patrol.ground.fields import parts_of
 from patrol.ground.fog import NEVER
 from patrol.journal import Status
-from patrol.progress import TRAPPED_S, Place, Stay, Trap, Traps, judged_places
+from patrol.progress import Trap, Traps, judged_places
+from patrol.stays import TRAPPED_S, Place, Stay
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.common.true_fog import TrueFog
@@ -30,6 +31,11 @@ TOURS = 4.0
 
 SHORTEST_S = 2.0 * TRAPPED_S
 """The shortest run whose fog is judged, s: on small ground a tour takes seconds."""
+
+
+NEW_SHARE = 0.1
+"""Without a tour, ground that was never seen is judged where the run's second half saw at most this share more points
+than its first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +63,7 @@ class Stalest:
 
 @dataclass(frozen=True, slots=True)
 class LongestStay:
-    """The longest time for which a robot stayed in one place (`patrol.progress.Stays`).
+    """The longest time for which a robot stayed in one place (`patrol.stays.Stays`).
 
     Attributes:
         seconds: How long, s.
@@ -83,8 +89,9 @@ class TrappedRobot:
         x: Of the circle's centre, m.
         y: Of the circle's centre, m.
         radius_m: Of the circle, m.
-        from_s: When it came, s.
-        until_s: When it left, s; None where it was still there at the end.
+        from_s: From when on it was trapped, s: when it came, or when all that it could see elsewhere had been seen.
+        until_s: When it left, or when all that it could see elsewhere had been seen, s; None where it was trapped to
+            the end.
         stale: x and y in m of a stale point outside of the circle that it could have gone to and seen.
         seen_s: When that point had last been seen, s; None where nobody had seen it.
     """
@@ -133,6 +140,7 @@ class Progress(Check):
         self._found: dict[tuple[int, int], Trap] = {}
         self._stays: dict[int, tuple[int, Stay]] = {}
         self._patrolled: Counter[int] = Counter()
+        self._seen: list[int] = []
         self._worst: tuple[int, int, tuple[int, int], int, tuple[RobotTick, ...]] | None = None
         self._last: TickRecord | None = None
 
@@ -144,13 +152,14 @@ class Progress(Check):
     def _tick(self, record: TickRecord) -> None:
         fog, k = self._fog, record.k
         for trap in self._traps.tick(record, lambda: fog.last_seen):
-            self._found[trap.robot, trap.stay.since] = trap
+            self._found[trap.robot, trap.since] = trap
         places, free = judged_places(record)
         self._patrolled.update(places.keys() - free)
         for number in places:
             stay = self._traps.stays.stay(number)
             if stay is not None and k - stay.since > self._stays.get(number, (0, stay))[0]:
                 self._stays[number] = k - stay.since, stay
+        self._seen.append(fog.seen)
         age = fog.mfow(k)
         if self._worst is None or age > self._worst[0]:
             point = fog.stalest()
@@ -168,7 +177,7 @@ class Progress(Check):
             number: LongestStay(ticks * step, stay.since * step, stay.x, stay.y, stay.radius)
             for number, (ticks, stay) in self._stays.items()
         }
-        traps = sorted(self._found.values(), key=lambda trap: (trap.stay.since, trap.robot))
+        traps = sorted(self._found.values(), key=lambda trap: (trap.since, trap.robot))
         trapped = tuple(self._trapped_robot(trap) for trap in traps)
         return RunProgress(self._stalest(*self._worst), self._stalest(*end), stays, trapped)
 
@@ -188,13 +197,13 @@ class Progress(Check):
     # --- trapped robots ----------------------------------------------------------------------------------------------
 
     def _trapped(self) -> list[str]:
-        """One line for each robot that was trapped, about its longest stay."""
+        """One line for each robot that was trapped, about the longest time."""
         lines = []
         for number, name in self._run.names.items():
             traps = [trap for trap in self._found.values() if trap.robot == number]
             if traps:
                 longest = max(traps, key=self._ticks)
-                total = f"; {len(traps)} times in all, {sum(map(self._ticks, traps)) * self._run.step:g} s"
+                total = f"; {len(traps)} times in all, {self._together(traps) * self._run.step:g} s"
                 lines.append(f"{name} was trapped: {self._told(longest)}{total if len(traps) > 1 else ''}")
         return lines
 
@@ -205,14 +214,23 @@ class Progress(Check):
             stay.x,
             stay.y,
             stay.radius,
-            stay.since * step,
+            trap.since * step,
             None if trap.until is None else trap.until * step,
             trap.point,
             None if trap.unseen_since == NEVER else trap.unseen_since * step,
         )
 
     def _ticks(self, trap: Trap) -> int:
-        return (self._end if trap.until is None else trap.until) - trap.stay.since
+        return (self._end if trap.until is None else trap.until) - trap.since
+
+    def _together(self, traps: list[Trap]) -> int:
+        """How many ticks one robot was trapped; stays may overlap, and ticks that lie in two of them count once."""
+        ticks = known = 0
+        for trap in sorted(traps, key=lambda trap: trap.since):
+            until = trap.since + self._ticks(trap)
+            ticks += max(until - max(trap.since, known), 0)
+            known = max(known, until)
+        return ticks
 
     @property
     def _end(self) -> int:
@@ -224,9 +242,10 @@ class Progress(Check):
         unseen = (
             "had never been seen" if trap.unseen_since == NEVER else f"was last seen at {trap.unseen_since * step:g} s"
         )
+        seen = "; then all that it could see elsewhere had been seen" if trap.all_seen else ""
         return (
-            f"it stayed within {stay.radius:.1f} m of {_at((stay.x, stay.y))} from {stay.since * step:g} s to {until}, "
-            f"while {_at(trap.point)}, {trap.away:.0f} m away, {unseen}"
+            f"it stayed within {stay.radius:.1f} m of {_at((stay.x, stay.y))} from {trap.since * step:g} s to {until}, "
+            f"while {_at(trap.point)}, {trap.away:.0f} m away, {unseen}{seen}"
         )
 
     # --- fog ---------------------------------------------------------------------------------------------------------
@@ -240,13 +259,27 @@ class Progress(Check):
             return [], "all that can be seen was seen, and nothing was stale for long at the end"
         tour_s = best_tour(self._run.prepared).bound_s({n: ticks / self._end for n, ticks in self._patrolled.items()})
         if tour_s is None:
-            return [], "the fog is not judged: there is no tour to compare with"
+            return self._without_tour(never, took_s)
         least_s = max(TOURS * tour_s, SHORTEST_S)
         if not never and end.age_s <= min(0.5 * took_s, max(STALE_TOURS * tour_s, SHORTEST_S)):
             return [], "all that can be seen was seen, and nothing was stale for long at the end"
         if took_s < least_s:
             return [], f"the fog is not judged: the run takes {took_s:g} s, and it would have to take {least_s:.0f} s"
         return [self._never(never, took_s) if never else self._stale(end)], ""
+
+    def _without_tour(self, never: int, took_s: float) -> tuple[list[str], str]:
+        """The same where there is no tour to compare with: only ground that was never seen is judged."""
+        if not never:
+            return [], "all that can be seen was seen; there is no tour to compare the fog's growth with"
+        if took_s < SHORTEST_S:
+            return [], f"the fog is not judged: the run takes {took_s:g} s, and it would have to take {SHORTEST_S:g} s"
+        before = self._seen[self._end // 2 - 1]
+        if self._fog.seen - before > NEW_SHARE * before:
+            return (
+                [],
+                "the fog is not judged: there is no tour to compare with, and new ground was seen to the end",
+            )
+        return [self._never(never, took_s)], ""
 
     def _stale(self, end: Stalest) -> str:
         near = "" if end.nearest is None else f"; {end.nearest} was nearest to it then, {end.nearest_m:.0f} m away"

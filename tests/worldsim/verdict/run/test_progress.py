@@ -32,7 +32,7 @@ Path = Callable[[int], Place]
 STEP = 0.5
 
 
-def rooms() -> Prepared:
+def rooms(angle: float = 360.0) -> Prepared:
     """Two rooms of 10 x 10 m, joined by a door; two robots of 0.3 m at 1 m/s that see 3 m far."""
     free = np.ones((20, 41), dtype=np.bool_)
     free[:, 20] = False
@@ -40,7 +40,13 @@ def rooms() -> Prepared:
     starts = (Pose(5.0, 5.0, 0.0), Pose(15.0, 5.0, 0.0))
     robots = [{"name": name, "model": "holonomic", "radius": 0.3, "speed": 1.0} for name in ("r1", "r2")]
     scenario = load_scenario(
-        {"terrain": {"builtin": "open"}, "point": 0.5, "step": STEP, "robots": robots, "sensor": {"range": 3.0}}
+        {
+            "terrain": {"builtin": "open"},
+            "point": 0.5,
+            "step": STEP,
+            "robots": robots,
+            "sensor": {"range": 3.0, "angle": angle},
+        }
     )
     terrain = Terrain("rooms", free, 0.5)
     fields = compute_fields(terrain, 0.3, 3.0, True, starts)
@@ -124,8 +130,36 @@ def test_several_traps_of_one_robot_are_one_line_about_the_longest() -> None:
     assert progress is not None
     first, other, second = progress.trapped
     assert (first.robot, first.from_s, first.until_s, first.seen_s) == ("r1", 0.0, 250.0, None)
-    assert (other.robot, other.from_s, other.until_s) == ("r2", 0.0, None)
+    assert (other.robot, other.from_s, other.until_s) == ("r2", 0.0, 745.0)  # when r1 had been everywhere
     assert (second.robot, second.from_s, second.until_s) == ("r1", 250.0, 700.0)
+
+
+def test_times_that_overlap_count_once() -> None:
+    ready = rooms()
+    journal = made(ready, 1400, lambda k: (2.0 + 0.005 * k, 2.0), lambda _: (2.0, 8.0))
+    (line,) = [line for line in result_of(Progress, ready, journal).warnings if line.startswith("r1")]
+    progress = judge(journal, {}, ready).progress
+    assert progress is not None
+    first, second = [trapped for trapped in progress.trapped if trapped.robot == "r1"]
+    assert (first.from_s, second.until_s) == (0.0, None)
+    assert first.until_s is not None
+    assert second.from_s < first.until_s
+    assert line.endswith("; 2 times in all, 700 s")
+
+
+def test_a_robot_is_trapped_until_others_have_seen_all_that_it_could_see_elsewhere() -> None:
+    ready = rooms()
+    journal = made(ready, 1000, lambda _: (2.0, 2.0), lambda k: (2.0, 8.0) if k < 500 else WHOLE(k))
+    result = result_of(Progress, ready, journal)
+    (line,) = [warning for warning in result.warnings if warning.startswith("r1")]
+    assert line.startswith("r1 was trapped: it stayed within 3.2 m of (2.0, 2.0) from 0 s to 3")
+    assert line.endswith("had never been seen; then all that it could see elsewhere had been seen")
+    progress = judge(journal, {}, ready).progress
+    assert progress is not None
+    (one,) = [trapped for trapped in progress.trapped if trapped.robot == "r1"]
+    assert one.until_s is not None
+    assert 250.0 < one.until_s <= 315.0
+    assert progress.stays[1].seconds == 499.5  # it goes on staying
 
 
 @pytest.mark.parametrize("free", [{"status": Status.PAUSED}, {"status": Status.DEAD}, {"state": "surrounding"}])
@@ -170,6 +204,31 @@ def test_the_fog_of_a_short_run_is_not_judged() -> None:
     result = result_of(Progress, ready, made(ready, 300, LEFT_ROOM, LEFT_ROOM))
     assert result.warnings == ()
     assert "the fog is not judged: the run takes 150 s, and it would have to take 360 s" in result.detail
+
+
+def test_without_a_tour_ground_that_nobody_has_seen_is_judged_once_no_more_is_found() -> None:
+    narrow = rooms(angle=300.0)
+    result = result_of(Progress, narrow, made(narrow, 1000, LEFT_ROOM, LEFT_ROOM))
+    (line,) = result.warnings
+    assert " were never seen in 500 s:" in line
+
+    def late(k: int) -> Place:
+        return LEFT_ROOM(k) if k < 600 else round_of(1.0, 15.0)(k)
+
+    def leaves(k: int) -> Place:
+        return WHOLE(k) if k < 480 else LEFT_ROOM(k)
+
+    for ticks, path, detail in (
+        (700, LEFT_ROOM, "the fog is not judged: the run takes 350 s, and it would have to take 360 s"),
+        (
+            1000,
+            late,
+            "the fog is not judged: there is no tour to compare with, and new ground was seen to the end",
+        ),
+        (1400, leaves, "all that can be seen was seen; there is no tour to compare the fog's growth with"),
+    ):
+        result = result_of(Progress, narrow, made(narrow, ticks, path, path))
+        assert (result.warnings, result.detail) == ((), f"no robot was trapped; {detail}")
 
 
 def test_robots_that_were_down_leave_more_time() -> None:

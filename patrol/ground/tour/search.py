@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from patrol.ground.footprint import Footprint
 from patrol.ground.kernels.tour import FAR, lengths_between, shorten, way_between
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.tour_cover import Looks, Views, choose, complete, lattice, needed
+from patrol.ground.tour.cover import Looks, Views, choose, complete, lattice, needed
 
 SPACING = 0.4
 """Distance of the candidate places, as a share of the sensor's range."""

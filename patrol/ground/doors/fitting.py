@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from patrol.ground.doors.rooms import Door
 from patrol.ground.fields import clearance_levels
-from patrol.ground.rooms import Door
 from patrol.ground.terrain import Terrain
 
 LEAST_SHARE = 0.05
@@ -15,12 +15,13 @@ LEAST_RADIUS = 0.01
 """The smallest radius that is worth advising, m. Radii are advised in whole hundredths of a metre."""
 
 
-def fits_nowhere(terrain: Terrain, radius: float) -> str:
+def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
     """The error for a body that fits nowhere.
 
     Args:
         terrain: the ground.
         radius: of the body, m.
+        default: whether it is the radius of a robot for which none is given.
 
     Returns:
         one line that names the cause and the remedy.
@@ -32,18 +33,19 @@ def fits_nowhere(terrain: Terrain, radius: float) -> str:
     if most >= LEAST_RADIUS:
         remedies.append(f"a radius of at most {most:g} m")
     return (
-        f"robots.radius = {radius:g}: a body this wide fits nowhere on {terrain.name}, on points of {terrain.point:g} "
+        f"{_named(radius, default)}: a body this wide fits nowhere on {terrain.name}, on points of {terrain.point:g} "
         f"m; use {' or '.join(remedies or ['a smaller radius'])}"
     )
 
 
-def fits_no_door(terrain: Terrain, radius: float, widest: Door) -> str:
+def fits_no_door(terrain: Terrain, radius: float, widest: Door, default: bool = False) -> str:
     """The error for a body that fits through no door around the place where it would start.
 
     Args:
         terrain: the ground.
         radius: of the body, m.
         widest: of these doors.
+        default: whether it is the radius of a robot for which none is given.
 
     Returns:
         one line that names the door and the remedy.
@@ -54,9 +56,9 @@ def fits_no_door(terrain: Terrain, radius: float, widest: Door) -> str:
     lets = f"lets a radius of {passing:g} m pass" if passing >= LEAST_RADIUS else "lets no body pass"
     remedies = _finer_points(0.5 * widest.width - radius, radius, terrain.point)
     if passing >= LEAST_RADIUS or not remedies:
-        remedies.append("a smaller radius")
+        remedies.append("your robot's own radius" if default else "a smaller radius")
     return (
-        f"robots.radius = {radius:g}: too wide for every door of {terrain.name}, on points of {terrain.point:g} m; the "
+        f"{_named(radius, default)}: too wide for every door of {terrain.name}, on points of {terrain.point:g} m; the "
         f"widest, at ({widest.x:.2f}, {widest.y:.2f}), is {widest.width:.2f} m wide and {lets}; use "
         f"{' or '.join(remedies)}, or give starts to patrol one room"
     )
@@ -82,6 +84,11 @@ def no_room_for_all(terrain: Terrain, radius: float, robots: int, placed: int) -
         f"robots: {fleet} do not fit on {terrain.name}: no place is left for a body of radius {radius:g} m after "
         f"{placed}; use {', or '.join(remedies)}"
     )
+
+
+def _named(radius: float, default: bool) -> str:
+    """The field with its value."""
+    return f"robots.radius = {radius:g}{', the default' if default else ''}"
 
 
 def _map_to_blame(terrain: Terrain, what: str) -> str:

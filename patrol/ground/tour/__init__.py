@@ -1,0 +1,1 @@
+"""A short closed tour from which all of some ground is seen."""

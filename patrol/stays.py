@@ -1,0 +1,223 @@
+"""Stays: since when each robot has been in one place, from its positions tick after tick.
+
+A robot *stays* while all its positions fit into one circle. Positions are given by the caller, true or believed, live
+or from a journal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from patrol.scenario import RobotSpec
+
+TRAPPED_S = 180.0
+"""How long a robot stays before it counts as trapped, s."""
+
+ROAMING = 4.0
+"""Radius of the circle of a stay, in radii and strides of the body."""
+
+SAMPLE_S = 1.0
+"""Simulated time between two positions that are looked at, s."""
+
+Place = tuple[float, float]
+"""x and y, m."""
+
+
+def roaming_radius(spec: RobotSpec, step: float) -> float:
+    """The radius of the circle that a robot leaves unless it stays: four times its radius and its stride together.
+
+    Args:
+        spec: The robot.
+        step: Length of a tick, s.
+
+    Returns:
+        The radius, m.
+    """
+    return ROAMING * (spec.radius + spec.speed * step)
+
+
+def ticks_of(seconds: float, step: float) -> int:
+    """The smallest number of ticks that last a time.
+
+    Args:
+        seconds: The time, s.
+        step: Length of a tick, s.
+    """
+    return math.ceil(seconds / step - 1e-9)
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """A robot's stay: since a tick, all its positions lie in one circle.
+
+    Attributes:
+        since: The tick in which the robot came.
+        x: Of the circle's centre, m.
+        y: Of the circle's centre, m.
+        radius: Of the circle, m.
+    """
+
+    since: int
+    x: float
+    y: float
+    radius: float
+
+
+class _Box:
+    """The bounding box of positions."""
+
+    __slots__ = ("bottom", "left", "right", "top")
+
+    def __init__(self, places: Iterable[Place]) -> None:
+        """Take in positions, at least one."""
+        xs, ys = zip(*places, strict=True)
+        self.left, self.right = min(xs), max(xs)
+        self.bottom, self.top = min(ys), max(ys)
+
+    def add(self, x: float, y: float) -> None:
+        """Take in one more position."""
+        self.left, self.right = min(self.left, x), max(self.right, x)
+        self.bottom, self.top = min(self.bottom, y), max(self.top, y)
+
+    @property
+    def centre(self) -> Place:
+        """x and y, m."""
+        return 0.5 * (self.left + self.right), 0.5 * (self.bottom + self.top)
+
+    def within(self, radius: float) -> bool:
+        """Whether a circle around the centre holds the whole box."""
+        return math.hypot(0.5 * (self.right - self.left), 0.5 * (self.top - self.bottom)) <= radius
+
+    def fits(self, radius: float, places: Iterable[Place]) -> bool:
+        """Whether a circle around the centre holds the positions, which are those of this box."""
+        if self.within(radius):
+            return True
+        if max(self.right - self.left, self.top - self.bottom) > 2.0 * radius:
+            return False
+        centre = self.centre
+        return all(math.dist(centre, place) <= radius for place in places)
+
+
+class _Track:
+    """The latest positions of one robot, and its stay."""
+
+    def __init__(self, radius: float, ticks: int) -> None:
+        """Start without positions.
+
+        Args:
+            radius: Of the circle, m.
+            ticks: Of the window: a stay that lasts this long is fixed to its circle.
+        """
+        self.radius = radius
+        self._ticks = ticks
+        self._places: deque[tuple[int, Place]] = deque()
+        self._box: _Box | None = None
+        self.since = 0
+        self._circle: Place | None = None
+
+    def add(self, k: int, x: float, y: float) -> None:
+        """Take in the next position."""
+        places = self._places
+        places.append((k, (x, y)))
+        if self._box is None:
+            self._box, self.since = _Box([(x, y)]), k
+        self._box.add(x, y)
+        if self._circle is not None:
+            while places[0][0] < k - self._ticks:
+                places.popleft()
+        if self._circle is not None and math.dist(self._circle, (x, y)) > self.radius:
+            # All since the stay began may still fit into a circle beside the first one.
+            if self._box.within(self.radius):
+                self._circle = self._box.centre
+            else:
+                self._circle, self._box = None, _Box(place for _, place in places)
+        if self._circle is not None:
+            return
+        while not self._box.fits(self.radius, (place for _, place in places)):
+            places.popleft()
+            self._box = _Box(place for _, place in places)
+        self.since = places[0][0]
+        if k - self.since >= self._ticks:
+            self._circle = self._box.centre
+
+    @property
+    def stay(self) -> Stay | None:
+        """The stay so far; None before the first position."""
+        if self._box is None:
+            return None
+        return Stay(self.since, *(self._circle or self._box.centre), self.radius)
+
+
+class Stays:
+    """Says for each robot since when it has stayed where it is, from its positions tick after tick.
+
+    Until a stay has lasted `TRAPPED_S`, it holds the latest positions that fit into one circle of the robot's radius,
+    around the centre of their bounding box. From then on the circle stands, and the stay goes on until the robot leaves
+    it. So the window slides, and a robot that swings from side to side stays as well as one that stands. About one
+    position a second is looked at.
+    """
+
+    def __init__(self, radii: Mapping[int, float], step: float) -> None:
+        """Start without positions.
+
+        Args:
+            radii: Radius of the circle in m by robot number (`roaming_radius`).
+            step: Length of a tick, s.
+        """
+        self._radii = dict(radii)
+        self._every = max(round(SAMPLE_S / step), 1)
+        self._ticks = ticks_of(TRAPPED_S, step)
+        self._tracks: dict[int, _Track] = {}
+
+    def tick(self, k: int, places: Mapping[int, Place], free: Collection[int] = ()) -> None:
+        """Take in the robots' positions.
+
+        Args:
+            k: The tick.
+            places: x and y in m by robot number.
+            free: Numbers of the robots that may stay where they are: their stays end. So do those of robots without a
+                place.
+        """
+        for number in [number for number in self._tracks if number in free or number not in places]:
+            del self._tracks[number]
+        if k % self._every:
+            return
+        for number, (x, y) in places.items():
+            if number in free:
+                continue
+            track = self._tracks.get(number)
+            if track is None:
+                track = self._tracks[number] = _Track(self._radii[number], self._ticks)
+            track.add(k, x, y)
+
+    def stay(self, number: int) -> Stay | None:
+        """The present stay of a robot, however short.
+
+        Args:
+            number: Of the robot.
+
+        Returns:
+            The stay; None for a robot that is free, or that has no place.
+        """
+        track = self._tracks.get(number)
+        return None if track is None else track.stay
+
+    def long(self, k: int) -> dict[int, Stay]:
+        """The stays that have lasted `TRAPPED_S`.
+
+        Args:
+            k: The tick.
+
+        Returns:
+            The stays by robot number.
+        """
+        long = {}
+        for number, track in self._tracks.items():
+            if k - track.since >= self._ticks and (stay := track.stay) is not None:
+                long[number] = stay
+        return long
