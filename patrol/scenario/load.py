@@ -29,6 +29,7 @@ from patrol.scenario.model import RobotEntry, RobotGroup, Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.policy_file import policy_digest, policy_file
 from patrol.scenario.robots import RobotSpec
+from patrol.untrusted import IMAGE, read_untrusted
 from patrol.values.types import BUILTINS
 from patrol.yaml_text import line_of, parse_yaml, read_text
 
@@ -195,7 +196,7 @@ def map_digest(path: Path) -> str:
 
     says = read_map_file(path)
     try:
-        image = says.image.read_bytes()
+        image = read_untrusted(says.image, IMAGE)
     except OSError as error:
         raise BadInput(f"{path}: image = {says.image}: cannot be read ({error.strerror}); correct 'image'") from None
     return _digest(

@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 
 from patrol.errors import BadInput
+from patrol.untrusted import POLICY, read_untrusted
 
 PAPER = "potential-field"
 """The policy of the paper, which is the default."""
@@ -24,6 +25,6 @@ def policy_digest(path: Path) -> str:
         BadInput: It cannot be read.
     """
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return hashlib.sha256(read_untrusted(path, POLICY)).hexdigest()
     except OSError as error:
         raise BadInput(f"patrol.policy = {path}: cannot be read ({error.strerror}); correct it") from None
