@@ -16,7 +16,7 @@ _SHOWN = {code: f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" for code 
 
 
 def printable(text: str) -> str:
-    """A text in which each control character is replaced by its escape, such as ``\\x1b``.
+    r"""A text in which each control character is replaced by its escape, such as ``\x1b``.
 
     Control characters are those of C0 and C1, DEL, marks that change the direction of writing, and characters that
     nobody sees. In a text that others wrote they could move the cursor, hide a part of a line or retitle the window.

@@ -42,7 +42,7 @@ POLICY = Kind("a policy", 16 * MIB)
 SUMMARY = Kind("a summary", 8 * MIB)
 JOURNAL = Kind("a journal", 64 * GIB)
 RECORDING = Kind("a recording", 64 * GIB)
-RESULTS = Kind("a sweep's results", 256 * MIB)
+RESULTS = Kind("a sweep's results", GIB)
 
 _NAMES = (
     (stat.S_ISFIFO, "a named pipe"),

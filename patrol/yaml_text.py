@@ -89,7 +89,8 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def _problem(what: str, where: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:
+def _problem(what: str, where: Any) -> yaml.MarkedYAMLError:
+    """An error at the beginning of a node or an event."""
     return yaml.constructor.ConstructorError(None, None, what, where.start_mark)
 
 

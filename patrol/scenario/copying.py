@@ -12,8 +12,8 @@ import yaml
 from patrol.errors import BadInput
 from patrol.ground.maps import read_map_file
 from patrol.scenario import Scenario, dump_scenario
-from patrol.scenario.policy_file import policy_digest, policy_file
-from patrol.untrusted import IMAGE, POLICY, read_untrusted
+from patrol.scenario.policy_file import policy_digest, policy_file, policy_source
+from patrol.untrusted import IMAGE, read_untrusted
 
 FILE = "scenario.yaml"
 MAP = "map"
@@ -49,7 +49,7 @@ def _with_own_policy(scenario: Scenario, folder: Path) -> Scenario:
     if scenario.patrol.policy_sha256 not in (None, digest):
         raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
     folder.mkdir()
-    (folder / source.name).write_bytes(read_untrusted(source, POLICY))
+    (folder / source.name).write_bytes(policy_source(source))
     name = scenario.patrol.policy.rpartition(":")[2]
     patrol = scenario.patrol.model_copy(update={"policy": f"./{folder.name}/{source.name}:{name}"})
     return scenario.model_copy(update={"patrol": patrol})

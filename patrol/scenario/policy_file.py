@@ -24,7 +24,16 @@ def policy_digest(path: Path) -> str:
     Raises:
         BadInput: It cannot be read.
     """
+    return hashlib.sha256(policy_source(path)).hexdigest()
+
+
+def policy_source(path: Path) -> bytes:
+    """The content of a policy's file.
+
+    Raises:
+        BadInput: It cannot be read.
+    """
     try:
-        return hashlib.sha256(read_untrusted(path, POLICY)).hexdigest()
+        return read_untrusted(path, POLICY)
     except OSError as error:
         raise BadInput(f"patrol.policy = {path}: cannot be read ({error.strerror}); correct it") from None
