@@ -1,30 +1,25 @@
-"""Text that others wrote, for a terminal."""
+"""Text that others wrote, made safe to show: nothing of it can move a cursor, change a colour or reverse a line."""
 
 from __future__ import annotations
 
-_CONTROLS = (
-    *range(0x20),  # C0: escape sequences begin with one of them
-    *range(0x7F, 0xA0),  # DEL and C1
-    0x061C,
-    *range(0x200B, 0x2010),  # widthless characters and marks of direction
-    *range(0x2028, 0x202F),  # separators of lines, and embeddings and overrides of direction
-    *range(0x2060, 0x2070),  # isolates of direction, and more that nobody sees
-    0xFEFF,
-    *range(0xD800, 0xE000),  # halves of surrogate pairs, which no terminal's encoding has
-)
-_SHOWN = {code: f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" for code in _CONTROLS}
-
 
 def printable(text: str) -> str:
-    r"""A text in which each control character is replaced by its escape, such as ``\x1b``.
+    r"""Replace all characters that a terminal might act on by their escape sequences.
 
-    Control characters are those of C0 and C1, DEL, marks that change the direction of writing, and characters that
-    nobody sees. In a text that others wrote they could move the cursor, hide a part of a line or retitle the window.
+    These are all that Unicode does not count as printable: C0 and C1 controls with escape, newline and tab, DEL, format
+    characters such as bidirectional overrides and zero-width spaces, line separators, and halves of surrogate pairs.
 
     Args:
-        text: any text.
+        text: Any text.
 
     Returns:
-        one line that can be printed on any terminal.
+        One line of printable characters, with ``\x1b`` in the place of an escape character. The same text where all
+        characters are printable.
     """
-    return text.translate(_SHOWN)
+    if text.isprintable():
+        return text
+    return "".join(char if char.isprintable() else _escaped(char) for char in text)
+
+
+def _escaped(char: str) -> str:
+    return char.encode("unicode_escape").decode("ascii")

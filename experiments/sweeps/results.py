@@ -94,20 +94,21 @@ class Results:
         self._file.seek(0)
         reader = BufferedReader(self._file)
         number = end = 0
-        while line := reader.readline(LONGEST_LINE):
+        while read := reader.readline(LONGEST_LINE):
             number += 1
-            if not line.endswith(b"\n") and len(line) < LONGEST_LINE:
+            if not read.endswith(b"\n") and len(read) < LONGEST_LINE:
                 reader.detach()
-                self._repair(line, end)
+                self._repair(read, end)
                 return
-            result = _parse(line.removesuffix(b"\n"))
+            end += len(read)
+            line = read.removesuffix(b"\n")
+            result = _parse(line)
             if result is None:
                 raise BadInput(
-                    f"{self.path} line {number}: is damaged ({_excerpt(line.removesuffix(b'\n'))}); "
+                    f"{self.path} line {number}: is damaged ({_excerpt(line)}); "
                     "delete that line, and its run will be repeated, or choose another folder"
                 )
             self.by_key[result.key] = result
-            end += len(line)
         reader.detach()
 
     def add(self, result: RunResult) -> None:

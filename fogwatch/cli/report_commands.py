@@ -9,7 +9,6 @@ import typer
 
 from fogwatch.cli.open_run import KEY, RUN, open_folder, print_state
 from patrol.errors import BadInput
-from patrol.printable import printable
 
 if TYPE_CHECKING:
     from monitor.report.analysis import Analysis
@@ -75,9 +74,9 @@ def compare(
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     table.add_column("")
     for name in names_of(opened):
-        table.add_column(escape(printable(name)), justify="right", overflow="fold")
+        table.add_column(escape(name), justify="right", overflow="fold")
     for row in rows_of(opened):
-        table.add_row(*(escape(printable(cell)) for cell in row))
+        table.add_row(*(escape(cell) for cell in row))
     Console().print(table)
     typer.echo(f"comparison: {out}")
 
