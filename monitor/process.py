@@ -194,7 +194,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
         if options.replay is not None:
             from monitor.replay.player import open_player
 
-            return open_player(options.replay)
+            return open_player(options.replay, options.key)
         from monitor.live.attach import open_fleet
 
         os.nice(NICENESS)  # before threads start: they keep their own priority
@@ -246,6 +246,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--router", "LOCATOR", "router of a running fleet, such as tcp/127.0.0.1:7447; needs --fleet")
     add("--fleet", "NAME", "name of the fleet at the router")
     add("--replay", "RUN", "folder of a run that is over", type=Path)
+    add("--key", "FILE", "key of that run's fleet, to check the tags of its messages", type=Path)
     add("--scenario", "FILE", "scenario of robots without a world, which are shown by their positions", type=Path)
     add("--radio", "LOCATOR", "where robots without a world exchange positions (default: the router)")
     add("--host", "HOST", "address to serve on (default: 127.0.0.1)", default="127.0.0.1")

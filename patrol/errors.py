@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Any
 
+from patrol.printable import printable
+
 _LONGEST = 60
 
 
@@ -14,11 +16,12 @@ class BadInput(Exception):
     """Input from the user that cannot be used.
 
     ``str(error)`` is one line that names the file or field, the value, what is wrong with it and what to do instead.
-    The command line prints that line and ends with exit code 2.
+    Control characters, which a message quotes from files and arguments, are replaced by their escapes. The command line
+    prints that line and ends with exit code 2.
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.splitlines()))
+        super().__init__(printable(" ".join(message.splitlines())))
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
@@ -47,5 +50,8 @@ def quoted(value: Any) -> str:
     try:
         text = json.dumps(value, ensure_ascii=False, default=repr)
     except (ValueError, TypeError, RecursionError):
-        text = repr(value)
+        try:
+            text = repr(value)
+        except (ValueError, RecursionError):  # a number with too many digits, or lists nested too deeply
+            text = type(value).__name__
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."

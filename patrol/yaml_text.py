@@ -1,7 +1,8 @@
-"""YAML as text, read strictly.
+"""YAML as text, read strictly and within a budget.
 
 Plain values are read by YAML 1.2's core rules, so 1e3 is a number, 1:30 and 2024-01-01 are texts and `yes` is not a
-boolean. A key that occurs twice in one mapping is an error.
+boolean. A key that occurs twice in one mapping is an error, and so are merge keys (`<<`). A short text cannot stand for
+much: entries, their depth and the length of each value are limited, and what an alias stands for counts each time.
 """
 
 from __future__ import annotations
@@ -14,24 +15,83 @@ from typing import Any
 import yaml
 
 from patrol.errors import BadInput
+from patrol.untrusted import SCENARIO, Kind, read_untrusted
+
+MOST_NODES = 100_000
+"""Keys, values and lists of one text, those that an alias stands for included: what takes about two seconds to read."""
+
+DEEPEST = 50
+"""Levels of lists and mappings."""
+
+LONGEST = 1 << 16
+"""Characters of one value."""
+
+MOST_DIGITS = 64
+"""Characters of one whole number. A longer one means nothing here, and some cannot be printed again."""
 
 _CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r")
+_TAG = "tag:yaml.org,2002:"
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML's safe subset, with the core rules of 1.2 for plain values and no key twice."""
+    """The core of YAML's safe subset within the budget, with the rules of 1.2 for plain values and no key twice."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012 - PyYAML's protocol
+    yaml_constructors = {  # noqa: RUF012 - PyYAML's protocol
+        tag: made
+        for tag, made in yaml.SafeLoader.yaml_constructors.items()
+        if tag is None or tag in {f"{_TAG}{name}" for name in ("null", "bool", "float", "str", "seq", "map")}
+    }
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._nodes = 0
+        self._depth = 0
+        self._whole: dict[str, int] = {}
+        """By anchor, the nodes that it names, once they are complete."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor in self.anchors:
+                if event.anchor not in self._whole:
+                    raise _problem(f"*{event.anchor} is inside of what it stands for", event)
+                self._count(self._whole[event.anchor], event)
+            return super().compose_node(parent, index)
+        before = self._nodes
+        self._count(1, event)
+        if isinstance(event, yaml.ScalarEvent) and len(event.value) > LONGEST:
+            raise _problem(f"a value of {len(event.value)} characters, and at most {LONGEST} are read", event)
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise RecursionError
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if event.anchor is not None:
+            self._whole[event.anchor] = self._nodes - before
+        return node
+
+    def _count(self, nodes: int, event: yaml.Event) -> None:
+        self._nodes += nodes
+        if self._nodes > MOST_NODES:
+            raise _problem(f"more than {MOST_NODES} entries, what aliases stand for included", event)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[tuple[str, str]] = set()
         for key, _ in node.value:
+            if key.tag == f"{_TAG}merge":
+                raise _problem("merge keys (<<) are not read; write the entries out", key)
             name = (key.tag, key.value) if isinstance(key, yaml.ScalarNode) else None
             if name in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"{key.value} occurs twice", key.start_mark)
+                raise _problem(f"{key.value} occurs twice", key)
             if name is not None:
                 seen.add(name)
         return super().construct_mapping(node, deep)
+
+
+def _problem(what: str, where: Any) -> yaml.MarkedYAMLError:
+    """An error at the beginning of a node or an event."""
+    return yaml.constructor.ConstructorError(None, None, what, where.start_mark)
 
 
 _RULES = (
@@ -55,7 +115,7 @@ def add_core_rules(reader_or_writer: type[yaml.SafeLoader | yaml.SafeDumper]) ->
         reader_or_writer: the class to change.
     """
     for tag, rule, first in _RULES:
-        reader_or_writer.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", rule, first)
+        reader_or_writer.add_implicit_resolver(f"{_TAG}{tag}", rule, first)
 
 
 add_core_rules(_Loader)
@@ -63,23 +123,26 @@ add_core_rules(_Loader)
 
 def _int(_loader: _Loader, node: yaml.ScalarNode) -> int:
     text = node.value
+    if len(text) > MOST_DIGITS:
+        raise _problem(f"a number of {len(text)} characters, and at most {MOST_DIGITS} are read", node)
     return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
 
 
-_Loader.add_constructor("tag:yaml.org,2002:int", _int)
+_Loader.add_constructor(f"{_TAG}int", _int)
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, kind: Kind = SCENARIO) -> str:
     """The text of a file in UTF-8, or else in Latin-1, as old maps' comments are.
 
     Args:
         path: the file.
+        kind: what it should be, which limits its size.
 
     Raises:
         BadInput: when the file cannot be read or holds no text.
     """
     try:
-        return _decode(path.read_bytes())
+        return _decode(read_untrusted(path, kind))
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
     except IsADirectoryError:
@@ -122,6 +185,8 @@ def parse_yaml(text: str, source: str) -> Any:
         raise BadInput(f"{source}: character {error.position}: {error.reason}; correct the YAML") from None
     except (yaml.YAMLError, ValueError) as error:
         raise BadInput(f"{source}: {error}; correct the YAML") from None
+    except LookupError:
+        raise BadInput(f"{source}: holds a value that its tag (!!) does not fit; drop the tag") from None
     except RecursionError:
         raise BadInput(f"{source}: nested too deeply; a scenario needs few levels") from None
 

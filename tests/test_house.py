@@ -238,3 +238,53 @@ def test_the_wheel_holds_the_six_packages_and_nothing_else(tmp_path: Path) -> No
     }
     assert data <= set(names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
+
+
+# Files that this program wrote itself, in a place of its own, or brought along.
+OWN_FILES = {
+    "agent/build.py": "fields that its launcher prepared",
+    "experiments/paper/printed.py": "data of the package",
+    "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
+    "fogwatch/cli/app.py": "the null device",
+    "fogwatch/launch/children.py": "logs of its own children",
+    "fogwatch/launch/launcher.py": "the kernel's facts about its own children",
+    "monitor/report/html.py": "data of the package",
+    "patrol/best_tour.py": "the user's own cache",
+    "patrol/ground/fields.py": "fields that the launcher prepared",
+    "patrol/prepare.py": "fields that the launcher prepared",
+    "patrol/process/warmup.py": "the user's own cache",
+    "patrol/regions/split.py": "fields that the launcher prepared",
+    "patrol/untrusted.py": "the one place that opens files of others",
+}
+READERS = {"read_text", "read_bytes", "fromfile", "loadtxt", "genfromtxt", "memmap", "imread", "copyfile"}
+LOADERS = {"np", "json", "pickle", "marshal", "mpl"}
+OTHER_OPENERS = {"Image", "webbrowser", "zenoh"}
+"""What has a method `open` that opens no file by its path; of an image it is given an open file."""
+
+
+def readings(path: Path) -> Iterator[str]:
+    """The calls in a file that open another one for reading."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call):
+            continue
+        called = node.func
+        name = called.attr if isinstance(called, ast.Attribute) else called.id if isinstance(called, ast.Name) else ""
+        owner = called.value.id if isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name) else ""
+        if name == "read_text" and not isinstance(called, ast.Attribute):
+            continue  # `patrol.yaml_text.read_text`, which reads by `patrol.untrusted`
+        if name in {"open", "fdopen"} and owner not in OTHER_OPENERS:
+            told = ast.unparse(node)
+            if not any(mode in told for mode in ("'x", "'w", "'a", "O_EXCL", "O_APPEND")):
+                yield f"{name} in line {node.lineno}"
+        elif name in READERS or (name == "load" and owner in LOADERS):
+            yield f"{name} in line {node.lineno}"
+
+
+def test_files_of_others_are_opened_in_one_place() -> None:
+    found = {
+        str(path.relative_to(ROOT)): said
+        for path in python_files()
+        if path.relative_to(ROOT).parts[0] in PACKAGES and (said := list(readings(path)))
+    }
+    assert {name: said for name, said in found.items() if name not in OWN_FILES} == {}
+    assert OWN_FILES.keys() <= found.keys() | {"patrol/untrusted.py"}, "drop what opens no file any more"

@@ -26,6 +26,7 @@ from typing import Any
 
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.scenario import Scenario, load_scenario, scenario_hash
+from patrol.untrusted import SWEEP
 from patrol.yaml_text import parse_yaml, read_text
 
 MAX_RUNS = 100_000
@@ -167,7 +168,7 @@ def read_plan(path: Path, seeds: int | None = None) -> Plan:
     Raises:
         BadInput: The file cannot be read, or something in it is wrong.
     """
-    raw = parse_yaml(read_text(path), str(path))
+    raw = parse_yaml(read_text(path, SWEEP), str(path))
     if not isinstance(raw, dict) or "base" not in raw:
         raise BadInput(f"{path}: is no sweep; give 'base:', a scenario or its file, and 'grid:', 'cases:' or 'seeds:'")
     for key in raw:

@@ -14,13 +14,18 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from io import FileIO
+from io import BufferedReader, FileIO
 from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput
+from patrol.printable import printable
+from patrol.untrusted import RESULTS, check_regular
 
 FILE = "results.jsonl"
+LONGEST_LINE = 1 << 20
+"""Bytes of one line at most."""
+
 OK = "ok"
 FAILED = "failed"
 
@@ -87,10 +92,16 @@ class Results:
             BadInput: A line is damaged.
         """
         self._file.seek(0)
-        data = self._file.read()
-        whole, _, rest = data.rpartition(b"\n")
-        lines = whole.split(b"\n") if whole else []
-        for number, line in enumerate(lines, start=1):
+        reader = BufferedReader(self._file)
+        number = end = 0
+        while read := reader.readline(LONGEST_LINE):
+            number += 1
+            if not read.endswith(b"\n") and len(read) < LONGEST_LINE:
+                reader.detach()
+                self._repair(read, end)
+                return
+            end += len(read)
+            line = read.removesuffix(b"\n")
             result = _parse(line)
             if result is None:
                 raise BadInput(
@@ -98,8 +109,7 @@ class Results:
                     "delete that line, and its run will be repeated, or choose another folder"
                 )
             self.by_key[result.key] = result
-        if rest:
-            self._repair(rest, len(data) - len(rest))
+        reader.detach()
 
     def add(self, result: RunResult) -> None:
         """Append a result; it is on disk when this returns.
@@ -150,10 +160,15 @@ def open_results(folder: Path) -> Iterator[Results]:
     path = folder / FILE
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = path.open("a+b", buffering=0)
+        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC
+        file = FileIO(os.open(path, flags, 0o666), "r+b")
     except OSError as error:
         raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
     with file:
+        try:
+            check_regular(file.fileno(), path, RESULTS)
+        except OSError as error:
+            raise BadInput(f"{path}: cannot be read ({error.strerror}); choose another --out") from None
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -199,5 +214,5 @@ def _is_number(value: object) -> bool:
 
 def _excerpt(line: bytes) -> str:
     text = line.decode(errors="replace")
-    text = "".join(char if char.isprintable() else "?" for char in text)
+    text = printable(text[:41])
     return f"it reads {text[:40]}{'...' if len(text) > 40 else ''}" if text else "it is empty"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from patrol.printable import printable
 from patrol.process.warmup import warm
 
 if TYPE_CHECKING:
@@ -19,11 +20,18 @@ STILL_S = 30.0
 run in one process has none that could."""
 
 
-def open_folder(folder: Path) -> tuple[Run, bool]:
+KEY = typer.Option(
+    "--key", metavar="FILE", help="Key of the run's fleet, to check the tags of its messages (default: unchecked)."
+)
+"""The file that a run's scenario names is not opened: the run may be a stranger's."""
+
+
+def open_folder(folder: Path, key: Path | None = None) -> tuple[Run, bool]:
     """Open a run's folder, after compiling the kernels that this needs.
 
     Args:
         folder: The run's folder.
+        key: The file of the fleet's key; None to leave the tags of messages unchecked.
 
     Returns:
         The run, and whether it may still be going on.
@@ -37,7 +45,7 @@ def open_folder(folder: Path) -> tuple[Run, bool]:
     warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
     from monitor.replay.run import open_run
 
-    run = open_run(folder)
+    run = open_run(folder, key)
     return run, run.ended is None and _may_go_on(run)
 
 
@@ -51,7 +59,7 @@ def print_state(run: Run, going: bool) -> None:
     from monitor.report.analysis import state_of
 
     if why := state_of(run, going)[1]:
-        typer.echo(f"{run.folder}: {why}", err=True)
+        typer.echo(printable(f"{run.folder}: {why}"), err=True)
 
 
 def _may_go_on(run: Run) -> bool:

@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from fogwatch.cli.fleet_options import WAIT_S, Fleet, FleetScenario, Radio, Router, Wait, check_one_fleet
+from fogwatch.cli.open_run import KEY
 from patrol.errors import BadInput
 
 REPLAY_EXAMPLES = ["fogwatch replay runs/yards-20260101-120000 --browser"]
@@ -40,9 +41,10 @@ def replay(
     port: Annotated[int, PORT] = 0,
     token: Annotated[str, TOKEN] = "",
     browser: Annotated[bool, BROWSER] = False,
+    key: Annotated[Path | None, KEY] = None,
 ) -> int:
     """Replay a run on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
-    what = Namespace(replay=run, access=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0)
+    what = Namespace(replay=run, key=key, access=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0)
     return _page(what, host, port, token, browser)
 
 

@@ -11,6 +11,7 @@ import typer
 from fogwatch.cli.fleet_options import WAIT_S, Fleet, FleetScenario, Radio, Router, Wait, check_one_fleet
 from fogwatch.cli.open_run import open_folder, print_state
 from patrol.errors import BadInput
+from patrol.printable import printable
 from patrol.process.lifeline import heed
 from patrol.process.warmup import warm
 
@@ -125,12 +126,16 @@ def recording(
     contents = inspect_recording(file, repair)
     facts = contents.facts
     by = facts.get("software") or facts.get("told_by")
-    typer.echo(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
+
+    def say(line: str) -> None:
+        typer.echo(printable(line))
+
+    say(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
     scale = facts.get("fog_scale_s", "?")
     unit = " s" if scale[:1].isdigit() else ""
-    typer.echo(f"  in /fog, 100 stands for {scale}{unit}; the run: {facts.get('ended')}")
+    say(f"  in /fog, 100 stands for {scale}{unit}; the run: {facts.get('ended')}")
     for topic, count in sorted(contents.messages.items()):
-        typer.echo(f"  {count:8} {topic}")
+        say(f"  {count:8} {topic}")
     if not contents.why_cut:
         typer.echo("complete, checksums right")
         return 0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.cli.open_run import RUN, open_folder, print_state
+from fogwatch.cli.open_run import KEY, RUN, open_folder, print_state
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def report(
         Path | None, typer.Option(metavar="FILE", help="File to write (default: report.html in the run's folder).")
     ] = None,
     figures: Figures = None,
+    key: Annotated[Path | None, KEY] = None,
 ) -> None:
     """Write a run's report: one HTML file, readable without a network, that shows what happened."""
     from monitor.replay.run_files import REPORT, check_out
@@ -34,7 +35,7 @@ def report(
     file = run / REPORT if out is None else out
     if out is not None:
         check_out(out, REPORT)
-    opened, going = open_folder(run)
+    opened, going = open_folder(run, key)
     from monitor.report.analysis import analyse
     from monitor.report.document import write_report
 
@@ -54,6 +55,7 @@ def compare(
     if len(runs) < 2:
         raise BadInput(f"compare {runs[0]}: one run cannot be compared; name two or more (or use fogwatch report)")
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from monitor.replay.run_files import check_out
@@ -72,9 +74,9 @@ def compare(
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     table.add_column("")
     for name in names_of(opened):
-        table.add_column(name, justify="right", overflow="fold")
+        table.add_column(escape(name), justify="right", overflow="fold")
     for row in rows_of(opened):
-        table.add_row(*row)
+        table.add_row(*(escape(cell) for cell in row))
     Console().print(table)
     typer.echo(f"comparison: {out}")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from patrol.errors import BadInput
 from patrol.journal import Journal
 from patrol.process.warmup import warm
+from patrol.radio.fleet_key import fleet_key
 
 if TYPE_CHECKING:
     from patrol.ground.fog import Fog
@@ -83,7 +84,11 @@ def _derive(
     from monitor.report.analysis import analyse
     from monitor.report.document import write_report
 
-    run = read_run(journal.path.parent, journal, prepared, summary)
+    try:
+        key = fleet_key(prepared.scenario.radio.key)
+    except BadInput:
+        key = None  # it was removed meanwhile; the report says that tags were not checked
+    run = read_run(journal.path.parent, journal, prepared, summary, key)
     recorder = None if recording is None else Recorder(run, recording)
     along: list[Watcher] = [cancel_check, *([recorder] if recorder else [])]
     try:

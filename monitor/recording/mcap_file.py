@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from monitor.replay.run_files import JOURNAL
 from patrol.errors import BadInput
+from patrol.untrusted import MIB, RECORDING, open_untrusted
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
 METADATA = "fogwatch"
 """Name of the metadata that marks a recording as one of fogwatch."""
+
+MOST_RECORD = 64 * MIB
+"""Bytes of the longest record, and of a chunk before compression; a grid of the largest terrain takes 50 MB."""
 
 
 @dataclass
@@ -106,10 +110,11 @@ def _records(path: Path, contents: Contents) -> Iterator[Any]:
 
     begun = False
     try:
-        with path.open("rb") as file:
-            for record in StreamReader(file, validate_crcs=True).records:
+        with open_untrusted(path, RECORDING) as file:
+            reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=MOST_RECORD)
+            for record in reader.records:
                 begun = True
-                yield record
+                yield from _unpacked(record)
     except IsADirectoryError:
         raise BadInput(f"{path}: is a folder; name a file, such as {path / 'recording.mcap'}") from None
     except OSError as error:
@@ -120,6 +125,42 @@ def _records(path: Path, contents: Contents) -> Iterator[Any]:
                 f"{path}: is not an MCAP file, or is cut off before its first record; name a recording.mcap"
             ) from None
         contents.why_cut = f"after {contents.end_s:g} s ({type(error).__name__})"
+
+
+def _unpacked(record: Any) -> Iterator[Any]:
+    """A record, or those in a chunk, one at a time; nothing is decompressed that is larger than a record may be.
+
+    Raises:
+        ValueError: for a chunk that is larger, and for a compression that fogwatch does not use.
+    """
+    import zstandard
+    from mcap.opcode import Opcode
+    from mcap.records import Channel, Chunk, Message, Schema
+    from mcap.stream_reader import get_chunk_data_stream
+
+    if not isinstance(record, Chunk):
+        yield record
+        return
+    if record.compression not in ("", "zstd"):
+        raise ValueError(f"compression {record.compression}")
+    size = record.uncompressed_size
+    if record.compression:
+        declared = zstandard.get_frame_parameters(record.data).content_size
+        size = max(size, 0 if declared == zstandard.CONTENTSIZE_UNKNOWN else declared)
+    if size > MOST_RECORD:
+        raise ValueError(f"a chunk of {size} bytes")
+    stream, length = get_chunk_data_stream(record, validate_crc=True)
+    while stream.count < length:
+        opcode, size = stream.read1(), stream.read8()
+        match opcode:
+            case Opcode.CHANNEL:
+                yield Channel.read(stream)
+            case Opcode.MESSAGE:
+                yield Message.read(stream, size)
+            case Opcode.SCHEMA:
+                yield Schema.read(stream)
+            case _:
+                stream.read(size)
 
 
 class _Copy:

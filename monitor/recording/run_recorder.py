@@ -34,6 +34,8 @@ from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
 from patrol.journal.records import Event, Status
+from patrol.untrusted import SCENARIO as SCENARIO_FILE
+from patrol.untrusted import read_untrusted
 
 KEY_FRAME_S = 10.0
 """Simulated time between two grids, s."""
@@ -155,7 +157,7 @@ class Recorder:
         }
         self._file.facts(facts)
         with suppress(OSError):
-            self._file.attach(SCENARIO, "application/yaml", (run.folder / SCENARIO).read_bytes())
+            self._file.attach(SCENARIO, "application/yaml", read_untrusted(run.folder / SCENARIO, SCENARIO_FILE))
         walls = wall_values(run.prepared.terrain.passable)
         self._file.write("/map", ros.GRID, self._ros.grid(0, *self._place(), walls), 0)
         text = f"/fog: 0 means seen now, 100 means seen {self._scale_s:g} s ago or earlier, -1 means not patrolled"

@@ -18,10 +18,8 @@ from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.replay import Replay
 from monitor.replay.run import Run
 from monitor.replay.trap_log import TrapLog
-from patrol.errors import BadInput
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
-from patrol.radio.fleet_key import fleet_key
 
 SHOW_S = 1.0 / 30.0
 """Least wall time between two states, s."""
@@ -53,7 +51,7 @@ class Player:
         self._replay = Replay(run)
         self._links = LinkLog(run)
         self._traps = TrapLog(run)
-        self._past_beliefs = PastBeliefs(run, _key_of(run))
+        self._past_beliefs = PastBeliefs(run, run.key)
         # With a direct radio it is unknown which frames each robot heard.
         self._direct = run.prepared.scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", *(() if self._direct else run.numbers))
@@ -262,11 +260,12 @@ class Player:
         )
 
 
-def open_player(folder: Path) -> Player:
+def open_player(folder: Path, key: Path | None = None) -> Player:
     """Open a run for playing.
 
     Args:
         folder: The run's folder.
+        key: The file of the fleet's key; None to leave the tags of messages unchecked.
 
     Returns:
         The player at tick 0, which plays as soon as a page is open.
@@ -276,7 +275,7 @@ def open_player(folder: Path) -> Player:
     """
     from monitor.replay.run import open_run
 
-    return Player(open_run(folder), autoplay=True)
+    return Player(open_run(folder, key), autoplay=True)
 
 
 def _pace_for(duration_s: float) -> float:
@@ -285,11 +284,3 @@ def _pace_for(duration_s: float) -> float:
 
 def _since(tick: int, k: int, step: float) -> float | None:
     return None if tick < 0 else (k - tick) * step
-
-
-def _key_of(run: Run) -> bytes | None:
-    """The fleet's key; None if it cannot be read."""
-    try:
-        return fleet_key(run.prepared.scenario.radio.key)
-    except BadInput:
-        return None

@@ -6,7 +6,6 @@ written, gives the ticks that it has.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,11 +17,14 @@ from numpy.typing import NDArray
 
 from monitor.observation.frames import count_frames
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
+from monitor.replay.summary_file import read_summary
 from patrol.errors import BadInput
+from patrol.ground.maps import load_terrain
 from patrol.journal import Journal
 from patrol.journal.records import DEAD_END, FORGED, Event, RobotFacts, Status, TickRecord, sent_at, standing_after
 from patrol.pose import Pose, command_of
 from patrol.prepare import Prepared, prepare
+from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import prepared_as_operated
 
@@ -30,6 +32,12 @@ CAME = ("alive", "lost")
 """Events by which a robot joins."""
 SILENT = ""
 """The state of a robot that reported none."""
+
+MOST_LABELS = 30_000
+"""Different states in one run."""
+
+MOST_CAUSES = 64
+"""Different causes of a lost frame besides the scenario's faults."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +103,8 @@ class Run:
         truncated: Whether the journal ends within a record.
         summary: The content of summary.json; None without one.
         index: Place of each robot in the arrays, by its number.
+        key: The fleet's key, as far as whoever opened the run gave it; None without one. The file that the run's
+            scenario names is not opened, because the folder may be a stranger's.
     """
 
     folder: Path
@@ -120,6 +130,7 @@ class Run:
     truncated: bool
     summary: Mapping[str, Any] | None
     index: Mapping[int, int] = field(default_factory=dict)
+    key: bytes | None = None
 
     @property
     def ticks(self) -> int:
@@ -157,6 +168,11 @@ class Run:
         return self.prepared.scenario.radio.via == "direct"
 
     @property
+    def keyless(self) -> bool:
+        """Whether the fleet tags its messages with a key that is not known here."""
+        return self.prepared.scenario.radio.key is not None and self.key is None
+
+    @property
     def dead_end_share(self) -> NDArray[np.float64]:
         """float64 (n,), the share of each robot's decisions in which it was leaving a dead end; 0 without any."""
         decided = ~np.isnan(self.decision_ms)
@@ -175,11 +191,12 @@ class Run:
         return [(self.numbers[place], Pose(*self.poses[k, place].tolist())) for place in living]
 
 
-def open_run(folder: Path) -> Run:
-    """Read a run.
+def open_run(folder: Path, key: Path | None = None) -> Run:
+    """Read a run, which may be a stranger's: no file outside of its folder is opened, except the key.
 
     Args:
         folder: The run's folder.
+        key: The file of the fleet's key, to check the tags of messages; None to leave them unchecked.
 
     Returns:
         The run.
@@ -188,21 +205,30 @@ def open_run(folder: Path) -> Run:
         BadInput: It is not the folder of a run, its files do not belong together, or it has no complete tick yet.
     """
     journal = journal_in(folder)
-    prepared = prepared_as_operated(prepare(load_scenario(folder / SCENARIO)), journal.events)
-    facts, terrain = journal.header.terrain, prepared.terrain
+    secret = fleet_key(key)
+    scenario = load_scenario(folder / SCENARIO, opens_policy=False)
+    if [robot.number for robot in journal.header.robots] != [spec.number for spec in scenario.roster]:
+        raise BadInput(
+            f"{folder}: the journal has other robots than {SCENARIO}; they belong to different runs: restore its own"
+        )
+    facts, terrain = journal.header.terrain, load_terrain(scenario.terrain, scenario.point, scenario.base, folder)
     if (facts.width, facts.height) != (terrain.width, terrain.height):
         raise BadInput(
             f"{folder}: the journal's terrain has {facts.width} x {facts.height} points and that of {SCENARIO} "
             f"{terrain.width} x {terrain.height}; they belong to different runs: restore the run's own {SCENARIO}"
         )
-    if [robot.number for robot in journal.header.robots] != [spec.number for spec in prepared.scenario.roster]:
-        raise BadInput(
-            f"{folder}: the journal has other robots than {SCENARIO}; they belong to different runs: restore its own"
-        )
-    return read_run(folder, journal, prepared, _summary(folder / SUMMARY))
+    summary = read_summary(folder / SUMMARY)
+    prepared = prepared_as_operated(prepare(scenario, terrain), journal.events)
+    return read_run(folder, journal, prepared, summary, secret)
 
 
-def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mapping[str, Any] | None = None) -> Run:
+def read_run(
+    folder: Path,
+    journal: Journal,
+    prepared: Prepared,
+    summary: Mapping[str, Any] | None = None,
+    key: bytes | None = None,
+) -> Run:
     """Read a journal's ticks into arrays.
 
     Args:
@@ -210,20 +236,27 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
         journal: Its journal.
         prepared: Its scenario with the terrain.
         summary: The content of summary.json; None without one.
+        key: The fleet's key; None if it is not known.
 
     Returns:
         The run.
 
     Raises:
-        BadInput: The journal has no complete tick.
+        BadInput: The journal has no complete tick, or its records do not fit together.
     """
     came = {event.robot for event in journal.events if event.kind in CAME}
     robots = [one for one in journal.header.robots if one.number not in prepared.scenario.spares or one.number in came]
     index = {robot.number: place for place, robot in enumerate(robots)}
     models = {robot.number: robot.model for robot in journal.header.robots}
-    rows = _Rows(index, models, prepared.scenario.step)
+    scenario = prepared.scenario
+    rows = _Rows(index, models, scenario.step, MOST_CAUSES + len(scenario.faults))
     for record in journal.ticks:
-        rows.take(record)
+        try:
+            rows.take(record)
+        except _Unfit as unfit:
+            raise BadInput(f"{journal.path}: tick {len(rows.mfow)}: {unfit}; restore the run's own journal") from None
+    if any(event.k > scenario.ticks for event in journal.events):
+        raise BadInput(f"{journal.path}: has an event after the last tick of the scenario; restore the run's own")
     if not rows.mfow:
         raise BadInput(f"{journal.path}: holds no complete tick; wait until the run has one, or run it again")
     return Run(
@@ -250,14 +283,21 @@ def read_run(folder: Path, journal: Journal, prepared: Prepared, summary: Mappin
         truncated=journal.truncated,
         summary=summary,
         index=index,
+        key=key,
     )
+
+
+class _Unfit(Exception):
+    """A tick that does not fit to the ticks before it, or to the journal's header."""
 
 
 class _Rows:
     """Collects the values of tick records."""
 
-    def __init__(self, index: Mapping[int, int], models: Mapping[int, str], step: float) -> None:
+    def __init__(self, index: Mapping[int, int], models: Mapping[int, str], step: float, most_causes: int) -> None:
         self._index = index
+        self._numbers = list(models)
+        self._most_causes = most_causes
         self._models = models
         self._step = step
         self.driven = dict.fromkeys(index, 0.0)
@@ -284,6 +324,10 @@ class _Rows:
         self._late = 0
 
     def take(self, record: TickRecord) -> None:
+        if record.k != len(self.mfow):
+            raise _Unfit(f"its record is of tick {record.k}")
+        if [robot.number for robot in record.robots] != self._numbers:
+            raise _Unfit("it has other robots than the journal's header")
         robots, nan = [robot for robot in record.robots if robot.number in self._index], float("nan")
         self.poses.append([(robot.x, robot.y, robot.heading) for robot in robots])
         self.status.append([int(robot.status) for robot in robots])
@@ -301,6 +345,8 @@ class _Rows:
                 new = robot.rejected - self._counted.get(robot.number, 0)
                 self.rejected += new if new >= 0 else robot.rejected
                 self._counted[robot.number] = robot.rejected
+        if len(self.labels) > MOST_LABELS:
+            raise _Unfit(f"robots reported more than {MOST_LABELS} states")
         self.mfow.append(record.mfow)
         self.fog_mean.append(record.fog_mean)
         self.seen.append(record.seen)
@@ -312,9 +358,16 @@ class _Rows:
             earliest = min(sent_at(sequence) for _, _, sequence in record.deliveries)
             self._late = max(self._late, record.k - earliest)
         for source, destination, _, cause in record.dropped:
-            if cause not in self._dropped:
-                self._dropped[cause] = np.zeros_like(self._delivered)
-            self._dropped[cause][self._place[source], self._place[destination]] += 1
+            self._lose(source, destination, cause)
+
+    def _lose(self, source: int, destination: int, cause: str) -> None:
+        if source not in self._place or destination not in self._place:
+            raise _Unfit(f"a frame from robot {source} to robot {destination} was dropped, which do not take part")
+        if cause not in self._dropped:
+            if len(self._dropped) >= self._most_causes:
+                raise _Unfit(f"frames were dropped for more than {self._most_causes} causes")
+            self._dropped[cause] = np.zeros_like(self._delivered)
+        self._dropped[cause][self._place[source], self._place[destination]] += 1
 
     def links(self) -> LinkTotals:
         delivered_in = np.array(self._delivered_in, dtype=np.int64)
@@ -333,12 +386,3 @@ def _final_status(
         if event.k >= len(status) and place is not None and left is not None:
             final_status[place] = left
     return final_status
-
-
-def _summary(path: Path) -> Mapping[str, Any] | None:
-    """The content of summary.json, if it exists and is complete; a run that was killed has none."""
-    try:
-        says = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return says if isinstance(says, dict) else None

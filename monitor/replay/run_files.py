@@ -6,6 +6,8 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.journal import Journal, read_journal
+from patrol.untrusted import RECORDING as RECORDING_FILE
+from patrol.untrusted import leads_out, open_untrusted
 
 JOURNAL = "journal"
 SCENARIO = "scenario.yaml"
@@ -45,8 +47,11 @@ def journal_in(folder: Path) -> Journal:
         BadInput: It is not the folder of a run.
     """
     if folder.is_file():
-        with folder.open("rb") as file:
-            recording = file.read(len(_MCAP)) == _MCAP
+        try:
+            with open_untrusted(folder, RECORDING_FILE) as file:
+                recording = file.read(len(_MCAP)) == _MCAP
+        except OSError as error:
+            raise BadInput(f"{folder}: cannot be read ({error.strerror}); name the run's folder") from None
         kind = "is a recording; inspect it with `fogwatch recording`, or" if recording else "is a file;"
         raise BadInput(f"{folder}: {kind} name the run's folder")
     if not folder.is_dir():
@@ -56,4 +61,7 @@ def journal_in(folder: Path) -> Journal:
             raise BadInput(
                 f"{folder}: holds no file {name}, so it is not the folder of a run, or {what}; name the folder of a run"
             )
+    for name in (JOURNAL, SCENARIO, SUMMARY):
+        if leads_out(folder, folder / name):
+            raise BadInput(f"{folder / name}: is a link that leads out of the run's folder; put the file itself there")
     return read_journal(folder / JOURNAL)

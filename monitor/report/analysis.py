@@ -14,10 +14,8 @@ from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.visits import VisitCounter, Visits
 from patrol.best_tour import NO_BOUND, best_tour
-from patrol.errors import BadInput
 from patrol.journal.records import Status
 from patrol.prepare import sensor_footprint
-from patrol.radio.fleet_key import fleet_key
 
 NO_TOUR = "no tour for this ground or sensor"
 """What stands beside the best tour found where there is none."""
@@ -32,7 +30,7 @@ class Analysis:
         bands: Its faults over time.
         visits: Statistics of the fog, point by point.
         beliefs: Believed fog compared with the true one. None if they must be equal, and if deliveries are unknown.
-        untested: Whether beliefs accept frames without checking their tags, because the fleet's key cannot be read.
+        untested: Whether beliefs accept frames without checking their tags, because the fleet's key is not known.
         wrong_from: The first tick whose replayed fog differs from the one measured; None if all agree. A difference
             means that the scenario, its map or the journal was changed after the run.
     """
@@ -59,11 +57,8 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
     visits = VisitCounter(run.prepared.patrolled, run.ticks)
     beliefs, untested = None, False
     if not run.direct and not exact_by_construction(run):
-        try:
-            key = fleet_key(run.prepared.scenario.radio.key)
-        except BadInput:
-            key, untested = None, True
-        beliefs = BeliefWatcher(run, footprint, key)
+        untested = run.keyless
+        beliefs = BeliefWatcher(run, footprint, run.key)
     along: list[Watcher] = [visits, *([beliefs] if beliefs else []), *watchers]
     wrong = play(run, along, footprint)
     bands = bands_of(run.events, run.step, run.ticks * run.step)

@@ -13,6 +13,7 @@ from monitor.report.analysis import Analysis, measures, outcome_of, state_of
 from monitor.report.charts import WIDTH, thinned
 from monitor.report.map_charts import fog_chart
 from monitor.report.style import Drawing, colour, draw, figure, plain
+from patrol.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +23,7 @@ def names_of(runs: Sequence[Run]) -> list[str]:
     """A unique name for each run: its folder's name, with a number if needed."""
     names: list[str] = []
     for run in runs:
-        plain_name = run.folder.resolve().name
+        plain_name = printable(run.folder.resolve().name)
         name, number = plain_name, 1
         while name in names:
             number += 1
@@ -33,8 +34,8 @@ def names_of(runs: Sequence[Run]) -> list[str]:
 
 def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     """The rows of the table of measures: the measure's name, and its value in each run."""
-    outcomes = [outcome_of(run) for run in runs]
-    ended = [state_of(run)[0] for run in runs]
+    outcomes = [printable(outcome_of(run)) for run in runs]
+    ended = [printable(state_of(run)[0]) for run in runs]
     lengths = [f"{run.ticks * run.step:g} s" for run in runs]
     rows: list[tuple[str, ...]] = [
         ("scenario", *(run.title for run in runs)),

@@ -24,6 +24,7 @@ from monitor.report.analysis import Analysis, best_tour_s, measures, outcome_of,
 from monitor.report.radio_section import links_section
 from monitor.report.style import Drawing, draw
 from patrol.errors import BadInput
+from patrol.yaml_text import read_text
 
 MOST_EVENTS = 300
 MOST_ROBOTS = 100
@@ -287,7 +288,7 @@ def _belief(analysis: Analysis) -> str:
         else f"; only for the {len(errors.robots)} robots that missed most frames"
     )
     keyless = (
-        " The fleet's key could not be read, so authentication tags were not checked." if analysis.untested else ""
+        " The fleet's key was not given (--key), so authentication tags were not checked." if analysis.untested else ""
     )
     rows = []
     for column, place in enumerate(errors.robots):
@@ -337,8 +338,8 @@ def _events(run: Run) -> str:
 
 def _scenario(run: Run) -> str:
     try:
-        says = (run.folder / SCENARIO).read_text(encoding="utf-8")
-    except OSError:
+        says = read_text(run.folder / SCENARIO)
+    except BadInput:
         return ""
     facts = [f"scenario hash {run.journal.header.scenario_hash}"]
     if run.journal.end is not None:

@@ -119,6 +119,7 @@ def drawn() -> Iterator[None]:
         "svg.hashsalt": _HASH_SALT,
         "font.family": ["DejaVu Sans", "sans-serif"],
         "font.size": 9.0,
+        "text.parse_math": False,  # names of faults and states are text, whatever it holds
         "text.color": INK,
         "axes.edgecolor": MUTED,
         "axes.labelcolor": INK,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,6 +14,7 @@ from PIL import Image, UnidentifiedImageError
 
 from patrol.errors import BadInput
 from patrol.ground.terrain import BoolGrid
+from patrol.untrusted import IMAGE, open_untrusted
 
 if TYPE_CHECKING:
     from patrol.ground.maps import MapFile
@@ -48,12 +51,25 @@ def free_cells(says: MapFile) -> BoolGrid:
     Raises:
         BadInput: when the image cannot be read.
     """
-    levels, has_alpha = _pixels(says)
-    free = np.empty(levels.shape[:2], dtype=np.bool_)
-    for first in range(0, levels.shape[0], BLOCK):
-        known, occupancy = _occupancy(says, levels[first : first + BLOCK].astype(np.float64), has_alpha)
+    pixels = _pixels(says)
+    free = np.empty(pixels.levels.shape[:2], dtype=np.bool_)
+    for first, block in pixels.blocks():
+        known, occupancy = _occupancy(says, block, pixels.has_alpha)
         free[first : first + BLOCK] = known & (occupancy < says.free_thresh)
     return free[::-1]
+
+
+def image_size(says: MapFile) -> tuple[int, int]:
+    """The (rows, columns) of a map's image, from its first bytes.
+
+    Args:
+        says: the map's YAML file.
+
+    Raises:
+        BadInput: when the image cannot be read, or has more than MAX_CELLS pixels.
+    """
+    with _image(says) as image:
+        return image.height, image.width
 
 
 def _occupancy(says: MapFile, block: NDArray[np.float64], has_alpha: bool) -> tuple[BoolGrid, NDArray[np.float64]]:
@@ -95,13 +111,13 @@ def cell_shares(says: MapFile) -> CellShares:
     Raises:
         BadInput: when the image cannot be read.
     """
-    levels, has_alpha = _pixels(says)
+    pixels = _pixels(says)
     free = occupied = 0
-    for first in range(0, levels.shape[0], BLOCK):
-        known, occupancy = _occupancy(says, levels[first : first + BLOCK].astype(np.float64), has_alpha)
+    for _, block in pixels.blocks():
+        known, occupancy = _occupancy(says, block, pixels.has_alpha)
         free += int(np.count_nonzero(known & (occupancy < says.free_thresh)))
         occupied += int(np.count_nonzero(known & (occupancy > says.occupied_thresh)))
-    cells = levels.shape[0] * levels.shape[1]
+    cells = pixels.levels.shape[0] * pixels.levels.shape[1]
     return CellShares(free / cells, occupied / cells)
 
 
@@ -145,17 +161,47 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.1f} %"
 
 
-def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
-    """The image as uint16 (rows, columns, channels), 0 to QUANTA, and whether the last channel is opacity."""
-    where = f"{says.path}: image = {says.image}"
+@dataclass(frozen=True, slots=True)
+class _Pixels:
+    """An image.
+
+    Attributes:
+        levels: uint8 or uint16 (rows, columns, channels).
+        has_alpha: whether the last channel is opacity.
+        scale: what a level is multiplied by, so that the greatest is QUANTA.
+    """
+
+    levels: NDArray[np.uint8] | NDArray[np.uint16]
+    has_alpha: bool
+    scale: float
+
+    def blocks(self) -> Iterator[tuple[int, NDArray[np.float64]]]:
+        """The first row of each block of rows, and its pixels as float64 (rows, columns, channels), 0 to QUANTA."""
+        for first in range(0, self.levels.shape[0], BLOCK):
+            yield first, self.levels[first : first + BLOCK].astype(np.float64) * self.scale
+
+
+def _pixels(says: MapFile) -> _Pixels:
+    with _image(says) as image:
+        image.load()
+        return _channels(image, _where(says))
+
+
+def _where(says: MapFile) -> str:
+    return f"{says.path}: image = {says.image}"
+
+
+@contextmanager
+def _image(says: MapFile) -> Iterator[Image.Image]:
+    """The image of a map, opened but not decoded; whatever is wrong with it becomes BadInput."""
+    where = _where(says)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of sizes, which MAX_CELLS judges, and of oddities in what can be read
-            with Image.open(says.image, formats=FORMATS) as image:
+            with open_untrusted(says.image, IMAGE) as file, Image.open(file, formats=FORMATS) as image:
                 if image.width * image.height > MAX_CELLS:
                     raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {MAX_CELLS}; crop it")
-                image.load()
-                return _channels(image, where)
+                yield image
     except FileNotFoundError:
         raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
     except UnidentifiedImageError:
@@ -169,17 +215,15 @@ def _pixels(says: MapFile) -> tuple[NDArray[np.uint16], bool]:
         raise BadInput(f"{where}: cannot be read ({reason}); give an undamaged PGM, PNG, BMP or JPEG image") from None
 
 
-def _channels(image: Image.Image, where: str) -> tuple[NDArray[np.uint16], bool]:
+def _channels(image: Image.Image, where: str) -> _Pixels:
     if image.mode.startswith("I"):
-        return np.clip(np.asarray(image), 0, QUANTA).astype(np.uint16)[..., None], False
+        return _Pixels(np.clip(np.asarray(image), 0, QUANTA).astype(np.uint16)[..., None], False, 1.0)
     if image.mode == "F":
         raise BadInput(f"{where}: has floating-point pixels; give a grey or colour image of 8 or 16 bits")
     has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
     if has_alpha:
         image = image.convert("RGBA")
-    elif image.mode in ("1", "L"):
-        image = image.convert("L")
-    else:
-        image = image.convert("RGB")
-    levels = np.asarray(image, dtype=np.uint16) * np.uint16(QUANTA // 255)
-    return (levels[..., None] if levels.ndim == 2 else levels), has_alpha
+    elif image.mode != "L":
+        image = image.convert("L" if image.mode == "1" else "RGB")
+    levels = np.asarray(image, dtype=np.uint8)
+    return _Pixels(levels[..., None] if levels.ndim == 2 else levels, has_alpha, QUANTA / 255)

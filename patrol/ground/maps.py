@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.ground.builtins import builtin_terrain
-from patrol.ground.map_cells import free_cells, suspicious
+from patrol.ground.map_cells import free_cells, image_size, suspicious
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
+from patrol.untrusted import MAP, leads_out
 from patrol.yaml_text import parse_yaml, read_text
 
 Mode = Literal["trinary", "scale", "raw"]
@@ -73,13 +74,14 @@ class TerrainSource(Protocol):
         ...
 
 
-def load_terrain(spec: TerrainSource, point: float, base: Path) -> Terrain:
+def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | None = None) -> Terrain:
     """The terrain that a scenario asks for.
 
     Args:
         spec: the scenario's `terrain` section.
         point: side of one point, m.
         base: the folder that the map's path is relative to.
+        within: the folder that the map's files must lie in; None for anywhere.
 
     Raises:
         BadInput: when there is no such map, it cannot be used, or no free space is left.
@@ -87,7 +89,7 @@ def load_terrain(spec: TerrainSource, point: float, base: Path) -> Terrain:
     if spec.builtin is not None:
         terrain = builtin_terrain(spec.builtin, point)
     else:
-        terrain = read_terrain(base / str(spec.map), point)
+        terrain = read_terrain(base / str(spec.map), point, within)
     if not spec.keep_out:
         return terrain
     keep_out = np.zeros(terrain.shape, dtype=np.bool_)
@@ -99,7 +101,7 @@ def load_terrain(spec: TerrainSource, point: float, base: Path) -> Terrain:
     return kept
 
 
-def read_terrain(path: Path, point: float) -> Terrain:
+def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrain:
     """The terrain of a map.
 
     The grid begins at the map's origin; what is left of the map beyond the last whole point is dropped.
@@ -107,16 +109,15 @@ def read_terrain(path: Path, point: float) -> Terrain:
     Args:
         path: the map's YAML file.
         point: side of one point, m.
+        within: the folder that both files must lie in; None for anywhere.
 
     Raises:
         BadInput: for anything wrong with the two files, and when no free space is left.
     """
-    says = read_map_file(path)
-    cells = free_cells(says)
-    if not cells.any():
-        raise BadInput(f"{path}: leaves no free cell in {says.image.name}: {suspicious(says)}")
-    shape = tuple(whole_points(count * says.resolution, point) for count in cells.shape)
-    extent = f"{cells.shape[1] * says.resolution:g} x {cells.shape[0] * says.resolution:g} m"
+    says = read_map_file(path, within)
+    rows, columns = image_size(says)
+    shape = tuple(whole_points(count * says.resolution, point) for count in (rows, columns))
+    extent = f"{columns * says.resolution:g} x {rows * says.resolution:g} m"
     where = f"{path}: resolution = {says.resolution:g}"
     if min(shape) < 1:
         raise BadInput(f"{where}: makes the map {extent}, less than one point of {point:g} m; correct it")
@@ -125,6 +126,9 @@ def read_terrain(path: Path, point: float) -> Terrain:
             f"{where}: makes the map {extent}, more than {MAX_POINTS} points of {point:g} m; "
             "correct it or choose a larger point"
         )
+    cells = free_cells(says)
+    if not cells.any():
+        raise BadInput(f"{path}: leaves no free cell in {says.image.name}: {suspicious(says)}")
     passable = resample(cells, says.resolution, point)
     if not passable.any():
         where = f"{path}: no free point of {point:g} m"
@@ -149,21 +153,26 @@ def suspicious_reading(terrain: Terrain) -> str:
     return "" if terrain.source is None else suspicious(read_map_file(terrain.source))
 
 
-def read_map_file(path: Path) -> MapFile:
+def read_map_file(path: Path, within: Path | None = None) -> MapFile:
     """Read a map's YAML file.
 
     Args:
         path: the YAML file.
+        within: the folder that it and its image must lie in; None for anywhere.
 
     Raises:
         BadInput: one line that names the key, its value and what is wrong with it.
     """
-    says = parse_yaml(read_text(path), str(path))
+    if within is not None and leads_out(within, path):
+        raise BadInput(f"{path}: this map lies outside of {within} and is not read; copy its files into that folder")
+    says = parse_yaml(read_text(path, MAP), str(path))
     if not isinstance(says, dict):
         raise BadInput(f"{path}: is not a map; expected keys and values such as 'image: map.pgm'")
     image = _value(path, says, "image", "the image's file name")
     if not isinstance(image, str) or not image or "\0" in image:
         raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
+    if within is not None and leads_out(within, path.parent / image):
+        raise BadInput(f"{path}: image = {quoted(image)}: lies outside of {within} and is not read; copy it there")
     resolution = _number(path, says, "resolution", "a finite number above 0 (m per cell)")
     if resolution <= 0.0:
         raise BadInput(f"{path}: resolution = {resolution:g}: expected a finite number above 0 (m per cell)")

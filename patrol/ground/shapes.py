@@ -35,19 +35,51 @@ def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[
     rows = _span([y for _, y in corners], shape[0])
     if cols.size == 0 or rows.size == 0:
         return covered
-    window = np.zeros((rows.size, cols.size), dtype=np.bool_)
-    centre_x = np.asarray(cols[None, :] + 0.5, dtype=np.float64)
-    centre_y = np.asarray(rows[:, None] + 0.5, dtype=np.float64)
-    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
-        window ^= _left_of(x0, y0, x1, y1, centre_y, centre_x)
-    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
-        enter_x, leave_x = _crossing(x0, x1, cols)
-        enter_y, leave_y = _crossing(y0, y1, rows)
-        enter = np.maximum(enter_x[None, :], enter_y[:, None])
-        leave = np.minimum(leave_x[None, :], leave_y[:, None])
-        window |= np.maximum(enter, 0.0) < np.minimum(leave, 1.0)
+    return _painted(covered, _edges(corners), rows, cols)
+
+
+_Edge = tuple[float, float, float, float]
+"""x and y of its ends, in points."""
+
+_BLOCK = 64
+"""Rows of an edge that are looked at together: an edge takes time by its length, not by its bounding box."""
+
+
+def _edges(corners: Sequence[tuple[float, float]]) -> list[_Edge]:
+    return [(*start, *end) for start, end in zip(corners, [*corners[1:], corners[0]], strict=True)]
+
+
+def _painted(covered: BoolGrid, edges: Sequence[_Edge], rows: NDArray[np.int64], cols: NDArray[np.int64]) -> BoolGrid:
+    """Mark what lies inside of a polygon, and what its edges run through, within some rows and columns."""
+    xs = np.asarray(cols + 0.5, dtype=np.float64)
+    # Where an edge crosses the middle of a row, inside and outside change places for all that lies left of it.
+    flips = np.zeros((rows.size, cols.size + 1), dtype=np.bool_)
+    for x0, y0, x1, y1 in edges:
+        between, crossing = _crossings(x0, y0, x1, y1, rows)
+        flips[between, np.searchsorted(xs, crossing)] ^= True
+    window = np.logical_xor.accumulate(flips[:, ::-1], axis=1)[:, -2::-1]
+    for x0, y0, x1, y1 in edges:
+        low, high = _reached(y0, y1, rows)
+        left, right = _reached(x0, x1, cols)
+        enter_x, leave_x = _crossing(x0, x1, cols[left:right])
+        for first in range(low, high, _BLOCK):
+            block = slice(first, min(first + _BLOCK, high))
+            enter_y, leave_y = (at[:, None] for at in _crossing(y0, y1, rows[block]))
+            near = left + np.flatnonzero((enter_x < leave_y.max()) & (enter_y.min() < leave_x))
+            if near.size:
+                part = slice(near[0], near[-1] + 1)
+                here = slice(near[0] - left, near[-1] + 1 - left)
+                enter = np.maximum(enter_x[None, here], enter_y)
+                leave = np.minimum(leave_x[None, here], leave_y)
+                window[block, part] |= np.maximum(enter, 0.0) < np.minimum(leave, 1.0)
     covered[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1] = window
     return covered
+
+
+def _reached(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[int, int]:
+    """The range of rows or columns, as places in `index`, that an edge may run through, and a few more."""
+    low, high = np.clip([min(a0, a1) - 2.0, max(a0, a1) + 2.0], float(index[0]), float(index[-1] + 1))
+    return math.floor(low) - int(index[0]), math.ceil(high) - int(index[0])
 
 
 def _span(values: Sequence[float], count: int) -> NDArray[np.int64]:
@@ -56,13 +88,16 @@ def _span(values: Sequence[float], count: int) -> NDArray[np.int64]:
     return np.arange(math.floor(low), math.ceil(high), dtype=np.int64)
 
 
-def _left_of(x0: float, y0: float, x1: float, y1: float, ys: NDArray[np.float64], xs: NDArray[np.float64]) -> BoolGrid:
-    """Where a ray in the direction of +x crosses an edge: one such crossing more, and inside becomes outside."""
+def _crossings(
+    x0: float, y0: float, x1: float, y1: float, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The rows, as places in `rows`, whose middle an edge crosses, and where, in points."""
+    low, high = _reached(y0, y1, rows)
+    ys = np.asarray(rows[low:high] + 0.5, dtype=np.float64)
+    between = np.flatnonzero((ys >= y0) != (ys >= y1))
     if y0 == y1:
-        return np.zeros((ys.size, xs.size), dtype=np.bool_)
-    between = (ys >= y0) != (ys >= y1)
-    crossing: BoolGrid = between & (xs < x0 + (ys - y0) * ((x1 - x0) / (y1 - y0)))
-    return crossing
+        return between, np.zeros(0)
+    return low + between, x0 + (ys[between] - y0) * ((x1 - x0) / (y1 - y0))
 
 
 def _crossing(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

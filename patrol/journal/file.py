@@ -6,7 +6,7 @@ what was written to the bit.
 
 Every record goes to the operating system in one write as soon as it is handed over, so that killing the writer loses
 nothing; that costs less than packing the record. A reader takes whole records up to the first that is cut off or
-damaged and says so.
+damaged and says so. A damaged length, or one beyond what the run's robots can need, ends the reading as well.
 """
 
 from __future__ import annotations
@@ -14,23 +14,27 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, BinaryIO, NamedTuple, Self
 
 import msgpack
 
 from patrol.errors import BadInput
-from patrol.journal.records import End, Event, Header, Record, RobotFacts, RobotTick, Status, TerrainFacts, TickRecord
+from patrol.journal.decode import Malformed, decode, is_tick, longest_record
+from patrol.journal.records import End, Event, Header, Record, RobotTick, TickRecord
+from patrol.untrusted import JOURNAL, open_untrusted
 
 _KIND = b"fogwatch journal "
 MAGIC = _KIND + b"1\n"
-MAX_RECORD = 1 << 28
+MOST_EVENTS = 1_000_000
 REMEDY = "use the version that wrote it, or run the folder's scenario.yaml again"
 _FRAME = struct.Struct("<II")
+_MOST_ROBOTS = 0xFFFF
+"""Robots of the largest fleet, where it is not known how many there are."""
 
 
 class JournalWriter:
@@ -45,6 +49,7 @@ class JournalWriter:
     """
 
     def __init__(self, path: Path, header: Header) -> None:
+        self._longest = longest_record(len(header.robots))
         self._file = io.FileIO(path, "xb")
         self._put(MAGIC)
         self.write(header)
@@ -68,10 +73,10 @@ class JournalWriter:
 
         Raises:
             OSError: when the file cannot be written.
-            ValueError: for a record longer than MAX_RECORD.
+            ValueError: for a record longer than a reader takes (`patrol.journal.decode.longest_record`).
         """
-        if len(payload) > MAX_RECORD:
-            raise ValueError(f"a record of {len(payload)} bytes is longer than {MAX_RECORD}")
+        if len(payload) > self._longest:
+            raise ValueError(f"a record of {len(payload)} bytes is longer than {self._longest}")
         self._put(_FRAME.pack(len(payload), zlib.crc32(payload)) + payload)
 
     def close(self) -> None:
@@ -113,15 +118,16 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        first = next(iter(_Records(path)), None)
+        first = next(iter(_Records(path, 0)), None)
         if not isinstance(first, Header):
             raise BadInput(f"{path}: has no complete header, so the run ended before it began; run it again")
         self.header = first
+        self._robots = len(first.robots)
 
     @property
     def ticks(self) -> Iterator[TickRecord]:
         """The ticks in order, as a new iterator over the file."""
-        return (record for record in _Records(self.path) if isinstance(record, TickRecord))
+        return (record for record in _Records(self.path, self._robots) if isinstance(record, TickRecord))
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -140,12 +146,14 @@ class Journal:
 
     @cached_property
     def _rest(self) -> _Rest:
-        records = _Records(self.path, skip_ticks=True)
+        records = _Records(self.path, self._robots, skip_ticks=True)
         events: list[Event] = []
         end: End | None = None
         for record in records:
             if isinstance(record, Event):
                 events.append(record)
+                if len(events) > MOST_EVENTS:
+                    raise BadInput(f"{self.path}: has more than {MOST_EVENTS} events; {REMEDY}")
             elif isinstance(record, End):
                 end = record
         return _Rest(tuple(events), end, records.truncated)
@@ -166,17 +174,20 @@ def read_journal(path: Path) -> Journal:
 class _Records:
     """One pass over a file's whole records; afterwards `truncated` says whether anything else follows them."""
 
-    def __init__(self, path: Path, skip_ticks: bool = False) -> None:
+    def __init__(self, path: Path, robots: int, skip_ticks: bool = False) -> None:
         self.path = path
         self.truncated = False
+        self._robots = robots
+        self._longest = longest_record(robots)
         self._skip_ticks = skip_ticks
 
     def __iter__(self) -> Iterator[Record]:
         try:
-            with self.path.open("rb") as file:
+            with open_untrusted(self.path, JOURNAL) as file:
                 self._check_magic(file.readline(len(MAGIC) + 8))
                 for number, payload in enumerate(self._payloads(file)):
-                    yield from self._record(number, payload)
+                    if not (self._skip_ticks and is_tick(payload)):
+                        yield self._record(number, payload)
         except OSError as error:
             raise BadInput(f"{self.path}: cannot be read ({error.strerror})") from None
 
@@ -188,25 +199,23 @@ class _Records:
         if magic != MAGIC:
             raise BadInput(f"{self.path}: is a journal of another format, while this version reads format 1; {REMEDY}")
 
-    def _payloads(self, file: io.BufferedReader) -> Iterator[bytes]:
+    def _payloads(self, file: BinaryIO) -> Iterator[bytes]:
         while frame := file.read(_FRAME.size):
             self.truncated = True
             if len(frame) < _FRAME.size:
                 return
             length, checksum = _FRAME.unpack(frame)
-            payload = file.read(length) if length <= MAX_RECORD else b""
+            payload = file.read(length) if length <= self._longest else b""
             if len(payload) != length or zlib.crc32(payload) != checksum:
                 return
             self.truncated = False
             yield payload
 
-    def _record(self, number: int, payload: bytes) -> Iterator[Record]:
+    def _record(self, number: int, payload: bytes) -> Record:
         try:
-            value = msgpack.unpackb(payload, strict_map_key=False)
-            if not (self._skip_ticks and value["type"] == "tick"):
-                yield _typed(value)
-        except (ValueError, TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
-            what = f"record {number} is damaged or of another version ({type(error).__name__})"
+            return decode(payload, self._robots)
+        except Malformed as error:
+            what = f"record {number} is damaged or of another version ({error})"
             raise BadInput(f"{self.path}: {what}; {REMEDY}") from None
 
 
@@ -230,9 +239,9 @@ def unpack(payload: bytes) -> Record:
         ValueError: for anything else.
     """
     try:
-        return _typed(msgpack.unpackb(payload, strict_map_key=False))
-    except (TypeError, LookupError, AttributeError, msgpack.UnpackException) as error:
-        raise ValueError(f"not a record of a journal ({type(error).__name__})") from None
+        return decode(payload, _MOST_ROBOTS)
+    except Malformed as error:
+        raise ValueError(f"not a record of a journal ({error})") from None
 
 
 def _plain(record: Record) -> dict[str, Any]:
@@ -284,48 +293,3 @@ def _grouped(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, int,
             groups.append((source, sequence, cause, destinations))
         destinations.append(destination)
     return groups
-
-
-def _typed(value: Any) -> Record:
-    kind = value.pop("type")
-    match kind:
-        case "tick":
-            return _typed_tick(value)
-        case "event":
-            return Event(**value)
-        case "end":
-            return End(**value)
-        case "header":
-            robots = tuple(RobotFacts(**facts) for facts in value.pop("robots"))
-            terrain = value.pop("terrain")
-            origin = (float(terrain["origin"][0]), float(terrain["origin"][1]))
-            return Header(robots=robots, terrain=TerrainFacts(**{**terrain, "origin": origin}), **value)
-    raise ValueError(f"unknown type {kind}")
-
-
-def _typed_tick(value: dict[str, Any]) -> TickRecord:
-    return TickRecord(
-        k=value["k"],
-        robots=tuple(map(_typed_robot, value["robots"])),
-        frames=tuple((source, frame) for source, frame in value["frames"]),
-        deliveries=tuple((source, to, seq) for source, seq, _, tos in value["delivered"] for to in tos),
-        dropped=_links(value["dropped"]),
-        mfow=value["mfow"],
-        fog_mean=value["fog_mean"],
-        seen=value["seen"],
-        copies=_links(value.get("copies", ())),
-        delayed=_links(value.get("delayed", ())),
-        forged=tuple(value.get("forged", ())),
-    )
-
-
-def _links(groups: Iterable[tuple[int, int, str, list[int]]]) -> tuple[tuple[int, int, int, str], ...]:
-    """What `_grouped` drew together."""
-    return tuple((source, to, seq, why) for source, seq, why, tos in groups for to in tos)
-
-
-def _typed_robot(row: Sequence[Any]) -> RobotTick:
-    number, status, x, y, heading, c0, c1, bumped, state, goal, decision_ms, rejected, refused = row
-    place = None if goal is None else (goal[0], goal[1])
-    driven = (x, y, heading, c0, c1, bumped)
-    return RobotTick(number, Status(status), *driven, state, place, decision_ms, rejected, refused)

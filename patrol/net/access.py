@@ -13,6 +13,7 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.net.keys import check_locator, fleet_keys
+from patrol.untrusted import ACCESS, read_untrusted
 
 FILE = "control.json"
 LEAST = 16
@@ -64,7 +65,7 @@ def read_access(path: Path, option: str) -> Access:
     """
     file = path / FILE if path.is_dir() else path
     try:
-        says = json.loads(file.read_text(encoding="utf-8"))
+        says = json.loads(read_untrusted(file, ACCESS))
     except OSError as error:
         gone = " (it is removed when the run is over)" if path.is_dir() else ""
         raise BadInput(f"{option}: {file} cannot be read: {error.strerror}{gone}") from None

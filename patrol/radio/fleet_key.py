@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from patrol.errors import BadInput
+from patrol.untrusted import KEY, read_untrusted
 
 SHORTEST = 16
 LONGEST = 64
@@ -27,7 +28,7 @@ def fleet_key(file: str | Path | None) -> bytes | None:
         return None
     path = Path(file)
     try:
-        key = path.read_bytes().strip()
+        key = read_untrusted(path, KEY).strip()
     except OSError as error:
         raise BadInput(f"radio.key: cannot read {path}: {error.strerror}; name a readable key file") from None
     if not SHORTEST <= len(key) <= LONGEST:

@@ -47,6 +47,9 @@ MAX_CONTROL = 1 << 16
 MOST_FAULTS = 2000
 """Faults of a scenario beyond which an operator adds no more."""
 
+MOST_INTRUDERS = 2000
+"""Intruders of a scenario beyond which an operator adds no more."""
+
 MOST_STEPS = 100_000
 FACTORS = (1e-3, 1e6)
 """The least and the greatest pace that may be asked for, of real time."""
@@ -173,6 +176,8 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
         case Heal():
             return _healed(scenario, k, control.id), f"{control.id} ends with tick {k}"
         case AddIntruder():
+            if len(scenario.intruders) >= MOST_INTRUDERS:
+                raise BadInput(f"control: intruder: this run has {MOST_INTRUDERS} intruders already and takes no more")
             entry = {"place": control.place, "at": _time_of(k, scenario.step), "for": control.stay}
             mapping = _mapping(scenario)
             mapping["intruders"] = [*mapping["intruders"], entry]
@@ -190,8 +195,24 @@ def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
     """
     for event in events:
         if event.kind == OPERATOR:
-            scenario, _ = amended(scenario, event.k, read_control(json.loads(event.detail)))
+            scenario, _ = amended(scenario, event.k, control_in(event))
     return scenario
+
+
+def control_in(event: Event) -> Control:
+    """The control in an event of kind `OPERATOR`.
+
+    Args:
+        event: of a journal that others may have written.
+
+    Raises:
+        BadInput: one line, when its detail is no control.
+    """
+    try:
+        says = json.loads(event.detail)
+    except (ValueError, RecursionError):
+        raise BadInput(f"control: {quoted(event.detail)} before tick {event.k}: is not JSON") from None
+    return read_control(says)
 
 
 def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
@@ -251,8 +272,8 @@ def described(event: Event) -> str:
     if event.kind != OPERATOR:
         return event.detail
     try:
-        control = read_control(json.loads(event.detail))
-    except (ValueError, BadInput):
+        control = control_in(event)
+    except BadInput:
         return event.detail
     match control:
         case AddFault():

@@ -5,7 +5,6 @@ A fleet's key is a secret and is not copied: the scenario goes on naming its fil
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import yaml
@@ -13,7 +12,8 @@ import yaml
 from patrol.errors import BadInput
 from patrol.ground.maps import read_map_file
 from patrol.scenario import Scenario, dump_scenario
-from patrol.scenario.policy_file import policy_digest, policy_file
+from patrol.scenario.policy_file import policy_digest, policy_file, policy_source
+from patrol.untrusted import IMAGE, read_untrusted
 
 FILE = "scenario.yaml"
 MAP = "map"
@@ -49,7 +49,7 @@ def _with_own_policy(scenario: Scenario, folder: Path) -> Scenario:
     if scenario.patrol.policy_sha256 not in (None, digest):
         raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
     folder.mkdir()
-    shutil.copyfile(source, folder / source.name)
+    (folder / source.name).write_bytes(policy_source(source))
     name = scenario.patrol.policy.rpartition(":")[2]
     patrol = scenario.patrol.model_copy(update={"policy": f"./{folder.name}/{source.name}:{name}"})
     return scenario.model_copy(update={"patrol": patrol})
@@ -62,9 +62,10 @@ def _with_own_map(scenario: Scenario, folder: Path) -> Scenario:
     source = read_map_file(scenario.base / scenario.terrain.map)
     folder.mkdir()
     try:
-        shutil.copyfile(source.image, folder / source.image.name)
+        image = read_untrusted(source.image, IMAGE)
     except OSError as error:
         raise BadInput(f"{source.path}: image = {source.image}: cannot be read ({error.strerror})") from None
+    (folder / source.image.name).write_bytes(image)
     says = {
         "image": source.image.name,
         "resolution": source.resolution,

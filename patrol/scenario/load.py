@@ -29,6 +29,7 @@ from patrol.scenario.model import RobotEntry, RobotGroup, Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.policy_file import policy_digest, policy_file
 from patrol.scenario.robots import RobotSpec
+from patrol.untrusted import IMAGE, read_untrusted
 from patrol.values.types import BUILTINS
 from patrol.yaml_text import line_of, parse_yaml, read_text
 
@@ -50,6 +51,7 @@ def load_scenario(
     base: Path | None = None,
     called: str = "scenario",
     aliases: Mapping[str, str] | None = None,
+    opens_policy: bool = True,
 ) -> Scenario:
     """The scenario in a YAML file, or in a mapping of the same shape.
 
@@ -61,6 +63,8 @@ def load_scenario(
             relative to the file's folder.
         called: what errors call a mapping.
         aliases: what errors call a field instead of its dotted name.
+        opens_policy: whether the file of a policy may be opened, for its hash; False for a stranger's scenario that is
+            only looked at. No other file that a scenario names is opened here.
 
     Returns:
         The scenario, resolved.
@@ -69,10 +73,13 @@ def load_scenario(
         BadInput: one line that names the file, the field, the value and the remedy.
     """
     if isinstance(source, Mapping):
-        return _resolve(copy.deepcopy(dict(source)), overrides or {}, called, base or Path.cwd(), None, None, aliases)
-    path = Path(source)
-    raw, text = _read_mapping(path)
-    return _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
+        raw = copy.deepcopy(dict(source))
+        scenario = _resolve(raw, overrides or {}, called, base or Path.cwd(), None, None, aliases)
+    else:
+        path = Path(source)
+        raw, text = _read_mapping(path)
+        scenario = _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
+    return _with_policy_digest(scenario) if opens_policy else scenario
 
 
 def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
@@ -195,7 +202,7 @@ def map_digest(path: Path) -> str:
 
     says = read_map_file(path)
     try:
-        image = says.image.read_bytes()
+        image = read_untrusted(says.image, IMAGE)
     except OSError as error:
         raise BadInput(f"{path}: image = {says.image}: cannot be read ({error.strerror}); correct 'image'") from None
     return _digest(
@@ -229,7 +236,7 @@ def _resolve(
     raw.setdefault("name", _default_name(raw, name))
     try:
         scenario = written_out(Scenario.model_validate(raw, context={"base": base}))
-        return _with_lengths(_with_policy_digest(scenario))
+        return _with_lengths(scenario)
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None

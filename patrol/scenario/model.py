@@ -40,7 +40,7 @@ from patrol.values.types import (
     Pace,
     PathText,
     PolicyText,
-    Polygon,
+    Polygons,
     Positive,
     Probability,
     Quality,
@@ -66,7 +66,7 @@ class TerrainSpec(Section):
 
     builtin: Builtin | None = Field(None, description="a built-in terrain, instead of a map")
     map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
-    keep_out: tuple[Polygon, ...] = Field((), description="m, polygons [[x, y], ...] that no body may enter")
+    keep_out: Polygons = Field((), description="m, polygons [[x, y], ...] that no body may enter")
 
     @field_validator("map")
     @classmethod
@@ -160,7 +160,7 @@ class PatrolSpec(Section):
     paths: Literal["wave", "straight", "regions"] = Field(
         "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
     )
-    regions: tuple[Polygon, ...] | None = Field(None, description="m, convex polygons; null: found automatically")
+    regions: Polygons | None = Field(None, description="m, convex polygons; null: found automatically")
     commitment: Literal["none", "target"] = Field(
         "target", description="target (go to one place until it is seen) | none (a direction chosen anew at each tick)"
     )
@@ -192,7 +192,7 @@ class PatrolSpec(Section):
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
     )
-    critical_areas: tuple[Polygon, ...] | None = Field(None, description="m, polygons; null: narrow passages")
+    critical_areas: Polygons | None = Field(None, description="m, polygons; null: narrow passages")
     critical_width: AutoPositive = Field(
         AUTO, description="m, passages narrower than this are critical areas; auto: 8 radii"
     )

@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 
 from patrol.errors import BadInput
+from patrol.untrusted import POLICY, read_untrusted
 
 PAPER = "potential-field"
 """The policy of the paper, which is the default."""
@@ -23,7 +24,16 @@ def policy_digest(path: Path) -> str:
     Raises:
         BadInput: It cannot be read.
     """
+    return hashlib.sha256(policy_source(path)).hexdigest()
+
+
+def policy_source(path: Path) -> bytes:
+    """The content of a policy's file.
+
+    Raises:
+        BadInput: It cannot be read.
+    """
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return read_untrusted(path, POLICY)
     except OSError as error:
         raise BadInput(f"patrol.policy = {path}: cannot be read ({error.strerror}); correct it") from None

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final, Literal, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     Discriminator,
     Field,
     Strict,
@@ -27,6 +28,8 @@ from patrol.radio.message import MAX_TRAIL
 
 MAX_ROBOTS = 65_000
 MAX_SEED = 2**63 - 1
+MAX_CORNERS = 5000
+MAX_POLYGONS = 1000
 # Larger numbers mean nothing in metres, seconds or points, and overflow the arithmetic of grids.
 LARGEST = 1e9
 
@@ -78,6 +81,22 @@ def at_least(count: int, what: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+def at_most(count: int, what: str) -> BeforeValidator:
+    """A check that a list does not have too many items, before any of them is looked at.
+
+    Args:
+        count: the largest number of items.
+        what: what the items are.
+    """
+
+    def check(items: Any) -> Any:
+        if isinstance(items, list | tuple) and len(items) > count:
+            raise _unexpected(f"at most {count} {what}")
+        return items
+
+    return BeforeValidator(check)
+
+
 Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST), _bare("a number from -1e9 to 1e9")]
 Positive = Annotated[float, Strict(), Field(gt=0, le=LARGEST), _bare("a number above 0 and at most 1e9")]
 NotNegative = Annotated[float, Strict(), Field(ge=0, le=LARGEST), _bare("a number from 0 to 1e9")]
@@ -117,7 +136,15 @@ RobotName = Annotated[
     expecting("text of at most 32 letters, digits, '_' and '-' that begins with a letter or digit"),
 ]
 Corner = Annotated[tuple[Number, Number], expecting("[x, y] in m")]
-Polygon = Annotated[tuple[Corner, ...], Field(json_schema_extra={"minItems": 3}), at_least(3, "corners")]
+Polygon = Annotated[
+    tuple[Corner, ...],
+    Field(json_schema_extra={"minItems": 3, "maxItems": MAX_CORNERS}),
+    at_least(3, "corners"),
+    at_most(MAX_CORNERS, "corners"),
+]
+Polygons = Annotated[
+    tuple[Polygon, ...], Field(json_schema_extra={"maxItems": MAX_POLYGONS}), at_most(MAX_POLYGONS, "polygons")
+]
 Place = Annotated[
     tuple[Number, Number] | tuple[Number, Number, Number], expecting("[x, y] in m or [x, y, heading] in m and rad")
 ]

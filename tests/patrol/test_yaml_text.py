@@ -11,6 +11,8 @@ from patrol.errors import BadInput
 from patrol.scenario import load_scenario
 from patrol.yaml_text import line_of, parse_yaml
 
+ALIAS_BOMB = "a0: &a0 [1, 2]\n" + "".join(f"a{n}: &a{n} [{f'*a{n - 1},' * 9}]\n" for n in range(1, 30))
+
 
 def problem(text: str) -> str:
     with pytest.raises(BadInput) as caught:
@@ -43,7 +45,7 @@ def problem(text: str) -> str:
         ("e3", "e3"),
         (".", "."),
         ("=", "="),
-        ("{a: &x {b: 1}, c: {<<: *x, d: 2}}", {"a": {"b": 1}, "c": {"b": 1, "d": 2}}),
+        ("{a: &x {b: 1}, c: *x, d: '<<'}", {"a": {"b": 1}, "c": {"b": 1}, "d": "<<"}),
         ("\ufeffa: 1", {"a": 1}),
     ],
 )
@@ -68,6 +70,17 @@ def test_plain_values_are_read_by_the_core_rules(text: str, value: object) -> No
         ("a: \x00", "a.yaml: character 3: special characters are not allowed"),
         ("a: \t- 1", "a.yaml: line 1"),
         ("[" * 10_000, "a.yaml: nested too deeply"),
+        ("[" * 51 + "]" * 51, "a.yaml: nested too deeply"),
+        ("{a: &x {b: 1}, c: {<<: *x, d: 2}}", "a.yaml: line 1, column 20: merge keys (<<) are not read"),
+        ("a: &x [1, *x]", "a.yaml: line 1, column 11: *x is inside of what it stands for"),
+        ("a: !!bool maybe", "holds a value that its tag (!!) does not fit"),
+        ("a: !!timestamp 2024-01-01", "could not determine a constructor"),
+        ("a: !!binary abc", "could not determine a constructor"),
+        ("a: !!set {b}", "could not determine a constructor"),
+        (f"a: 0x{'f' * 4000}", "a.yaml: line 1, column 4: a number of 4002 characters, and at most 64 are read"),
+        (f"a: {'x' * 70_000}", "a.yaml: line 1, column 4: a value of 70000 characters"),
+        (f"a: [{'1,' * 100_001}]", "more than 100000 entries"),
+        (ALIAS_BOMB, "more than 100000 entries, what aliases stand for included; correct the YAML"),
     ],
 )
 def test_what_is_not_well_formed_is_told_with_its_line(text: str, expected: str) -> None:
@@ -88,7 +101,7 @@ def test_no_text_raises_anything_but_bad_input(text: str) -> None:
         (b"[1, 2]", "holds [1, 2]; expected keys and values"),
         (b"yards", 'holds "yards"; expected keys and values'),
         (b"\xff\xfe\x00", "not UTF-8 text"),
-        (b"terrain: &a [*a]", "terrain ="),
+        (b"terrain: &a [*a]", "*a is inside of what it stands for"),
     ],
 )
 def test_a_file_that_is_no_scenario_is_named(tmp_path: Path, content: bytes, expected: str) -> None:

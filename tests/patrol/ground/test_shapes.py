@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon, box
 
-from patrol.ground.shapes import cover
+from patrol.ground.shapes import TOLERANCE, cover
+from patrol.ground.terrain import BoolGrid
 
 SHAPE = (9, 12)
 ORIGIN = (-1.0, 0.5)
@@ -55,3 +56,42 @@ def test_a_concave_polygon_leaves_its_notch_free() -> None:
 def test_a_polygon_off_the_grid_covers_nothing(shift: tuple[float, float]) -> None:
     corners = [(x + shift[0], y + shift[1]) for x, y in [(0.0, 0.0), (3.0, 0.0), (0.0, 3.0)]]
     assert not cover(corners, (5, 5), 1.0, (0.0, 0.0)).any()
+
+
+def by_every_point(
+    polygon: list[tuple[float, float]], shape: tuple[int, int], point: float, origin: tuple[float, float]
+) -> BoolGrid:
+    """What `cover` gives, from each edge and each point by itself."""
+    corners = [((x - origin[0]) / point, (y - origin[1]) / point) for x, y in polygon]
+    covered = np.zeros(shape, dtype=np.bool_)
+    for row, col in np.ndindex(shape):
+        inside = False
+        for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
+            y = row + 0.5
+            if (y >= y0) != (y >= y1) and col + 0.5 < x0 + (y - y0) * ((x1 - x0) / (y1 - y0)):
+                inside = not inside
+            spans = [(0.0, 1.0)]
+            for a0, a1, index in ((x0, x1, col), (y0, y1, row)):
+                low, high = index + TOLERANCE, index + 1.0 - TOLERANCE
+                if a0 != a1:
+                    spans.append(tuple(sorted(((low - a0) / (a1 - a0), (high - a0) / (a1 - a0)))))
+                elif not low < a0 < high:
+                    spans.append((1.0, 0.0))
+            covered[row, col] |= max(low for low, _ in spans) < min(high for _, high in spans)
+        covered[row, col] |= inside
+    return covered
+
+
+near = st.sampled_from([-1.0, 0.0, 0.5, 1.0, 3.0, 7.25, 70.0]) | st.floats(-3.0, 90.0)
+
+
+@given(
+    st.lists(st.tuples(near, near), min_size=1, max_size=6),
+    st.tuples(st.integers(1, 5), st.integers(1, 90)) | st.tuples(st.integers(1, 90), st.integers(1, 5)),
+    st.sampled_from([1.0, 0.3]),
+)
+def test_each_point_is_covered_as_if_it_were_looked_at_alone(
+    polygon: list[tuple[float, float]], shape: tuple[int, int], point: float
+) -> None:
+    for origin in ((0.0, 0.0), (-0.7, 1.3)):
+        assert np.array_equal(cover(polygon, shape, point, origin), by_every_point(polygon, shape, point, origin))

@@ -29,6 +29,7 @@ from patrol.journal import (
     TickRecord,
     read_journal,
 )
+from patrol.journal.decode import FARTHEST
 from patrol.journal.file import MAGIC
 from patrol.scenario import as_mapping, load_scenario
 
@@ -70,21 +71,23 @@ def write(path: Path, *records: Record) -> Path:
     return path
 
 
-numbers = st.floats(allow_nan=False)
+places = st.floats(-FARTHEST, FARTHEST)
+numbers = st.floats(-1e12, 1e12)
+finite = st.floats(allow_nan=False, allow_infinity=False)
 links = st.tuples(st.integers(1, 3), st.integers(1, 3), st.integers(0, 2))
 fates = st.lists(st.tuples(*[st.integers(1, 3)] * 3, st.sampled_from(["dead", "range:f1"])), max_size=8).map(tuple)
 robot_ticks = st.builds(
     RobotTick,
     number=st.integers(1, 65535),
     status=st.sampled_from(Status),
-    x=numbers,
-    y=numbers,
+    x=places,
+    y=places,
     heading=numbers,
     c0=numbers,
     c1=numbers,
     bumped=st.booleans(),
     state=st.sampled_from(["", "patrolling", "dead-end"]),
-    goal=st.none() | st.tuples(numbers, numbers),
+    goal=st.none() | st.tuples(finite, finite),
     decision_ms=st.none() | numbers,
     rejected=st.none() | st.integers(0, 2**40),
 )
@@ -96,7 +99,7 @@ tick_records = st.builds(
     deliveries=st.lists(links, max_size=8).map(tuple),
     dropped=fates,
     mfow=st.integers(0, 2**31),
-    fog_mean=numbers,
+    fog_mean=st.floats(0.0, 1e12),
     seen=st.integers(0, 2**40),
     copies=fates,
     delayed=fates,
@@ -259,7 +262,7 @@ def test_a_tick_of_a_large_fleet_is_small(tmp_path: Path) -> None:
 
 
 def test_too_long_a_record_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("patrol.journal.file.MAX_RECORD", 5000)
+    monkeypatch.setattr("patrol.journal.file.longest_record", lambda _: 5000)
     with JournalWriter(tmp_path / "journal", HEADER) as journal:
         with pytest.raises(ValueError, match="longer"):
             journal.write(tick(0, robots=100))

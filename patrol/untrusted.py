@@ -1,0 +1,137 @@
+"""Opening files that others may have written: regular files only, and never more bytes than their kind may have.
+
+A path that a user gives, or that a file names, can lead to anything. Opening a named pipe waits until somebody writes
+to it, a device may have no end, and a file may be larger than the memory. So every file that is not this program's own
+is opened here (a test holds that): without waiting, and only if it is a regular file within the limit of its kind.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+KIB = 1 << 10
+MIB = 1 << 20
+GIB = 1 << 30
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of file.
+
+    Attributes:
+        what: what errors call such a file.
+        most: bytes of the largest one.
+    """
+
+    what: str
+    most: int
+
+
+SCENARIO = Kind("a scenario", 2 * MIB)
+SWEEP = Kind("a sweep", 2 * MIB)
+MAP = Kind("a map's YAML file", 64 * KIB)
+IMAGE = Kind("a map's image", 512 * MIB)
+KEY = Kind("a key", 4 * KIB)
+ACCESS = Kind("an access file", 64 * KIB)
+POLICY = Kind("a policy", 16 * MIB)
+SUMMARY = Kind("a summary", 8 * MIB)
+JOURNAL = Kind("a journal", 64 * GIB)
+RECORDING = Kind("a recording", 64 * GIB)
+RESULTS = Kind("a sweep's results", GIB)
+
+_NAMES = (
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+
+class Refused(OSError):
+    """A file that is not opened, or not read, although the system would; `strerror` says why."""
+
+
+def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
+    """Open a file for reading.
+
+    Journals and recordings, which are read piece by piece, have limits of their own for each piece.
+
+    Args:
+        path: the file.
+        kind: what it should be.
+
+    Returns:
+        the file, at its beginning.
+
+    Raises:
+        OSError: when the system does not open it; Refused when it is no regular file or too large. `strerror` says why
+            in a few words.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+    except ValueError:
+        raise Refused(errno.EINVAL, "has a null character in its name", str(path)) from None
+    try:
+        check_regular(descriptor, path, kind)
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def check_regular(descriptor: int, path: Path, kind: Kind) -> None:
+    """Check that an open file is a regular one within the limit of its kind.
+
+    Args:
+        descriptor: the open file.
+        path: its path, for errors.
+        kind: what it should be.
+
+    Raises:
+        OSError: it is a folder; Refused when it is something else, or too large.
+    """
+    facts = os.fstat(descriptor)
+    if stat.S_ISDIR(facts.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(facts.st_mode):
+        what = next((name for holds, name in _NAMES if holds(facts.st_mode)), "something else")
+        raise Refused(errno.EINVAL, f"is {what}; give a regular file", str(path))
+    if facts.st_size > kind.most:
+        raise _too_large(path, kind)
+
+
+def read_untrusted(path: Path, kind: Kind) -> bytes:
+    """The bytes of a file.
+
+    Args:
+        path: the file.
+        kind: what it should be.
+
+    Raises:
+        OSError: as from `open_untrusted`.
+    """
+    with open_untrusted(path, kind) as file:
+        content = file.read(kind.most + 1)  # some regular files, as in /proc, do not say how large they are
+    if len(content) > kind.most:
+        raise _too_large(path, kind)
+    return content
+
+
+def _too_large(path: Path, kind: Kind) -> Refused:
+    unit, name = next((unit, name) for unit, name in ((GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB")) if kind.most >= unit)
+    return Refused(errno.EFBIG, f"is larger than {kind.what} may be, {kind.most // unit} {name}", str(path))
+
+
+def leads_out(folder: Path, path: Path) -> bool:
+    """Whether a path leads out of a folder, by its names or by a link.
+
+    Args:
+        folder: the folder.
+        path: the file, which need not exist.
+    """
+    return not path.resolve().is_relative_to(folder.resolve())
