@@ -14,7 +14,6 @@ from patrol.net.control_auth import Admitted, ControlGate, Refused
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import read_control
 from patrol.scenario.copying import MAP
-from worldsim.mailbox import Mailbox
 from worldsim.operator import ControlRequest
 
 if TYPE_CHECKING:
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 
     from patrol.scenario import Scenario
     from patrol.scenario.controls import Answer
+    from worldsim.mailbox import CountingMailbox
 
 TIMELINE = "timeline.yaml"
 MOST_AT_ONCE = 64
@@ -43,20 +43,10 @@ class Question(Protocol):
         ...
 
 
-class CountingMailbox(Mailbox[Question], Protocol):
-    """A mailbox that counts what it dropped.
-
-    Attributes:
-        refused: Messages that were dropped, by reason.
-    """
-
-    refused: Counter[str]
-
-
 class ControlMailbox:
     """A `worldsim.operator.ControlRequests` that takes requests from operators who know the fleet's token."""
 
-    def __init__(self, mailbox: CountingMailbox, gate: ControlGate) -> None:
+    def __init__(self, mailbox: CountingMailbox[Question], gate: ControlGate) -> None:
         """Take requests.
 
         Args:

@@ -6,7 +6,7 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -19,13 +19,16 @@ from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox, Presence, Question
 from patrol.net.phases import MAX_REPLY, ToWorld, decode_to_world
+from patrol.net.seats import seat_of
 from patrol.net.telemetry import EVENTS, METRICS, pack_view, read_traffic
+from patrol.net.tick_chain import TickChain
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import Scenario, scenario_hash
+from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.process_control import ControlFailed, LauncherControl
-from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
+from worldsim.fleet.sessions import Interrupted, Sessions
 from worldsim.operator import Operator, RunState
 from worldsim.output.feed_publisher import Feed
 from worldsim.output.live_progress import LiveProgress
@@ -76,8 +79,11 @@ class Wiring:
     say: Callable[[str], None]
     run: int = field(default_factory=_random_run)
 
-    def gather(self) -> Sessions:
+    def gather(self, token: str | None) -> Sessions:
         """Announce the world and wait until each robot's process has come.
+
+        Args:
+            token: The fleet's token, by which the world knows the processes of its launcher.
 
         Returns:
             Their sessions.
@@ -101,12 +107,20 @@ class Wiring:
             keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(self.ending)
         )
         absent = Timeline(self.scenario).starts_absent
-        sessions = Sessions(connection, self.run, scenario_hash(self.scenario), absent)
+        sessions = Sessions(connection, self._identity(token, names), absent)
         link.subscribe(keys.reply("*"), mailbox)
         link.watch(keys.alive("*"), mailbox)
         link.live(keys.alive(WORLD))
         sessions.gather(options.wait, lambda missing, s: self.say(f"waiting for {', '.join(missing[:8])} ({s:.0f} s)"))
         return sessions
+
+    def _identity(self, token: str | None, names: Mapping[int, str]) -> RunIdentity:
+        def seat(number: int, incarnation: int) -> int:
+            return seat_of(token or "", self.keys.fleet, names[number], incarnation)
+
+        chain = TickChain(os.urandom(32), self.scenario.ticks)
+        launched = token is not None and self.options.process_control is not None
+        return RunIdentity(self.run, scenario_hash(self.scenario), chain, seat if launched else None)
 
     def listener(self) -> Listener | None:
         """What hears a direct radio; None where the world carries the frames."""
