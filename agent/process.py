@@ -68,6 +68,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     from agent.radios.direct import tune_in
     from agent.robots.sim import Identity, join
     from patrol.net.link import open_links
+    from patrol.net.seats import own_instance
 
     def say(line: str) -> None:
         print(f"{spec.name}: {line}", file=sys.stderr, flush=True)
@@ -76,8 +77,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     if links is None:
         return INTERRUPTED
     link, air = links
-    instance = int.from_bytes(os.urandom(8), "big") >> 1 | 1
-    identity = Identity(spec.name, options.incarnation, instance, scenario_hash(scenario))
+    identity = Identity(spec.name, options.incarnation, own_instance(os.environ), scenario_hash(scenario))
 
     def waiting(waited_s: float) -> None:
         if robot.world_present:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Protocol, TypeVar
 
 T_co = TypeVar("T_co", covariant=True)
@@ -20,3 +21,13 @@ class Mailbox(Protocol[T_co]):
             The message's key and the message, or None when none came in time.
         """
         ...
+
+
+class CountingMailbox(Mailbox[T_co], Protocol[T_co]):
+    """A mailbox that counts what it dropped.
+
+    Attributes:
+        refused: Messages that were dropped, by reason.
+    """
+
+    refused: Counter[str]

@@ -82,7 +82,7 @@ def _run(options: WorldOptions, ending: Ending) -> int:
     wiring = Wiring(options, scenario, keys, link, air, ending, _say)
     try:
         listener = wiring.listener()
-        wall_s = _record(wiring, prepared, wiring.gather(), listener, token)
+        wall_s = _record(wiring, prepared, wiring.gather(token), listener, token)
     except Interrupted:
         return EXIT_INTERRUPTED
     except Missing as missing:
@@ -145,7 +145,8 @@ def _record(
             raise
         finally:
             wall_s = time.monotonic() - began
-            recorder.end(reason, {"wall_s": wall_s, "refused": dict(sessions.refused), **fleet.notes()})
+            said = {"refused": dict(sessions.refused), "transcripts": sessions.transcripts()}
+            recorder.end(reason, {"wall_s": wall_s, **said, **fleet.notes()})
             feed.flush()
     return wall_s
 

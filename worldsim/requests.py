@@ -1,4 +1,8 @@
-"""Takes operators' requests from the network, and keeps the scenario that they have changed."""
+"""Takes operators' requests from the network, and keeps the scenario that they have changed.
+
+Only requests of somebody who knows the fleet's token come through (`patrol.net.control_auth`). All others are counted
+and get no answer.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +10,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from patrol.errors import BadInput
+from patrol.net.control_auth import Admitted, ControlGate, Refused
 from patrol.scenario import dump_scenario
-from patrol.scenario.controls import Answer, answer_bytes, read_request
+from patrol.scenario.controls import read_control
 from patrol.scenario.copying import MAP
 from worldsim.operator import ControlRequest
 
 if TYPE_CHECKING:
+    from collections import Counter
     from collections.abc import Callable
 
     from patrol.scenario import Scenario
-    from worldsim.mailbox import Mailbox
+    from patrol.scenario.controls import Answer
+    from worldsim.mailbox import CountingMailbox
 
 TIMELINE = "timeline.yaml"
+MOST_AT_ONCE = 64
+"""Requests of strangers that are read at once, at most, so that a flood of them takes little of a tick."""
 
 
 class Question(Protocol):
@@ -35,17 +44,17 @@ class Question(Protocol):
 
 
 class ControlMailbox:
-    """A `worldsim.operator.ControlRequests` that takes requests from operators who have the fleet's token."""
+    """A `worldsim.operator.ControlRequests` that takes requests from operators who know the fleet's token."""
 
-    def __init__(self, mailbox: Mailbox[Question], token: str) -> None:
+    def __init__(self, mailbox: CountingMailbox[Question], gate: ControlGate) -> None:
         """Take requests.
 
         Args:
-            mailbox: Where they arrive.
-            token: The fleet's token, which each must carry.
+            mailbox: Where they arrive; counts those of strangers too, as ``token``.
+            gate: Lets through those of operators.
         """
         self._mailbox = mailbox
-        self._token = token
+        self._gate = gate
 
     def get(self, timeout_s: float) -> ControlRequest | None:
         """Take the next request.
@@ -56,18 +65,45 @@ class ControlMailbox:
         Returns:
             The request, or None when none came in time.
         """
-        arrived = self._mailbox.get(timeout_s)
-        if arrived is None:
-            return None
-        question = arrived[1]
+        for _ in range(MOST_AT_ONCE):
+            arrived = self._mailbox.get(timeout_s)
+            if arrived is None:
+                return None
+            timeout_s = 0.0
+            question = arrived[1]
+            try:
+                admitted = self._gate.open(question.payload)
+            except Refused:
+                self._mailbox.refused["token"] += 1
+                continue
+            if admitted.answered is None:
+                return _request(admitted, question)
+            question.answer(admitted.answered)
+        return None
 
-        def answer(answer: Answer) -> None:
-            question.answer(answer_bytes(answer))
 
-        try:
-            return ControlRequest(read_request(question.payload, self._token), answer)
-        except BadInput as bad:
-            return ControlRequest(bad, answer)
+def _request(admitted: Admitted, question: Question) -> ControlRequest:
+    def answer(answer: Answer) -> None:
+        question.answer(admitted.seal(answer))
+
+    try:
+        return ControlRequest(read_control(admitted.control), answer)
+    except BadInput as bad:
+        return ControlRequest(bad, answer)
+
+
+def answer_challenge(gate: ControlGate, question: Question, refused: Counter[str]) -> None:
+    """Give a ticket to whoever asks for one; it is of use to those only who know the token.
+
+    Args:
+        gate: Gives the tickets.
+        question: Asks for one.
+        refused: Counts the questions that are none, as ``malformed``.
+    """
+    try:
+        question.answer(gate.challenge(question.payload))
+    except Refused:
+        refused["malformed"] += 1
 
 
 def keep_timeline(folder: Path, scenario: Scenario) -> None:

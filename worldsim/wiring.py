@@ -6,31 +6,34 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Event, Header, JournalWriter, TickRecord
+from patrol.net.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
 from patrol.net.feed import FOG, TICKS
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox, Presence, Question
 from patrol.net.phases import MAX_REPLY, ToWorld, decode_to_world
+from patrol.net.seats import seat_of
 from patrol.net.telemetry import EVENTS, METRICS, pack_view, read_traffic
+from patrol.net.tick_chain import TickChain
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import Scenario, scenario_hash
-from patrol.scenario.controls import ASK, MAX_CONTROL
+from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.process_control import ControlFailed, LauncherControl
-from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
+from worldsim.fleet.sessions import Interrupted, Sessions
 from worldsim.operator import Operator, RunState
 from worldsim.output.feed_publisher import Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
-from worldsim.requests import ControlMailbox, keep_timeline
+from worldsim.requests import ControlMailbox, answer_challenge, keep_timeline
 from worldsim.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -42,6 +45,14 @@ if TYPE_CHECKING:
 
 LAUNCHER_GONE_S = 2.0
 """How long after the launcher has stopped answering its request to end may take to come, s."""
+
+
+TICKET_S = 0.005
+"""Least time between two tickets for operators, s, so that asking for them in a flood costs the ticks little."""
+
+
+def _random_run() -> int:
+    return int.from_bytes(os.urandom(8), "big") >> 1 | 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +67,7 @@ class Wiring:
         air: What carries frames where robots hear each other directly.
         ending: Whether the process should end.
         say: Reports a line to people.
+        run: Random number of the run.
     """
 
     options: WorldOptions
@@ -65,9 +77,13 @@ class Wiring:
     air: Air
     ending: Ending
     say: Callable[[str], None]
+    run: int = field(default_factory=_random_run)
 
-    def gather(self) -> Sessions:
+    def gather(self, token: str | None) -> Sessions:
         """Announce the world and wait until each robot's process has come.
+
+        Args:
+            token: The fleet's token, by which the world knows the processes of its launcher.
 
         Returns:
             Their sessions.
@@ -90,14 +106,21 @@ class Wiring:
         connection = FleetConnection(
             keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(self.ending)
         )
-        run = int.from_bytes(os.urandom(8), "big") >> 1 | 1
         absent = Timeline(self.scenario).starts_absent
-        sessions = Sessions(connection, run, scenario_hash(self.scenario), absent)
+        sessions = Sessions(connection, self._identity(token, names), absent)
         link.subscribe(keys.reply("*"), mailbox)
         link.watch(keys.alive("*"), mailbox)
         link.live(keys.alive(WORLD))
         sessions.gather(options.wait, lambda missing, s: self.say(f"waiting for {', '.join(missing[:8])} ({s:.0f} s)"))
         return sessions
+
+    def _identity(self, token: str | None, names: Mapping[int, str]) -> RunIdentity:
+        def seat(number: int, incarnation: int) -> int:
+            return seat_of(token or "", self.keys.fleet, names[number], incarnation)
+
+        chain = TickChain(os.urandom(32), self.scenario.ticks)
+        launched = token is not None and self.options.process_control is not None
+        return RunIdentity(self.run, scenario_hash(self.scenario), chain, seat if launched else None)
 
     def listener(self) -> Listener | None:
         """What hears a direct radio; None where the world carries the frames."""
@@ -129,17 +152,29 @@ class Wiring:
         """What does what operators ask for, and keeps the scenario as they change it; None without a token."""
         if token is None:
             return None
-        key = self.keys.control(ASK)
-        mailbox: Mailbox[Question] = Mailbox([key], _unread, MAX_CONTROL)
+        key, challenge = self.keys.control(ASK), self.keys.control(CHALLENGE)
+        mailbox: Mailbox[Question] = Mailbox([key], _unread, MAX_REQUEST)
+        challenges: Mailbox[Question] = Mailbox([challenge], _unread, NONCE)
+        gate = ControlGate(self.keys.fleet, token, self.run, os.urandom(32), time.monotonic)
         operator = Operator(
             world,
             fleet,
-            ControlMailbox(mailbox, token),
+            ControlMailbox(mailbox, gate),
             time.monotonic,
             controls_processes=self.options.process_control is not None,
             amended=lambda scenario: keep_timeline(self.options.out, scenario),
         )
-        self.link.attend(key, MAX_CONTROL, mailbox)
+
+        def give_tickets() -> None:
+            """Not between ticks, which may be long: an operator would wait for two of them."""
+            while True:
+                if (arrived := challenges.get(LAUNCHER_GONE_S)) is not None:
+                    answer_challenge(gate, arrived[1], challenges.refused)
+                    time.sleep(TICKET_S)
+
+        threading.Thread(target=give_tickets, name="tickets", daemon=True).start()
+        self.link.attend(key, MAX_REQUEST, mailbox)
+        self.link.attend(challenge, NONCE, challenges)
         return operator
 
     def feed(self, world: World, journal: JournalWriter, header: Header, operator: Operator | None) -> Feed:

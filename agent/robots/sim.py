@@ -6,7 +6,10 @@ repeated message gets the same answer again, so that nothing is decided twice. A
 wait: a robot that is late continues with the newest tick, and decides on everything it has heard since its last
 decision.
 
-Messages for another process of this robot (another incarnation or instance) are counted and ignored.
+Messages for another process of this robot (another incarnation or instance) or of another run are counted and ignored,
+and so is a tick without a proof that it has begun. A process that a world has greeted leaves for that world alone.
+
+The robot reports to the world what it has sent and acted on, so that a verdict finds what others sent in their names.
 """
 
 from __future__ import annotations
@@ -22,7 +25,6 @@ from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import TELL_S, Link
 from patrol.net.mailbox import Mailbox, Post, Presence
 from patrol.net.phases import (
-    ANYONE,
     NO_RUN,
     UNLIKE,
     Failed,
@@ -32,12 +34,15 @@ from patrol.net.phases import (
     PhaseB,
     ReplyA,
     ReplyB,
+    Report,
     Stop,
     ToRobot,
     decode_to_robot,
     encode,
     max_to_robot,
 )
+from patrol.net.tick_chain import TickProofs
+from patrol.net.transcripts import LAST, PHASE_A, PHASE_B, REPLY_A, REPLY_B, RobotTranscript, digest_of
 from patrol.pose import Command, halted
 from patrol.process.lifeline import Ending
 
@@ -50,6 +55,8 @@ UNGREETED_S = 1.0
 _POLL_S = 0.2
 _PAUSE_S = 2.0
 _BACKLOG = 256
+_EARLY = 4
+"""How many ticks ahead of the newest phase A a phase B may be: at a pace, phases A may get lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +131,11 @@ class SimRobot:
         self._own_news = now()
         self._last_news = self._last_said = self._checked = now()
         self._tell_at = now() + TELL_S[0]
+        self._proofs: TickProofs | None = None
+        self._transcript = RobotTranscript()
         self._k = -1
         self._heard_k = -1
+        self._early: set[int] = set()
         self._next: PhaseA | None = None
         self._sensed: Sensed | None = None
         self._frames: list[bytes] = []
@@ -143,7 +153,10 @@ class SimRobot:
             if (arrived := self._mailbox.get()) is None:
                 break
             self._take(arrived[1])
+        if self._transcript.due:
+            self._report(self._k)
         phase, self._next = self._next, None
+        self._transcript.note(phase.k, PHASE_A, phase.digest)
         self._k = phase.k
         self._sensed = phase.sensed
         return phase.k
@@ -158,8 +171,9 @@ class SimRobot:
 
     def send(self, frames: tuple[bytes, ...]) -> None:
         """Answer phase A with this robot's position frame and its contacts."""
-        payload = encode(ReplyA(self._identity.incarnation, self._identity.instance, self._k, frames))
+        payload = encode(ReplyA(*self._head(self._k), frames))
         self._answer_a = (self._k, payload)
+        self._transcript.note(self._k, REPLY_A, digest_of(payload))
         self._post(payload)
 
     def hear(self) -> list[bytes] | None:
@@ -168,7 +182,7 @@ class SimRobot:
         Returns:
             All frames since the last decision, or None when there is nothing to decide.
         """
-        while self._heard_k < self._k:
+        while self._heard_k < self._k and self._k not in self._early:
             if self._next is not None or not self._receive():
                 return None
         heard, self._frames = self._frames, []
@@ -190,11 +204,10 @@ class SimRobot:
         """Answer phase B with the command."""
         told = self._decision or Reply(command, State.PATROLLING.value, None, 0.0, self.refused)
         self._decision = None
-        self._answer = ReplyB(
-            self._identity.incarnation, self._identity.instance, self._k, replace(told, command=command)
-        )
+        self._answer = ReplyB(*self._head(self._k), replace(told, command=command))
         payload = encode(self._answer)
         self._answer_b = (self._k, payload)
+        self._transcript.note(self._k, REPLY_B, digest_of(payload))
         self._post(payload)
 
     def stop(self, reason: str) -> None:
@@ -203,7 +216,8 @@ class SimRobot:
         Args:
             reason: Why, in one line.
         """
-        self._post(encode(Failed(self._identity.incarnation, self._identity.instance, max(self._k, 0), reason)))
+        self._report(LAST)
+        self._post(encode(Failed(*self._head(max(self._k, 0)), reason)))
 
     @property
     def world_present(self) -> bool:
@@ -231,8 +245,7 @@ class SimRobot:
             if arrived is not None:
                 self._take(arrived[1])
                 return not self.farewell
-        if not self.farewell:
-            self.farewell = self._ending.reason
+        self._leave(self._ending.reason, orderly=False)
         return False
 
     def _take(self, message: ToRobot | Presence) -> None:
@@ -242,14 +255,22 @@ class SimRobot:
             self._last_news = self._now()
         elif isinstance(message, Hello):
             self._greet(message)
-        elif message.instance != self._identity.instance or message.incarnation != self._identity.incarnation:
-            if not (isinstance(message, Stop) and message.instance == ANYONE):
-                self._mailbox.refused["stranger"] += 1
-            else:
-                self._leave(message.reason, orderly=message.orderly)
+        elif not self._is_for_me(message):
+            self._mailbox.refused["stranger"] += 1
+        elif isinstance(message, PhaseA) and not self._has_begun(message):
+            self._mailbox.refused["ahead"] += 1
         else:
             self._hear_own_world()
             self._obey(message)
+
+    def _is_for_me(self, message: PhaseA | PhaseB | Stop) -> bool:
+        if (message.incarnation, message.instance) != (self._identity.incarnation, self._identity.instance):
+            return False
+        turned_away = self._run is None and isinstance(message, Stop)
+        return turned_away or message.run == self._run
+
+    def _has_begun(self, message: PhaseA) -> bool:
+        return self._proofs is not None and self._proofs.accepts(message.k + 1, message.proof)
 
     def _obey(self, message: PhaseA | PhaseB | Stop) -> None:
         match message:
@@ -260,11 +281,23 @@ class SimRobot:
                 self._posed = self._now()
             case PhaseB(k=k) if k == self._answer_b[0]:
                 self._post(self._answer_b[1])
-            case PhaseB(k=k) if k > self._heard_k:
-                self._heard_k = k
-                self._frames.extend(message.frames)
+            case PhaseB(k=k) if k > self._heard_k and k not in self._early:
+                self._hear(message, self._k if self._next is None else self._next.k)
             case Stop():
                 self._leave(message.reason, orderly=message.orderly)
+
+    def _hear(self, message: PhaseB, newest: int) -> None:
+        """Take in a phase B; the wait for that of the newest phase A goes on after one that came early."""
+        if message.k > newest + _EARLY:
+            self._mailbox.refused["ahead"] += 1
+            return
+        if message.k > newest:
+            self._early.add(message.k)
+        else:
+            self._heard_k = message.k
+            self._early = {k for k in self._early if k > message.k}
+        self._transcript.note(message.k, PHASE_B, message.digest)
+        self._frames.extend(message.frames)
 
     def _greet(self, message: Hello) -> None:
         if self._run is not None and message.run != self._run:
@@ -273,7 +306,9 @@ class SimRobot:
             else:
                 self._leave("another world has taken over this fleet", orderly=False)
             return
-        self._run = message.run
+        if self._run is None:
+            self._run = message.run
+            self._proofs = TickProofs(message.k, message.proof, message.stride, self._now)
         self._hear_own_world()
         self._say_hello()
 
@@ -282,10 +317,8 @@ class SimRobot:
         self._unbroken = True
 
     def _say_hello(self) -> None:
-        me = self._identity
         self._last_said = self._now()
-        run = NO_RUN if self._run is None else self._run
-        self._post(encode(HelloReply(me.incarnation, me.instance, max(self._k, 0), run, me.scenario)))
+        self._post(encode(HelloReply(*self._head(max(self._k, 0)), self._identity.scenario)))
 
     def _mind_the_silence(self) -> None:
         """After a silence, ask whether this robot still belongs to the run, or leave when the world is lost.
@@ -311,13 +344,25 @@ class SimRobot:
         """Withdraw the last command when no pose has come for long, so that the world stops the body if it can hear."""
         if self._answer is not None and now - self._posed > self._blind_s:
             still = replace(self._answer.reply, command=halted(self._model), state=State.HOLDING.value, goal=None)
-            self._post(encode(replace(self._answer, reply=still)))
+            payload = encode(replace(self._answer, reply=still))
+            self._transcript.note(self._answer.k, REPLY_B, digest_of(payload))
+            self._post(payload)
             self._answer = None
+
+    def _head(self, k: int) -> tuple[int, int, int, int]:
+        return self._identity.incarnation, self._identity.instance, k, NO_RUN if self._run is None else self._run
+
+    def _report(self, until: int) -> None:
+        """Report to the world what was sent and acted on, complete up to a tick."""
+        for complete, lines in self._transcript.report(until):
+            self._post(encode(Report(*self._head(max(complete, 0)), lines)))
 
     def _leave(self, reason: str, *, orderly: bool) -> None:
         if not self.farewell:
             self.farewell = reason
             self.orderly = orderly
+            if self._k >= 0:
+                self._report(LAST)
 
 
 def join(

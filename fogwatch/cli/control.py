@@ -5,6 +5,8 @@ Commands raise BadInput; the caller prints it.
 
 from __future__ import annotations
 
+import os
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -58,9 +60,10 @@ def control(
     """
     asked = control_of(do, value)
     from patrol.net.access import read_access
+    from patrol.net.control_auth import ControlClient, Unanswered
     from patrol.net.keys import fleet_keys
     from patrol.net.link import LinkDown, open_link
-    from patrol.scenario.controls import ASK, read_answer, read_control, request
+    from patrol.scenario.controls import read_control
 
     read_control(asked)
     access = read_access(run, str(run))
@@ -69,15 +72,17 @@ def control(
     except LinkDown as down:
         raise BadInput(f"{run}: {down}; is the fleet still running?") from None
     try:
-        payload = link.ask(fleet_keys(access.fleet).control(ASK), request(access.token, asked), wait)
+        client = ControlClient(link, fleet_keys(access.fleet), access.token, time.monotonic, os.urandom)
+        operated = client.ask(asked, wait)
+    except Unanswered as unanswered:
+        typer.echo(f"fogwatch: {unanswered}", err=True)
+        return UNANSWERED
     finally:
         link.close()
-    if payload is None:
-        typer.echo(f"fogwatch: the world of fleet {access.fleet} did not answer within {wait:g} s", err=True)
-        return UNANSWERED
-    answer = read_answer(payload)
-    typer.echo(answer.text, err=not answer.done)
-    return 0 if answer.done else REFUSED
+    if operated.warning:
+        typer.echo(f"fogwatch: {operated.warning}", err=True)
+    typer.echo(operated.answer.text, err=not operated.answer.done)
+    return 0 if operated.answer.done else REFUSED
 
 
 def control_of(do: str, value: str | None) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from patrol.net.phases import FIRST_INCARNATION
+from patrol.printable import printable
 from patrol.process.readiness import StartPipe
 
 LOG_LINES = 5
@@ -24,15 +25,6 @@ LOG_LINES = 5
 TERM_S = 2.0
 """How long a process may take to heed a signal before it is killed."""
 _POLL_S = 0.01
-
-
-def printable(line: str) -> str:
-    """A line with tabs as spaces, and with every other character that is not printable as its escape sequence.
-
-    Args:
-        line: The line.
-    """
-    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in line.expandtabs())
 
 
 @dataclass(slots=True)
@@ -80,7 +72,7 @@ class Child:
             lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:
             lines = []
-        return [printable(line) for line in lines[-count:] if line.strip()]
+        return [printable(line.expandtabs()) for line in lines[-count:] if line.strip()]
 
     def describe_exit(self) -> str:
         """How it ended, in words: by an exit code or a signal."""

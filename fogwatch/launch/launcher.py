@@ -28,6 +28,7 @@ from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
 from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.seats import SEAT, seat_of
 from patrol.net.telemetry import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
 from patrol.process.readiness import StartFailure, StartReport
 from worldsim.lifecycle import process_name
@@ -88,6 +89,7 @@ class Launch:
     _routers: int = 0
     _reported: set[str] = field(default_factory=set)
     _page_key: str = ""
+    _token: str = field(default_factory=lambda: os.urandom(16).hex(), repr=False)
 
     def __post_init__(self) -> None:
         self.children = Children(self.urgent)
@@ -101,7 +103,7 @@ class Launch:
         """
         self.folder.logs.mkdir(exist_ok=True)
         self._start_router()
-        write_access(self.folder.access, Access(self.fleet, self._endpoint, os.urandom(16).hex()))
+        write_access(self.folder.access, Access(self.fleet, self._endpoint, self._token))
         ours, theirs = socket.socketpair()
         with theirs:
             own = ["--out", str(self.folder.path), "--control", str(self.folder.access)]
@@ -241,7 +243,9 @@ class Launch:
 
     def _spawn_agent(self, name: str, incarnation: int) -> None:
         arguments = [*self._common_arguments(), "--robot", name, "--incarnation", str(incarnation)]
-        self.children.spawn(name, "agent", arguments, self._log(name)).incarnation = incarnation
+        seat = {SEAT: str(seat_of(self._token, self.fleet, name, incarnation))}
+        agent = self.children.spawn(name, "agent", arguments, self._log(name), environment=seat)
+        agent.incarnation = incarnation
 
     def _start_page(self) -> None:
         """Serve a page, if its libraries are installed. Its key is in no log and in no list of processes."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from monitor.observation.source import Answer
 from patrol.errors import BadInput
+from patrol.net.control_auth import ControlClient, Unanswered
 from patrol.net.feed import FOG, MAX_BATCH, TICKS, Batch, Garbled, SoFar, read_batch, read_so_far
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.scenario.controls import ASK, read_answer, request
 
 if TYPE_CHECKING:
     from patrol.net.link import Link
@@ -96,12 +98,13 @@ class ZenohFeedClient:
 
     def control(self, control: Mapping[str, Any]) -> Answer:
         """Send a control to the world; its answer."""
-        payload = self._link.ask(self._keys.control(ASK), request(self._token or "", control), CONTROL_S)
+        client = ControlClient(self._link, self._keys, self._token or "", time.monotonic, os.urandom)
         try:
-            answer = None if payload is None else read_answer(payload)
-        except ValueError:
-            answer = None
-        return Answer(False, "no answer from the world") if answer is None else Answer(answer.done, answer.text)
+            operated = client.ask(control, CONTROL_S)
+        except Unanswered as unanswered:
+            return Answer(False, str(unanswered))
+        text = "; ".join(part for part in (operated.answer.text, operated.warning) if part)
+        return Answer(operated.answer.done, text)
 
     def close(self) -> None:
         """Close the connection."""

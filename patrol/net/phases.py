@@ -4,35 +4,40 @@
                        PhaseA     your pose at tick k                         ReplyA    its frames: position, contacts
                        PhaseB     what you hear at tick k                     ReplyB    the command
                        Stop       leave, and why                              Failed    I cannot go on, and why
+                                                                              Report    what it has sent and acted on
 
-Every message is one msgpack array ``[kind, incarnation, instance, k, ...]``. The incarnation counts a robot's processes
-(1 for the first). The instance is a random number of one process, which distinguishes it from a second process under
-the same name. k is the tick. Decoding is strict and pure: all bytes either give a message or raise `Malformed`.
+Every message is one msgpack array ``[kind, incarnation, instance, k, run, ...]``. The incarnation counts a robot's
+processes (1 for the first). The instance is a random number of one process, which distinguishes it from a second
+process under the same name. k is the tick, and run a random number of the world's process. Phase A carries a proof that
+its tick has begun (`patrol.net.tick_chain`). Decoding is strict and pure: all bytes either give a message or raise
+`Malformed`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import msgpack
 
 from patrol.exchange import Reply, Sensed
+from patrol.net.tick_chain import PROOF
+from patrol.net.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, PLACES, Line, digest_of
 from patrol.pose import Command, Pose, pack_command, unpack_command
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 
-PROTOCOL = 4
+PROTOCOL = 5
 FIRST_INCARNATION = 1
 ANYONE = 0
-"""The instance in a message to all processes of a robot."""
+"""The instance in a hello, which is for all processes of a robot."""
 
 PHASE_B_SHARE = 0.2
 """The share of a step after which phase B begins: a position that takes no longer is heard in its own tick."""
 
 NO_RUN = 0
-"""The run in the answer of a robot that no world has greeted yet; the robot thereby asks for a greeting."""
+"""The run in the messages of a robot that no world has greeted yet; the robot thereby asks for a greeting."""
 
 UNLIKE = "this process was started with another "
 """How the reason of a Stop begins that turns away a process whose scenario or protocol is not the world's."""
@@ -45,9 +50,10 @@ _MAX_ID = 2**63 - 1
 _MAX_STATE = 32
 _MAX_REASON = 400
 _HASH = 64
-_HEAD = 4
+_HEAD = 5
 _HELLO, _PHASE_A, _PHASE_B, _STOP = 0, 1, 2, 3
 _FAILED = 3
+_REPORT = 4
 
 
 class Malformed(ValueError):
@@ -62,22 +68,26 @@ class Head:
         incarnation: Counts the robot's processes, from 1.
         instance: Random number of one process, or `ANYONE`.
         k: The tick.
+        run: Random number of the run, or `NO_RUN`.
     """
 
     incarnation: int
     instance: int
     k: int
+    run: int
 
 
 @dataclass(frozen=True, slots=True)
 class Hello(Head):
-    """The world asks which robots are there.
+    """The world asks which robots are there. Its k counts the ticks that have begun.
 
     Attributes:
-        run: Random number of the run.
+        proof: The proof of k, from which the robot goes on.
+        stride: Ticks that share a link of the chain.
     """
 
-    run: int
+    proof: bytes
+    stride: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +96,13 @@ class PhaseA(Head):
 
     Attributes:
         sensed: Of the same tick.
+        proof: The proof that k + 1 ticks have begun.
+        digest: Of the bytes that it was decoded from.
     """
 
     sensed: Sensed
+    proof: bytes
+    digest: bytes = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +111,11 @@ class PhaseB(Head):
 
     Attributes:
         frames: By sender and sequence.
+        digest: Of the bytes that it was decoded from.
     """
 
     frames: tuple[bytes, ...]
+    digest: bytes = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,15 +133,13 @@ class Stop(Head):
 
 @dataclass(frozen=True, slots=True)
 class HelloReply(Head):
-    """The robot reports that it is there.
+    """The robot reports that it is there. Its run is the one that it answers, or `NO_RUN`.
 
     Attributes:
-        run: The run that the robot answers, or `NO_RUN`.
         scenario: The scenario's hash, by which the world checks that both use the same one.
         protocol: Version of this protocol.
     """
 
-    run: int
     scenario: str
     protocol: int = PROTOCOL
 
@@ -136,9 +150,11 @@ class ReplyA(Head):
 
     Attributes:
         frames: Its position frame, then those of its contacts; none for a robot that stays silent.
+        digest: Of the bytes that it was decoded from.
     """
 
     frames: tuple[bytes, ...]
+    digest: bytes = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,9 +163,11 @@ class ReplyB(Head):
 
     Attributes:
         reply: The command, and diagnostics.
+        digest: Of the bytes that it was decoded from.
     """
 
     reply: Reply
+    digest: bytes = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +181,19 @@ class Failed(Head):
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Report(Head):
+    """What the robot has sent and acted on since its last report, complete up to tick k.
+
+    Attributes:
+        lines: By tick.
+    """
+
+    lines: tuple[Line, ...]
+
+
 ToRobot = Hello | PhaseA | PhaseB | Stop
-ToWorld = HelloReply | ReplyA | ReplyB | Failed
+ToWorld = HelloReply | ReplyA | ReplyB | Failed | Report
 
 
 def max_to_robot(robots: int) -> int:
@@ -179,7 +208,7 @@ def encode(message: ToRobot | ToWorld) -> bytes:
         ValueError: The message could not be decoded.
     """
     kind, body = _body(message)
-    packed: bytes = msgpack.packb([kind, message.incarnation, message.instance, message.k, *body])
+    packed: bytes = msgpack.packb([kind, message.incarnation, message.instance, message.k, message.run, *body])
     return packed
 
 
@@ -210,9 +239,9 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
     body: list[Any]
     match message:
         case Hello():
-            kind, body = _HELLO, [message.run]
+            kind, body = _HELLO, [message.proof, message.stride]
         case HelloReply():
-            kind, body = _HELLO, [message.run, message.scenario, message.protocol]
+            kind, body = _HELLO, [message.scenario, message.protocol]
         case PhaseA():
             sensed = message.sensed
             if sensed.k != message.k:
@@ -220,7 +249,7 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
             pose = sensed.pose
             seen = [float(value) for contact in sensed.contacts for value in contact]
             where = [float(pose.x), float(pose.y), float(pose.heading)]
-            kind, body = _PHASE_A, [*where, bool(sensed.bumped), seen, float(sensed.clock_s)]
+            kind, body = _PHASE_A, [*where, bool(sensed.bumped), seen, float(sensed.clock_s), message.proof]
         case ReplyA():
             kind, body = _PHASE_A, [list(message.frames)]
         case PhaseB():
@@ -234,6 +263,8 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
             kind, body = _STOP, [message.orderly, message.reason[:_MAX_REASON]]
         case Failed():
             kind, body = _FAILED, [message.reason[:_MAX_REASON]]
+        case Report():
+            kind, body = _REPORT, [[[line.k, *line.digests] for line in message.lines]]
     return kind, body
 
 
@@ -250,65 +281,65 @@ def _decode(payload: bytes, kinds: Mapping[int, tuple[int, Callable[[Any], Any]]
     length, build = kinds[values[0]]
     if len(values) != _HEAD + length:
         raise Malformed(f"{len(values)} values, {_HEAD + length} belong there")
-    return build(values[1:])
+    return build([*values[1:], payload])
 
 
 def _no_extension(code: int, _data: bytes) -> object:
     raise ValueError(f"extension type {code}")
 
 
-def _head(values: list[Any]) -> tuple[int, int, int]:
-    return _whole(values[0], _MAX_COUNT), _whole(values[1], _MAX_ID), _whole(values[2], _MAX_COUNT)
+def _head(values: list[Any]) -> tuple[int, int, int, int]:
+    incarnation, instance, k, run = values[: _HEAD - 1]
+    return _whole(incarnation, _MAX_COUNT), _whole(instance, _MAX_ID), _whole(k, _MAX_COUNT), _whole(run, _MAX_ID)
 
 
 def _hello(values: list[Any]) -> Hello:
-    return Hello(*_head(values), _whole(values[3], _MAX_ID))
+    return Hello(*_head(values), _bytes(values[4], PROOF, PROOF), _whole(values[5], _MAX_COUNT, least=1))
 
 
 def _hello_reply(values: list[Any]) -> HelloReply:
-    return HelloReply(
-        *_head(values), _whole(values[3], _MAX_ID), _text(values[4], _HASH), _whole(values[5], _MAX_COUNT)
-    )
+    return HelloReply(*_head(values), _text(values[4], _HASH), _whole(values[5], _MAX_COUNT))
 
 
 def _phase_a(values: list[Any]) -> PhaseA:
-    pose = Pose(_finite(values[3]), _finite(values[4]), _finite(values[5]))
-    flat = values[7]
+    pose = Pose(_finite(values[4]), _finite(values[5]), _finite(values[6]))
+    flat = values[8]
     if type(flat) is not list or len(flat) % 2 or len(flat) > 2 * MAX_CONTACTS:
         raise Malformed(f"contacts are an array of at most {MAX_CONTACTS} pairs")
     seen = [_finite(value) for value in flat]
     contacts = tuple(zip(seen[::2], seen[1::2], strict=True))
     head = _head(values)
-    return PhaseA(*head, Sensed(head[-1], pose, _flag(values[6]), contacts, _finite(values[8])))
+    sensed = Sensed(head[2], pose, _flag(values[7]), contacts, _finite(values[9]))
+    return PhaseA(*head, sensed, _bytes(values[10], PROOF, PROOF), digest_of(values[-1]))
 
 
 def _reply_a(values: list[Any]) -> ReplyA:
     # The ether drops and counts frames that are too long, so that the result is the same without a wire.
-    frames = values[3]
+    frames = values[4]
     if type(frames) is not list or len(frames) > MAX_FRAMES or any(type(frame) is not bytes for frame in frames):
         raise Malformed(f"frames are an array of at most {MAX_FRAMES} times bytes")
-    return ReplyA(*_head(values), tuple(frames))
+    return ReplyA(*_head(values), tuple(frames), digest_of(values[-1]))
 
 
 def _phase_b(values: list[Any]) -> PhaseB:
-    frames = values[3]
+    frames = values[4]
     if type(frames) is not list or any(type(frame) is not bytes or len(frame) > MAX_FRAME for frame in frames):
         raise Malformed(f"frames are an array of at most {MAX_FRAME} bytes each")
-    return PhaseB(*_head(values), tuple(frames))
+    return PhaseB(*_head(values), tuple(frames), digest_of(values[-1]))
 
 
 def _reply_b(values: list[Any]) -> ReplyB:
-    goal = values[7]
+    goal = values[8]
     if goal is not None and (type(goal) is not list or len(goal) != 2):
         raise Malformed("a goal is a pair or nothing")
     reply = Reply(
-        command=_command_in(values[3], _real(values[4]), _real(values[5])),
-        state=_text(values[6], _MAX_STATE),
+        command=_command_in(values[4], _real(values[5]), _real(values[6])),
+        state=_text(values[7], _MAX_STATE),
         goal=None if goal is None else (_finite(goal[0]), _finite(goal[1])),
-        decision_ms=_finite(values[8]),
-        rejected=_whole(values[9], _MAX_ID),
+        decision_ms=_finite(values[9]),
+        rejected=_whole(values[10], _MAX_ID),
     )
-    return ReplyB(*_head(values), reply)
+    return ReplyB(*_head(values), reply, digest_of(values[-1]))
 
 
 def _command_in(model: object, first: float, second: float) -> Command:
@@ -319,17 +350,29 @@ def _command_in(model: object, first: float, second: float) -> Command:
         raise Malformed("unknown kind of command") from None
 
 
-def _failed(values: list[Any]) -> Failed:
-    return Failed(*_head(values), _text(values[3], _MAX_REASON))
+def _report(values: list[Any]) -> Report:
+    lines = values[4]
+    if type(lines) is not list or len(lines) > MAX_LINES:
+        raise Malformed(f"lines are an array of at most {MAX_LINES}")
+    return Report(*_head(values), tuple(map(_line, lines)))
 
 
-def _stop(values: list[Any]) -> Stop:
-    return Stop(*_head(values), _flag(values[3]), _text(values[4], _MAX_REASON))
+def _line(values: object) -> Line:
+    if type(values) is not list or len(values) != 1 + PLACES:
+        raise Malformed(f"a line is an array of {1 + PLACES}")
+    a, b, c, d = (_bytes(value, 0, MAX_DIGESTS * DIGEST) for value in values[1:])
+    return Line(_whole(values[0], _MAX_COUNT), (a, b, c, d))
 
 
-def _whole(value: object, most: int) -> int:
-    if type(value) is not int or not 0 <= value <= most:
-        raise Malformed(f"no whole number from 0 to {most}")
+def _whole(value: object, most: int, least: int = 0) -> int:
+    if type(value) is not int or not least <= value <= most:
+        raise Malformed(f"no whole number from {least} to {most}")
+    return value
+
+
+def _bytes(value: object, least: int, most: int) -> bytes:
+    if type(value) is not bytes or not least <= len(value) <= most:
+        raise Malformed(f"no {least} to {most} bytes")
     return value
 
 
@@ -359,14 +402,15 @@ def _text(value: object, most: int) -> str:
 
 
 _TO_ROBOT: Mapping[int, tuple[int, Callable[[Any], ToRobot]]] = {
-    _HELLO: (1, _hello),
-    _PHASE_A: (6, _phase_a),
+    _HELLO: (2, _hello),
+    _PHASE_A: (7, _phase_a),
     _PHASE_B: (1, _phase_b),
-    _STOP: (2, _stop),
+    _STOP: (2, lambda values: Stop(*_head(values), _flag(values[4]), _text(values[5], _MAX_REASON))),
 }
 _TO_WORLD: Mapping[int, tuple[int, Callable[[Any], ToWorld]]] = {
-    _HELLO: (3, _hello_reply),
+    _HELLO: (2, _hello_reply),
     _PHASE_A: (1, _reply_a),
     _PHASE_B: (7, _reply_b),
-    _FAILED: (1, _failed),
+    _FAILED: (1, lambda values: Failed(*_head(values), _text(values[4], _MAX_REASON))),
+    _REPORT: (1, _report),
 }

@@ -15,7 +15,6 @@ scenario and these events the scenario that has happened: run from its beginning
 
 from __future__ import annotations
 
-import hmac
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -37,12 +36,6 @@ if TYPE_CHECKING:
 
 OPERATOR = "operator"
 """The kind of the journal's events that tell of controls; their detail is JSON, as `as_detail` makes it."""
-
-ASK = "ask"
-"""The last part of the key that controls are asked for under (`patrol.net.keys.FleetKeys.control`)."""
-
-MAX_CONTROL = 1 << 16
-"""Bytes of the longest request."""
 
 MOST_FAULTS = 2000
 """Faults of a scenario beyond which an operator adds no more."""
@@ -371,65 +364,3 @@ def _mapping(scenario: Scenario) -> dict[str, Any]:
 def _loaded(mapping: Mapping[str, Any], place: int) -> Scenario:
     """The scenario in a mapping, whose entry of `faults` at a place is the one that an operator asks for."""
     return load_scenario(mapping, called="control", aliases={f"faults.{place}": "fault"})
-
-
-# --- on the wire -----------------------------------------------------------------------------------------------------
-
-
-def request(token: str, control: Mapping[str, Any]) -> bytes:
-    """A control as it is sent to a world.
-
-    Args:
-        token: the fleet's, without which a world obeys nothing.
-        control: as a mapping.
-    """
-    return json.dumps({"token": token, "control": dict(control)}).encode()
-
-
-def read_request(payload: bytes, token: str) -> Control:
-    """The control in a request.
-
-    Args:
-        payload: any bytes.
-        token: the fleet's.
-
-    Raises:
-        BadInput: when there is no control, or when its sender lacks the fleet's token.
-    """
-    try:
-        says = json.loads(payload)
-    except (ValueError, RecursionError):
-        raise BadInput("control: the request is not JSON") from None
-    given = says.get("token") if isinstance(says, dict) else None
-    if not isinstance(given, str) or not hmac.compare_digest(_utf8(given), _utf8(token)):
-        raise BadInput("control: refused; controlling this fleet needs the token that its launcher made")
-    return read_control(says.get("control"))
-
-
-def answer_bytes(answer: Answer) -> bytes:
-    """An answer as it is sent back.
-
-    Args:
-        answer: to send.
-    """
-    return json.dumps({"done": answer.done, "text": answer.text}).encode()
-
-
-def read_answer(payload: bytes) -> Answer:
-    """The answer in a payload.
-
-    Args:
-        payload: any bytes.
-
-    Raises:
-        ValueError: for anything else.
-    """
-    says = json.loads(payload)
-    if not isinstance(says, dict) or type(says.get("done")) is not bool or not isinstance(says.get("text"), str):
-        raise ValueError("not an answer")
-    return Answer(says["done"], says["text"][:2000])
-
-
-def _utf8(text: str) -> bytes:
-    """A text as bytes, also one that JSON allows and UTF-8 does not: half of a surrogate pair."""
-    return text.encode("utf-8", "surrogatepass")

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import stat
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +17,10 @@ import fogwatch
 from monitor.process import READY
 from patrol.journal import Status, read_journal
 from patrol.net.access import FILE, read_access
+from patrol.net.control_auth import ASK, ControlClient, Unanswered
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, open_link
-from patrol.scenario.controls import ASK, OPERATOR, Answer, read_answer, request
+from patrol.scenario.controls import OPERATOR, Answer
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -35,14 +37,24 @@ class Operating:
         self.run = run
         run.until((run.folder / FILE).exists)
         self.access = read_access(run.folder, "test")
-        self.key = fleet_keys(self.access.fleet).control(ASK)
+        self.keys = fleet_keys(self.access.fleet)
         self.link: Link = open_link(self.access.router, 30.0)
-        self.run.until(lambda: self.link.ask(self.key, request(self.access.token, {"do": "pause"}), 30.0) is not None)
+        self.run.until(self.paused)
 
-    def ask(self, token: str | None = None, **control: Any) -> Answer:
-        payload = self.link.ask(self.key, request(token or self.access.token, control), 60.0)
-        assert payload is not None
-        return read_answer(payload)
+    def client(self, token: str) -> ControlClient:
+        return ControlClient(self.link, self.keys, token, time.monotonic, os.urandom)
+
+    def paused(self) -> bool:
+        """Whether the world takes controls yet; it is paused then."""
+        try:
+            return self.client(self.access.token).ask({"do": "pause"}, 30.0).answer.done
+        except Unanswered:
+            return False
+
+    def ask(self, **control: Any) -> Answer:
+        operated = self.client(self.access.token).ask(control, 60.0)
+        assert not operated.strangers
+        return operated.answer
 
     def step(self, ticks: int) -> int:
         """So many more ticks, awaited; how many there are then."""
@@ -132,8 +144,9 @@ def test_nothing_is_obeyed_without_the_token_or_that_cannot_be(operate: Callable
     file = at.run.folder / "control.json"
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     assert at.access.token not in "".join(command_lines())
+    with pytest.raises(Unanswered, match="somebody answered who does not know the token"):
+        at.client(32 * "0").ask({"do": "go"}, 60.0)
     refused = {
-        "needs the token": at.ask(token=32 * "0", do="pause"),
         "there is no robot r9": at.fault(kind="kill", who="r9"),
         "cannot join": at.fault(kind="join", who="r1"),
         "no such fault": at.ask(do="heal", id="f1"),
@@ -144,7 +157,13 @@ def test_nothing_is_obeyed_without_the_token_or_that_cannot_be(operate: Callable
     for why, answer in refused.items():
         assert not answer.done, why
         assert why in answer.text or why == "rename one", answer.text
-    assert at.link.ask(at.key, b"[" * 9000, 60.0) is not None
+    for junk in (
+        b"[" * 9000,
+        b"",
+        bytes(200),
+        b'{"token": "' + at.access.token.encode() + b'", "control": {"do": "go"}}',
+    ):
+        assert at.link.ask(at.keys.control(ASK), junk, 60.0) is None
     at.step(5)
     events = [event for event in read_journal(at.run.folder / "journal").events if event.kind == OPERATOR]
     assert {json.loads(event.detail)["do"] for event in events} == {"pause", "step"}

@@ -173,7 +173,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
     hand.until(lambda: hand.ticks() > 10)
     keys = FleetKeys(hand.fleet)
     link = open_link(hand.router, PATIENCE_S)
-    head = (1, 12345, 7)
+    head = (1, 12345, 7, 6789)
     hostile = [
         b"",
         b"junk",
@@ -181,7 +181,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
         bytes(100_000),
         b"\xdd\xff\xff\xff\xff",
         encode(ReplyA(*head, (b"frame",))),
-        encode(PhaseA(*head, Sensed(head[-1], Pose(0.0, 0.0, 0.0)))),
+        encode(PhaseA(*head, Sensed(head[2], Pose(0.0, 0.0, 0.0)), bytes(16))),
         encode(Stop(*head, orderly=True, reason="go home")),
     ]
     names = ("anna", "bert", "nobody")

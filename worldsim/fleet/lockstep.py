@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
+from worldsim.fleet.connection import Addressee
 from worldsim.fleet.sessions import POLL_S, Sessions
 
 DEADLINE_S = 10.0
@@ -17,8 +18,8 @@ RESEND_S = 1.0
 _DRAINED = 16
 
 T = TypeVar("T", ReplyA, ReplyB)
-Make = Callable[[int, int], ToRobot]
-"""Builds a message for an incarnation and an instance."""
+Make = Callable[[Addressee], ToRobot]
+"""Builds a message for a process."""
 
 
 class LockstepFleet:
@@ -99,8 +100,9 @@ class LockstepFleet:
             arrived = sessions.take(POLL_S)
             if arrived is not None:
                 number, answer = arrived
-                if isinstance(answer, kind) and answer.k == k and number in sent:
+                if isinstance(answer, kind) and answer.k == k and number in sent and number not in answers:
                     answers[number] = answer
+                    sessions.act_on(number, answer)
                     continue
             now = sessions.now
             waited_s += min(now - before, 2.0 * POLL_S)
@@ -138,9 +140,9 @@ def drain(sessions: Sessions) -> None:
 
 def tell(k: int, sensed: Sensed) -> Make:
     """Build phase A of tick k for one robot."""
-    return lambda incarnation, instance: PhaseA(incarnation, instance, k, sensed)
+    return lambda to: PhaseA(to.incarnation, to.instance, k, to.run, sensed, to.proof(k + 1))
 
 
 def pass_on(k: int, frames: list[bytes]) -> Make:
     """Build phase B of tick k for one robot."""
-    return lambda incarnation, instance: PhaseB(incarnation, instance, k, tuple(frames))
+    return lambda to: PhaseB(to.incarnation, to.instance, k, to.run, tuple(frames))

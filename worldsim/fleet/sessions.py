@@ -1,9 +1,11 @@
 """The world's sessions with the robots' processes: which process speaks for which robot, and which are gone.
 
 A process opens a session by answering the world's hello. From then on only that process, identified by its incarnation
-and instance, speaks for the robot. A robot's liveliness token goes when its process or its link dies. It also goes,
-with all others, when the router does; so an absence counts only while the router answers, and after an outage only once
-clients have had time to reconnect.
+and instance, speaks for the robot, and another one that asks for the seat is turned away and counted. Where a launcher
+has started the processes, the world knows their instances beforehand (`patrol.net.seats`).
+
+A robot's liveliness token goes when its process or its link dies. It also goes, with all others, when the router does;
+so an absence counts only while the router answers, and after an outage only once clients have had time to reconnect.
 
 Time is what `now` says, and messages come from a mailbox, so that all of this can be tested without a network.
 """
@@ -11,12 +13,11 @@ Time is what `now` says, and messages come from a mailbox, so that all of this c
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn, Protocol
+from typing import NoReturn
 
 from patrol.errors import BadInput
-from patrol.net.keys import FleetKeys
 from patrol.net.phases import (
     ANYONE,
     NO_RUN,
@@ -25,14 +26,18 @@ from patrol.net.phases import (
     Failed,
     Hello,
     HelloReply,
+    PhaseA,
+    PhaseB,
     ReplyA,
     ReplyB,
+    Report,
     Stop,
     ToRobot,
     ToWorld,
     encode,
 )
-from worldsim.mailbox import Mailbox
+from patrol.net.transcripts import PHASE_A, PHASE_B, REPLY_A, REPLY_B, WorldTranscript, as_notes, digest_of
+from worldsim.fleet.connection import Addressee, FleetConnection, RunIdentity
 
 POLL_S = 0.1
 HELLO_S = 1.0
@@ -51,39 +56,6 @@ class Missing(Exception):
     """Robots whose processes did not come in time; one line names them."""
 
 
-class CountingMailbox(Mailbox[Any], Protocol):
-    """A mailbox that counts what it dropped.
-
-    Attributes:
-        refused: Messages that were dropped, by reason.
-    """
-
-    refused: Counter[str]
-
-
-@dataclass(frozen=True, slots=True)
-class FleetConnection:
-    """What connects the world with its robots.
-
-    Attributes:
-        keys: The fleet's keys.
-        names: The robots' names by number.
-        posts: What sends to each robot, by number.
-        mailbox: Where their answers arrive.
-        connected: Whether the router answers now.
-        now: Seconds of a clock that never goes back.
-        ending: Whether the world should end.
-    """
-
-    keys: FleetKeys
-    names: Mapping[int, str]
-    posts: Mapping[int, Callable[[bytes], None]]
-    mailbox: CountingMailbox
-    connected: Callable[[], bool]
-    now: Callable[[], float]
-    ending: Callable[[], bool]
-
-
 @dataclass(frozen=True, slots=True)
 class _Session:
     incarnation: int
@@ -93,18 +65,16 @@ class _Session:
 class Sessions:
     """The processes that speak for the robots."""
 
-    def __init__(self, connection: FleetConnection, run: int, scenario: str, absent: Collection[int] = ()) -> None:
+    def __init__(self, connection: FleetConnection, run: RunIdentity, absent: Collection[int] = ()) -> None:
         """Expect a process for each robot.
 
         Args:
             connection: What connects the world with the robots.
-            run: A random number of this world.
-            scenario: The scenario's hash.
+            run: What identifies the run.
             absent: Numbers of robots for which no process is expected yet.
         """
         self._connection = connection
         self._run = run
-        self._scenario = scenario
         self._number_of = {connection.keys.reply(name): number for number, name in connection.names.items()}
         self._number_of |= {connection.keys.alive(name): number for number, name in connection.names.items()}
         self._sessions: dict[int, _Session] = {}
@@ -113,8 +83,11 @@ class Sessions:
         self._absent_since: dict[int, float] = {}
         self._dismissed: dict[int, str] = {}
         self._failed: dict[int, str] = {}
+        self._transcripts: dict[int, dict[_Session, WorldTranscript]] = {number: {} for number in connection.names}
         self._trusted_from = connection.now()
         self._k = 0
+        self._begun = 0
+        self._gathering = False
 
     @property
     def now(self) -> float:
@@ -138,6 +111,7 @@ class Sessions:
             BadInput: A robot has another scenario or protocol.
             Interrupted: The world should end.
         """
+        self._gathering = True
         began = reported = self.now
         greeted = -HELLO_S
         while missing := [number for number in self._expected if number not in self._sessions]:
@@ -153,23 +127,44 @@ class Sessions:
                 reported = now
                 waiting(names, now - began)
             self.take(POLL_S)
+        self._gathering = False
 
-    def send(self, number: int, make: Callable[[int, int], ToRobot]) -> bytes:
+    def send(self, number: int, make: Callable[[Addressee], ToRobot]) -> bytes:
         """Send a message to a robot that has a session.
 
         Args:
             number: The robot's number.
-            make: Builds the message from the incarnation and instance of its process.
+            make: Builds the message from the process that it is for.
 
         Returns:
             The bytes sent, for `repeat`.
         """
         session = self._sessions[number]
-        message = make(session.incarnation, session.instance)
+        message = make(Addressee(session.incarnation, session.instance, self._run.number, self._run.chain.proof))
         self._k = max(self._k, message.k)
         payload = encode(message)
+        if isinstance(message, PhaseA | PhaseB):
+            self._begun = max(self._begun, message.k + 1)
+            place = PHASE_A if isinstance(message, PhaseA) else PHASE_B
+            self._transcripts[number][session].sent(message.k, place, digest_of(payload))
         self._connection.posts[number](payload)
         return payload
+
+    def act_on(self, number: int, answer: ReplyA | ReplyB) -> None:
+        """Write down that the world acts on an answer that `take` has returned.
+
+        Args:
+            number: The robot's number.
+            answer: The answer.
+        """
+        place = REPLY_A if isinstance(answer, ReplyA) else REPLY_B
+        transcript = self._transcripts[number][_Session(answer.incarnation, answer.instance)]
+        transcript.acted_on(answer.k, place, answer.digest or digest_of(encode(answer)))
+
+    def transcripts(self) -> list[dict[str, object]]:
+        """What the robots and the world have each sent and acted on, as notes for the journal's end."""
+        of_all = self._transcripts.items()
+        return as_notes({(n, one.incarnation): kept for n, ones in of_all for one, kept in ones.items()})
 
     def repeat(self, number: int, payload: bytes) -> None:
         """Send the same bytes once more."""
@@ -198,13 +193,18 @@ class Sessions:
             return None
         if isinstance(message, ReplyA | ReplyB):
             if self._has_session(number, message):
-                return number, message
+                if message.k < self._begun:
+                    return number, message
+                self._connection.mailbox.refused["ahead"] += 1
+                return None
             self._connection.mailbox.refused["stranger"] += 1
         elif isinstance(message, Failed):
             if self._has_session(number, message):
                 self._failed[number] = message.reason
             else:
                 self._connection.mailbox.refused["stranger"] += 1
+        elif isinstance(message, Report):
+            self._compare(number, message)
         elif isinstance(message, HelloReply):
             self._answer_hello(number, message)
         else:
@@ -237,7 +237,7 @@ class Sessions:
         """
         self._dismissed[number] = reason
         if number in self._sessions:
-            self.send(number, lambda incarnation, instance: Stop(incarnation, instance, self._k, orderly, reason))
+            self.send(number, lambda to: Stop(to.incarnation, to.instance, self._k, to.run, orderly, reason))
 
     def end(self, number: int) -> None:
         """Forget a robot's process, which is gone for good, and expect no other."""
@@ -279,20 +279,27 @@ class Sessions:
         staying = [number for number in self._sessions if number not in self._dismissed]
         until = self.now + (DISMISSAL_S / 4 if self._connection.ending() else DISMISSAL_S)
         sent = -HELLO_S
-        while (left := [number for number in staying if number in self._present]) and self.now < until:
-            if self.now >= sent + HELLO_S / 2:
+        while self.now < until:
+            left = [number for number in staying if number in self._present]
+            if not left and self._all_reported(staying):
+                break
+            if left and self.now >= sent + HELLO_S / 2:
                 sent = self.now
                 for number in left:
                     self.dismiss(number, reason, orderly=True)
-            arrived = self._connection.mailbox.get(POLL_S)
-            if arrived is not None and arrived[0] in self._number_of and hasattr(arrived[1], "present"):
-                self._note_presence(self._number_of[arrived[0]], present=arrived[1].present)
+            if not left:
+                until = min(until, self.now + GRACE_S)
+            self._take_farewell()
 
     # --- what arrives ------------------------------------------------------------------------------------------------
 
     def _greet(self, number: int) -> None:
         if number in self._present and number in self._expected:
-            self._connection.posts[number](encode(Hello(0, ANYONE, self._k, self._run)))
+            self._connection.posts[number](encode(self._hello()))
+
+    def _hello(self) -> Hello:
+        chain = self._run.chain
+        return Hello(0, ANYONE, self._begun, self._run.number, chain.proof(self._begun), chain.stride)
 
     def _note_presence(self, number: int, *, present: bool) -> None:
         if present:
@@ -306,37 +313,76 @@ class Sessions:
 
     def _has_session(self, number: int, message: ToWorld) -> bool:
         session = self._sessions.get(number)
-        return session == _Session(message.incarnation, message.instance) and number not in self._dismissed
+        ours = session == _Session(message.incarnation, message.instance) and message.run == self._run.number
+        return ours and number not in self._dismissed
+
+    def _compare(self, number: int, message: Report) -> None:
+        """Compare the report of a process that has, or had, a session."""
+        transcript = self._transcripts[number].get(_Session(message.incarnation, message.instance))
+        if transcript is None or message.run != self._run.number:
+            self._connection.mailbox.refused["stranger"] += 1
+        else:
+            transcript.compare(message.k, message.lines)
+
+    def _all_reported(self, numbers: Iterable[int]) -> bool:
+        """Whether the processes of these robots have sent their last reports."""
+        return all(self._transcripts[number][self._sessions[number]].closed for number in numbers)
+
+    def _take_farewell(self) -> None:
+        """Wait up to `POLL_S` for a message while processes leave; only reports and presence matter then."""
+        arrived = self._connection.mailbox.get(POLL_S)
+        number = None if arrived is None else self._number_of.get(arrived[0])
+        if arrived is None or number is None:
+            return
+        if isinstance(arrived[1], Report):
+            self._compare(number, arrived[1])
+        elif hasattr(arrived[1], "present"):
+            self._note_presence(number, present=arrived[1].present)
 
     def _answer_hello(self, number: int, message: HelloReply) -> None:
         """Deal with a process that answers a hello, asks for one, or asks whether it still belongs to the run."""
         name = self._connection.names[number]
         session = self._sessions.get(number)
-        if message.run not in (self._run, NO_RUN):
+        if message.run not in (self._run.number, NO_RUN):
             self._connection.mailbox.refused["stranger"] += 1
-        elif session is None and message.run == NO_RUN:
+        elif session is None and message.run == NO_RUN and message.protocol == PROTOCOL:
             self._note_presence(number, present=True)
-        elif session is None and not self._is_expected(number, message.incarnation):
-            self._turn_away(number, message, f"no process is expected for {name} now")
+        elif session is None and not self._is_expected(number, message):
+            self._refuse_seat(number, message, f"no process is expected for {name} now")
         elif session is None:
-            if unlike := self._unlike(message):
-                self._call_off(number, message, unlike)
-            self._sessions[number] = _Session(message.incarnation, message.instance)
+            self._seat(number, message)
         elif session.instance != message.instance:
-            self._turn_away(number, message, f"another process is {name} already")
+            self._refuse_seat(number, message, f"another process is {name} already")
         elif number in self._dismissed:
             self._turn_away(number, message, self._dismissed[number])
 
-    def _is_expected(self, number: int, incarnation: int) -> bool:
-        return number in self._expected and self._expected[number] in (None, incarnation)
+    def _seat(self, number: int, message: HelloReply) -> None:
+        """Give a process the seat that it is expected to take, unless it means something else than the world."""
+        if unlike := self._unlike(message):
+            if self._gathering:
+                self._call_off(number, message, unlike)
+            self._refuse_seat(number, message, f"{UNLIKE}{unlike}")
+            return
+        session = _Session(message.incarnation, message.instance)
+        self._sessions[number] = session
+        self._transcripts[number].setdefault(session, WorldTranscript())
+
+    def _refuse_seat(self, number: int, message: HelloReply, reason: str) -> None:
+        self._connection.mailbox.refused["seat"] += 1
+        self._turn_away(number, message, reason)
+
+    def _is_expected(self, number: int, message: HelloReply) -> bool:
+        if number not in self._expected or self._expected[number] not in (None, message.incarnation):
+            return False
+        return self._run.seat is None or self._run.seat(number, message.incarnation) == message.instance
 
     def _unlike(self, message: HelloReply) -> str:
         """What of a process is not as in this world, and the remedy; empty when all is."""
         if message.protocol != PROTOCOL:
             versions = f"{message.protocol}, the world's is {PROTOCOL}"
             return f"protocol ({versions}); run the same version of fogwatch on all hosts"
-        if message.scenario != self._scenario:
-            hashes = f"hash {message.scenario[:12]}, the world's is {self._scenario[:12]}"
+        if message.scenario != self._run.scenario:
+            hashes = f"hash {message.scenario[:12]}, the world's is {self._run.scenario[:12]}"
             return f"scenario ({hashes}); give all processes the same file"
         return ""
 
@@ -353,10 +399,8 @@ class Sessions:
         """Wait up to `DISMISSAL_S` until processes are gone: the link must not close before they have been told."""
         until = self.now + DISMISSAL_S
         while self.now < until and not self._present.isdisjoint(numbers):
-            arrived = self._connection.mailbox.get(POLL_S)
-            if arrived is not None and arrived[0] in self._number_of and hasattr(arrived[1], "present"):
-                self._note_presence(self._number_of[arrived[0]], present=arrived[1].present)
+            self._take_farewell()
 
     def _turn_away(self, number: int, message: HelloReply, reason: str) -> None:
-        stop = Stop(message.incarnation, message.instance, self._k, orderly=False, reason=reason)
+        stop = Stop(message.incarnation, message.instance, self._k, self._run.number, orderly=False, reason=reason)
         self._connection.posts[number](encode(stop))

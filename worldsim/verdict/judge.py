@@ -28,6 +28,7 @@ from worldsim.verdict.run.fog_check import FogIsTrue
 from worldsim.verdict.run.journal_checks import Complete, TraceAgrees
 from worldsim.verdict.run.progress import Progress, RunProgress
 from worldsim.verdict.run.recovery import Recovers
+from worldsim.verdict.run.transcripts import TranscriptsAgree
 
 if TYPE_CHECKING:
     from patrol.ground.fog import Fog
@@ -48,6 +49,7 @@ CHECKS: tuple[type[Check], ...] = (
     DownAreSilent,
     LinksAddUp,
     DirectLinks,
+    TranscriptsAgree,
     RobotsThere,
     FaultsOnTime,
     PausedStandStill,

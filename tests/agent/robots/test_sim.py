@@ -20,6 +20,7 @@ from patrol.net.phases import (
     PhaseB,
     ReplyA,
     ReplyB,
+    Report,
     Stop,
     ToRobot,
     ToWorld,
@@ -27,10 +28,14 @@ from patrol.net.phases import (
     decode_to_world,
     encode,
 )
+from patrol.net.tick_chain import TickChain
+from patrol.net.transcripts import LAST
 from patrol.pose import Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
 
 ME = Identity("r1", 1, 77, "a" * 64)
+RUN = 5
+CHAIN = TickChain(b"secret", 100)
 KEYS = FleetKeys("f")
 POSE = Pose(1.0, 2.0, 0.5)
 DECISION = Decision(Velocity(1.0, -1.0), State.PATROLLING, 0.0, (3.0, 4.0), (3.5, 4.5), 9, 2)
@@ -53,7 +58,9 @@ class Clocked(Mailbox[ToRobot | Presence]):
 class Scene:
     """One robot, what it is sent and what it answers."""
 
-    def __init__(self, patience_s: float = 60.0, blind_s: float = math.inf, model: str = "holonomic") -> None:
+    def __init__(
+        self, patience_s: float = 60.0, blind_s: float = math.inf, model: str = "holonomic", greeted: bool = True
+    ) -> None:
         self.sent: list[ToWorld] = []
         self.times: list[float] = []
         self.waited: list[float] = []
@@ -70,6 +77,10 @@ class Scene:
             waiting=self.waited.append,
             now=lambda: self.mailbox.time,
         )
+        if greeted:
+            self.robot._take(hello())
+            self.sent.clear()
+            self.times.clear()
 
     def post(self, payload: bytes) -> None:
         self.sent.append(decode_to_world(payload))
@@ -102,16 +113,20 @@ class Scene:
 
 
 def a(k: int, instance: int = 77, incarnation: int = 1) -> PhaseA:
-    return PhaseA(incarnation, instance, k, Sensed(k, POSE, bumped=k % 2 == 1))
+    return PhaseA(incarnation, instance, k, RUN, Sensed(k, POSE, bumped=k % 2 == 1), CHAIN.proof(k + 1))
 
 
 def b(k: int, frames: tuple[bytes, ...] = ()) -> PhaseB:
-    return PhaseB(1, 77, k, frames)
+    return PhaseB(1, 77, k, RUN, frames)
+
+
+def hello(run: int = RUN) -> Hello:
+    return Hello(0, ANYONE, 0, run, CHAIN.proof(0), 1)
 
 
 def test_it_answers_a_hello_with_who_it_is() -> None:
-    scene = Scene()
-    scene.tell(Hello(0, ANYONE, 0, 5), a(0))
+    scene = Scene(greeted=False)
+    scene.tell(hello(), a(0))
     sensed = scene.robot.sense()
     assert sensed is not None
     assert (sensed.k, sensed.pose, sensed.bumped) == (0, POSE, False)
@@ -122,8 +137,8 @@ def test_a_tick_in_lockstep() -> None:
     scene = Scene()
     assert scene.tick(3, (b"x", b"y")) == [b"x", b"y"]
     assert scene.sent == [
-        ReplyA(1, 77, 3, (b"frame 3",)),
-        ReplyB(1, 77, 3, Reply(Velocity(1.0, -1.0), "patrolling", (3.5, 4.5), 1.5, 2)),
+        ReplyA(1, 77, 3, RUN, (b"frame 3",)),
+        ReplyB(1, 77, 3, RUN, Reply(Velocity(1.0, -1.0), "patrolling", (3.5, 4.5), 1.5, 2)),
     ]
 
 
@@ -171,7 +186,7 @@ def test_a_tick_that_is_over_is_not_decided_but_what_comes_later_is_heard() -> N
 
 def test_messages_for_another_process_are_counted_and_ignored() -> None:
     scene = Scene()
-    scene.tell(a(7, instance=78), a(8, incarnation=2), replace(b(9), instance=5), Stop(1, 78, 0, True, "go"), a(0))
+    scene.tell(a(7, instance=78), a(8, incarnation=2), replace(b(9), instance=5), Stop(1, 78, 0, RUN, True, "go"), a(0))
     sensed = scene.robot.sense()
     assert sensed is not None
     assert sensed.k == 0
@@ -180,13 +195,12 @@ def test_messages_for_another_process_are_counted_and_ignored() -> None:
     assert not scene.robot.farewell
 
 
-@pytest.mark.parametrize("instance", [77, ANYONE])
 @pytest.mark.parametrize("orderly", [True, False])
-def test_it_leaves_when_told_to(instance: int, orderly: bool) -> None:
+def test_it_leaves_when_told_to(orderly: bool) -> None:
     scene = Scene()
     scene.tell(a(0))
     assert scene.robot.sense() is not None
-    scene.tell(Stop(1, instance, 0, orderly, "because"))
+    scene.tell(Stop(1, 77, 0, RUN, orderly, "because"))
     assert scene.robot.hear() is None
     assert scene.robot.sense() is None
     assert (scene.robot.farewell, scene.robot.orderly) == ("because", orderly)
@@ -203,15 +217,15 @@ def test_another_world_is_not_obeyed() -> None:
     """Not as long as there is our own; nor later, but then we are free to leave."""
     scene = Scene()
     scene.world(present=True)
-    scene.tell(Hello(0, ANYONE, 0, 5))
+    scene.tell(hello())
     scene.tick(0)
     scene.mailbox.time += 2.0 * SILENCE_S
-    scene.tell(Hello(0, ANYONE, 0, 6))
+    scene.tell(hello(6))
     scene.tick(1)
     assert scene.robot.refused == 1
     scene.world(present=False)
     scene.world(present=True)
-    scene.tell(Hello(0, ANYONE, 0, 6))
+    scene.tell(hello(6))
     scene.tick(2)
     assert scene.robot.refused == 2
     assert scene.last(1) != [HelloReply(1, 77, 0, 6, "a" * 64)]
@@ -221,13 +235,13 @@ def test_another_world_is_not_obeyed() -> None:
     scene.world(present=False)
     scene.world(present=True)
     scene.mailbox.time += SILENCE_S
-    scene.tell(Hello(0, ANYONE, 0, 6))
+    scene.tell(hello(6))
     assert scene.robot.sense() is None
     assert "another world" in scene.robot.farewell
 
 
 def test_without_a_world_it_says_that_it_waits_and_gives_up() -> None:
-    scene = Scene(patience_s=10.0)
+    scene = Scene(greeted=False, patience_s=10.0)
     assert scene.robot.sense() is None
     assert "no world for 10 s" in scene.robot.farewell
     assert not scene.robot.orderly
@@ -236,7 +250,7 @@ def test_without_a_world_it_says_that_it_waits_and_gives_up() -> None:
 
 
 def test_a_world_that_does_not_greet_is_asked_to() -> None:
-    scene = Scene(patience_s=1.0)
+    scene = Scene(greeted=False, patience_s=1.0)
     scene.world(present=True)
     scene.mailbox.put(KEYS.tick("r1"), a(0, instance=5))
 
@@ -252,18 +266,19 @@ def test_a_world_that_does_not_greet_is_asked_to() -> None:
 def test_a_world_that_falls_silent_is_asked_whether_we_still_belong() -> None:
     scene = Scene(patience_s=1.0)
     scene.world(present=True)
-    scene.tell(Hello(0, ANYONE, 0, 5))
+    scene.tell(hello())
     scene.tick(4)
     answers: list[ToWorld] = []
 
     def world(payload: bytes) -> None:
         answers.append(decode_to_world(payload))
-        scene.tell(Stop(1, 77, 4, False, "left out"))
+        scene.tell(Stop(1, 77, 4, RUN, False, "left out"))
 
     scene.robot._post = world
     began = scene.mailbox.time
     assert scene.robot.sense() is None
-    assert answers == [HelloReply(1, 77, 4, 5, "a" * 64)]
+    assert answers[:-1] == [HelloReply(1, 77, 4, 5, "a" * 64)]
+    assert isinstance(answers[-1], Report)
     assert SILENCE_S <= scene.mailbox.time - began < SILENCE_S + 1.0
     assert scene.robot.farewell == "left out"
 
@@ -278,7 +293,7 @@ def test_a_lost_world_may_come_back_for_a_while() -> None:
     assert 10.0 <= scene.mailbox.time - began < 11.0
 
 
-STILL = ReplyB(1, 77, 3, Reply(Velocity(0.0, 0.0), "holding", None, 1.5, 2))
+STILL = ReplyB(1, 77, 3, RUN, Reply(Velocity(0.0, 0.0), "holding", None, 1.5, 2))
 
 
 def test_it_stops_when_no_pose_comes_any_more() -> None:
@@ -319,8 +334,8 @@ def test_a_mind_that_cannot_go_on_says_at_which_tick_and_why() -> None:
     scene.tell(a(5))
     assert scene.robot.sense() is not None
     scene.robot.stop("its policy failed")
-    assert scene.sent[0] == Failed(1, 77, 0, "too early")
-    assert scene.last(1) == [Failed(1, 77, 5, "its policy failed")]
+    assert scene.sent[:2] == [Report(1, 77, LAST, RUN, ()), Failed(1, 77, 0, RUN, "too early")]
+    assert scene.last(1) == [Failed(1, 77, 5, RUN, "its policy failed")]
 
 
 def test_a_command_that_nobody_reports_on_is_sent_all_the_same() -> None:
@@ -331,7 +346,7 @@ def test_a_command_that_nobody_reports_on_is_sent_all_the_same() -> None:
     scene.robot.send((b"frame",))
     assert scene.robot.hear() == []
     scene.robot.act(Velocity(0.5, 0.0))
-    assert scene.last(1) == [ReplyB(1, 77, 4, Reply(Velocity(0.5, 0.0), "patrolling", None, 0.0, 0))]
+    assert scene.last(1) == [ReplyB(1, 77, 4, RUN, Reply(Velocity(0.5, 0.0), "patrolling", None, 0.0, 0))]
 
 
 def test_it_is_a_clock_for_radios() -> None:

@@ -73,17 +73,22 @@ junk = st.recursive(
     max_leaves=12,
 )
 phases = st.one_of(
-    st.builds(PhaseB, st.just(1), st.just(7), st.integers(0, 99), st.lists(frames, max_size=6).map(tuple)),
+    st.builds(PhaseB, st.just(1), st.just(7), st.integers(0, 99), st.just(5), st.lists(frames, max_size=6).map(tuple)),
     st.builds(
-        lambda k, bumped: PhaseA(1, 7, k, Sensed(k, Pose(1.0, 2.0, 3.0), bumped)), st.integers(0, 99), st.booleans()
+        lambda k, bumped: PhaseA(1, 7, k, 5, Sensed(k, Pose(1.0, 2.0, 3.0), bumped), bytes(16)),
+        st.integers(0, 99),
+        st.booleans(),
     ),
-    st.builds(Hello, st.just(1), st.just(7), st.integers(0, 99), st.integers(0, 99)),
-    st.builds(ReplyA, st.just(1), st.just(7), st.integers(0, 99), st.lists(frames, max_size=MAX_FRAMES).map(tuple)),
+    st.builds(Hello, st.just(1), st.just(7), st.integers(0, 99), st.integers(0, 99), st.just(bytes(16)), st.just(1)),
+    st.builds(
+        ReplyA, st.just(1), st.just(7), st.integers(0, 99), st.just(5), st.lists(frames, max_size=MAX_FRAMES).map(tuple)
+    ),
     st.builds(
         ReplyB,
         st.just(1),
         st.just(7),
         st.integers(0, 99),
+        st.just(5),
         st.builds(
             Reply,
             command=st.just(Drive(1.0, 0.1)),
@@ -93,7 +98,9 @@ phases = st.one_of(
             rejected=st.integers(0, 99),
         ),
     ),
-    st.builds(Failed, st.just(1), st.just(7), st.integers(0, 99), st.sampled_from(["", "its policy failed"])),
+    st.builds(
+        Failed, st.just(1), st.just(7), st.integers(0, 99), st.just(5), st.sampled_from(["", "its policy failed"])
+    ),
 )
 hostile = st.one_of(
     st.binary(max_size=100), frames, plausible, phases.map(encode_phase), st.lists(junk, max_size=10).map(msgpack.packb)

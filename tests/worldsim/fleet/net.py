@@ -20,20 +20,23 @@ from patrol.net.phases import (
     ToWorld,
     decode_to_robot,
 )
+from patrol.net.tick_chain import TickChain
 from patrol.pose import Pose, Velocity
+from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import LockstepFleet
-from worldsim.fleet.sessions import FleetConnection, Sessions
+from worldsim.fleet.sessions import Sessions
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2", 3: "r3"}
 RUN, HASH = 9, "c" * 64
+CHAIN = TickChain(b"secret", 100)
 POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
 
 
 class Net:
     """Robots that answer at once unless told otherwise, and time that passes only while somebody waits."""
 
-    def __init__(self) -> None:
+    def __init__(self, seat: Callable[[int, int], int] | None = None) -> None:
         self.time = 1000.0
         self.refused: Counter[str] = Counter()
         self.letters: deque[tuple[float, str, Any]] = deque()
@@ -51,7 +54,8 @@ class Net:
             lambda: self.time,
             lambda: self.ending,
         )
-        self.sessions = Sessions(self.wire, RUN, HASH)
+        identity = RunIdentity(RUN, HASH, CHAIN, seat)
+        self.sessions = Sessions(self.wire, identity)
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
         due = sorted(self.letters, key=lambda letter: letter[0])
@@ -78,7 +82,7 @@ class Net:
         return post
 
     def answer(self, number: int, message: ToRobot) -> None:
-        me = (1, 70 + number, message.k)
+        me = (1, 70 + number, message.k, message.run)
         if isinstance(message, Hello):
             self.deliver(number, HelloReply(1, 70 + number, 0, message.run, HASH))
         elif isinstance(message, PhaseA):

@@ -23,7 +23,7 @@ from patrol.net.phases import (
     Stop,
 )
 from patrol.pose import Pose, Velocity
-from tests.worldsim.fleet.net import HASH, NAMES, RUN, Net, fleet_of, heard, sensed
+from tests.worldsim.fleet.net import CHAIN, HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Missing
 
@@ -121,19 +121,19 @@ def test_a_tick_takes_everybodys_answers() -> None:
     replies = fleet.phase_b(0, heard())
     assert list(replies) == [1, 2, 3]
     assert fleet.lost() == []
-    assert net.told(PhaseA, 2) == [PhaseA(1, 72, 0, Sensed(0, Pose(2.0, 0.0, 0.0)))]
-    assert net.told(PhaseB, 2) == [PhaseB(1, 72, 0, (b"x",))]
+    assert net.told(PhaseA, 2) == [PhaseA(1, 72, 0, RUN, Sensed(0, Pose(2.0, 0.0, 0.0)), CHAIN.proof(1))]
+    assert net.told(PhaseB, 2) == [PhaseB(1, 72, 0, RUN, (b"x",))]
 
 
 def test_answers_of_other_ticks_phases_and_processes_do_not_count() -> None:
     net = Net()
     fleet = fleet_of(net)
     net.mute = {1}
-    net.deliver(1, ReplyA(1, 71, 4, (b"old",)))
-    net.deliver(1, ReplyA(1, 99, 5, (b"stranger",)))
-    net.deliver(1, ReplyA(2, 71, 5, (b"other incarnation",)))
-    net.deliver(1, ReplyB(1, 71, 5, Reply(Velocity(0.0, 0.0), "patrolling", None, 1.0, 0)))
-    net.deliver(1, ReplyA(1, 71, 5, (b"mine",)), 0.5)
+    net.deliver(1, ReplyA(1, 71, 4, RUN, (b"old",)))
+    net.deliver(1, ReplyA(1, 99, 5, RUN, (b"stranger",)))
+    net.deliver(1, ReplyA(2, 71, 5, RUN, (b"other incarnation",)))
+    net.deliver(1, ReplyB(1, 71, 5, RUN, Reply(Velocity(0.0, 0.0), "patrolling", None, 1.0, 0)))
+    net.deliver(1, ReplyA(1, 71, 5, RUN, (b"mine",)), 0.5)
     assert fleet.phase_a(5, sensed(5)) == {1: (b"mine",), 2: (b"frame",), 3: (b"frame",)}
     assert net.refused["stranger"] == 2
 
@@ -150,7 +150,7 @@ def test_a_pause_below_the_deadline_only_takes_time() -> None:
     net = Net()
     fleet = fleet_of(net)
     net.mute = {2}
-    net.deliver(2, ReplyA(1, 72, 3, (b"late",)), 9.0)
+    net.deliver(2, ReplyA(1, 72, 3, RUN, (b"late",)), 9.0)
     assert fleet.phase_a(3, sensed(3))[2] == (b"late",)
     assert len(net.told(PhaseA, 2)) == 9
     assert fleet.lost() == []
@@ -178,7 +178,7 @@ def test_the_first_tick_may_take_longer() -> None:
     net = Net()
     fleet = fleet_of(net, deadline_s=5.0)
     net.mute = {2}
-    net.deliver(2, ReplyA(1, 72, 0, (b"slow start",)), 30.0)
+    net.deliver(2, ReplyA(1, 72, 0, RUN, (b"slow start",)), 30.0)
     assert fleet.phase_a(0, sensed(0))[2] == (b"slow start",)
 
 
@@ -194,7 +194,7 @@ def test_a_pause_of_the_world_itself_is_nobodys_death() -> None:
         return None
 
     net.get = get_after_a_long_sleep  # type: ignore[method-assign]
-    net.deliver(2, ReplyA(1, 72, 3, (b"here",)), 3601.0)
+    net.deliver(2, ReplyA(1, 72, 3, RUN, (b"here",)), 3601.0)
     assert fleet.phase_a(3, sensed(3))[2] == (b"here",)
 
 
@@ -217,7 +217,7 @@ def test_tokens_that_go_with_the_router_come_back() -> None:
     for number in NAMES:
         net.presence(number, False)
         net.presence(number, True, 4.0)
-        net.deliver(number, ReplyA(1, 70 + number, 3, (b"back",)), 4.5)
+        net.deliver(number, ReplyA(1, 70 + number, 3, RUN, (b"back",)), 4.5)
     assert fleet.phase_a(3, sensed(3)) == dict.fromkeys(NAMES, (b"back",))
     assert fleet.lost() == []
 
@@ -250,7 +250,7 @@ def test_at_the_end_everybody_is_sent_home() -> None:
     fleet = fleet_of(net)
     fleet.finish(7)
     for number in NAMES:
-        assert net.told(Stop, number) == [Stop(1, 70 + number, 7, True, "the run is over")]
+        assert net.told(Stop, number) == [Stop(1, 70 + number, 7, RUN, True, "the run is over")]
 
 
 def test_the_end_does_not_wait_for_ever() -> None:

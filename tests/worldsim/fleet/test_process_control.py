@@ -16,15 +16,17 @@ from patrol.net.phases import (
     NO_RUN,
     Hello,
     HelloReply,
-    PhaseA,
     ReplyA,
     Stop,
     ToRobot,
     decode_to_robot,
 )
+from patrol.net.tick_chain import TickChain
 from patrol.pose import Pose
+from worldsim.fleet.connection import FleetConnection, RunIdentity
+from worldsim.fleet.lockstep import tell
 from worldsim.fleet.process_control import START_S, ControlFailed, LauncherControl, NotStarted, Request, answer_line
-from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, FleetConnection, Interrupted, Sessions
+from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Sessions
 from worldsim.lifecycle import STOPPED, UNSEEN, process_name
 
 KEYS = FleetKeys("f")
@@ -51,7 +53,7 @@ class Stage:
         self.ending = False
         posts = {number: self.post_of(number) for number in NAMES}
         wire = FleetConnection(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending)
-        self.sessions = Sessions(wire, RUN, HASH, absent)
+        self.sessions = Sessions(wire, RunIdentity(RUN, HASH, TickChain(b"secret", 100)), absent)
         self.control = LauncherControl(self.ask, self.sessions, waits=waits)
         for number in self.incarnation:
             self.presence(number, True)
@@ -97,7 +99,7 @@ class Stage:
 
     def reach(self, number: int) -> tuple[int, int]:
         """Incarnation and instance of the process that the world speaks to."""
-        self.sessions.send(number, lambda inc, instance: PhaseA(inc, instance, 5, Sensed(5, Pose(0.0, 0.0, 0.0))))
+        self.sessions.send(number, tell(5, Sensed(5, Pose(0.0, 0.0, 0.0))))
         message = self.sent[-1][1]
         return message.incarnation, message.instance
 
@@ -131,7 +133,7 @@ def test_a_word_of_the_dead_takes_no_place() -> None:
     stage.control.kill(2)
     last_words = HelloReply(1, 201, 0, RUN, HASH)
     stage.deliver(2, last_words)
-    stage.deliver(2, ReplyA(1, 201, 5, (b"frame",)))
+    stage.deliver(2, ReplyA(1, 201, 5, RUN, (b"frame",)))
     for _ in range(3):
         assert stage.sessions.take(0.1) is None
     stage.control.start(2, 2)

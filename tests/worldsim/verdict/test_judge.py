@@ -29,6 +29,7 @@ NAMES = [
     "exit codes",
     "the down are silent",
     "links add up",
+    "transcripts",
     "robots there",
     "statuses",
     "bodies apart",

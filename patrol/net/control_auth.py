@@ -1,0 +1,310 @@
+"""How an operator and a world prove to each other that they know the fleet's token, which never travels.
+
+    operator to world    nonce                                     under `CHALLENGE`
+    world to operator    MAC, run, ticket
+    operator to world    MAC, run, nonce, ticket, control          under `ASK`
+    world to operator    MAC, answer
+
+Each MAC is HMAC-SHA256 (RFC 2104) with the token as key, over everything that the message and the exchange so far say:
+the fleet, the run, the operator's nonce, the world's ticket, the control, the answer. So whoever reads along learns
+nothing that is of use in another exchange, and whoever answers without the token is found out.
+
+A ticket is the time at which it was made, and a MAC of it and the nonce under a key that the world alone has. The
+world stores nothing for it, so asking for tickets takes none of its memory. It stores the nonces of requests that it
+has obeyed, which only those who have the token can make it do, with the answers. A request that comes twice gets the
+answer of the first time and is not carried out again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from patrol.net.keys import FleetKeys
+from patrol.printable import printable
+from patrol.scenario.controls import Answer
+
+ASK = "ask"
+CHALLENGE = "challenge"
+"""The last parts of the keys for controls and for tickets (`patrol.net.keys.FleetKeys.control`)."""
+
+NONCE = 16
+"""Bytes of an operator's nonce."""
+MAX_CONTROL = 1 << 16
+"""Bytes of the longest control."""
+LIFETIME_S = 600.0
+"""How long a ticket is good for, s of wall time; a slow tick may hold up a request for long."""
+MAX_OBEYED = 1024
+"""Requests within `LIFETIME_S` beyond which a world takes no more."""
+
+_MAC = 32
+_TICKET = struct.Struct("<Q16s")
+_CHALLENGED = struct.Struct(f"<{_MAC}sQ{_TICKET.size}s")
+_REQUEST = struct.Struct(f"<{_MAC}sQ{NONCE}s{_TICKET.size}s")
+_MAX_TEXT = 2000
+MAX_REQUEST = _REQUEST.size + MAX_CONTROL
+"""Bytes of the longest request."""
+MAX_ANSWER = _MAC + 6 * _MAX_TEXT + 64
+"""Bytes of the longest answer, to a challenge or a request."""
+
+
+class Refused(ValueError):
+    """Bytes of somebody who has not proved to know the token, or not in time."""
+
+
+class Unanswered(Exception):
+    """No answer came from somebody who knows the token; one line says what came instead."""
+
+
+# --- the world -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Admitted:
+    """A request of somebody who knows the token.
+
+    Attributes:
+        control: What is asked for: anything that JSON can say, or None where the request is no JSON.
+        seal: Makes of the answer the bytes to send. To be called once.
+        answered: The bytes of the answer to the same request when it came first; None where it is new.
+    """
+
+    control: Any
+    seal: Callable[[Answer], bytes]
+    answered: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Obeyed:
+    until: float
+    mac: bytes
+    answer: bytes
+
+
+class ControlGate:
+    """The world's side: gives tickets, and lets through what carries one and a right MAC."""
+
+    def __init__(self, fleet: str, token: str, run: int, secret: bytes, now: Callable[[], float]) -> None:
+        """Open a gate for one run.
+
+        Args:
+            fleet: The fleet's name.
+            token: The fleet's token.
+            run: The run's random number.
+            secret: At least 16 random bytes that nobody else has.
+            now: Monotonic clock, s, at least 0.
+        """
+        self._fleet = fleet
+        self._token = token
+        self._run = run
+        self._secret = secret
+        self._now = now
+        self._obeyed: dict[bytes, _Obeyed] = {}
+
+    def challenge(self, nonce: bytes) -> bytes:
+        """Give a ticket. Any thread may call this.
+
+        Args:
+            nonce: The operator's.
+
+        Returns:
+            The answer, by which the operator sees that the world knows the token.
+
+        Raises:
+            Refused: That is no nonce.
+        """
+        if len(nonce) != NONCE:
+            raise Refused(f"a nonce has {NONCE} bytes")
+        ticket = self._ticket(int(self._now() * 1000.0), nonce)
+        mac = _mac(self._token, b"challenge", self._fleet, self._run, nonce, ticket)
+        return _CHALLENGED.pack(mac, self._run, ticket)
+
+    def open(self, payload: bytes) -> Admitted:
+        """Let a request through.
+
+        Args:
+            payload: Any bytes.
+
+        Returns:
+            What it asks for. Once its answer is sealed, the same request is not new any more.
+
+        Raises:
+            Refused: Its sender has not proved to know the token, it is of another run, its ticket is not ours or too
+                old, or its nonce was used for something else.
+        """
+        if not _REQUEST.size <= len(payload) <= MAX_REQUEST:
+            raise Refused("no request")
+        mac, run, nonce, ticket = _REQUEST.unpack_from(payload)
+        control = payload[_REQUEST.size :]
+        if run != self._run:
+            raise Refused("the request is of another run")
+        if not hmac.compare_digest(mac, _mac(self._token, b"request", self._fleet, run, nonce, ticket, control)):
+            raise Refused("the request's sender does not know the token")
+        made_ms = _TICKET.unpack(ticket)[0]
+        until = made_ms / 1000.0 + LIFETIME_S
+        if not hmac.compare_digest(ticket, self._ticket(made_ms, nonce)) or self._now() > until:
+            raise Refused("the request's ticket is not ours or too old")
+        before = self._obeyed.get(nonce)
+        if before is not None and before.mac != mac:
+            raise Refused("the request's nonce was used before")
+        if before is None:
+            self._make_room()
+
+        def seal(answer: Answer) -> bytes:
+            text = json.dumps({"done": answer.done, "text": answer.text[:_MAX_TEXT]}).encode()
+            sealed = _mac(self._token, b"answer", self._fleet, run, nonce, ticket, control, text) + text
+            self._obeyed[nonce] = _Obeyed(until, mac, sealed)
+            return sealed
+
+        return Admitted(_parsed(control), seal, None if before is None else before.answer)
+
+    def _ticket(self, made_ms: int, nonce: bytes) -> bytes:
+        tag = hashlib.blake2b(struct.pack("<Q", made_ms) + nonce, key=self._secret, digest_size=16).digest()
+        return _TICKET.pack(made_ms, tag)
+
+    def _make_room(self) -> None:
+        if len(self._obeyed) >= MAX_OBEYED:
+            now = self._now()
+            self._obeyed = {nonce: obeyed for nonce, obeyed in self._obeyed.items() if obeyed.until >= now}
+        if len(self._obeyed) >= MAX_OBEYED:
+            raise Refused(f"{MAX_OBEYED} requests within {LIFETIME_S:g} s")
+
+
+def _parsed(control: bytes) -> Any:
+    try:
+        return json.loads(control)
+    except (ValueError, RecursionError):
+        return None
+
+
+# --- the operator ----------------------------------------------------------------------------------------------------
+
+
+class Asks(Protocol):
+    """What sends a question to all who may answer it (`patrol.net.link.Link`)."""
+
+    def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterable[bytes]:
+        """All answers, as they come.
+
+        Args:
+            key: To ask under.
+            payload: Of the question.
+            longest: Bytes of the longest answer that is wanted.
+            wait_s: How long to wait for answers, s.
+        """
+        ...
+
+
+@dataclass(slots=True)
+class Operated:
+    """The outcome of a control.
+
+    Attributes:
+        answer: The world's.
+        strangers: Answers of others, who do not know the token, that came before it.
+    """
+
+    answer: Answer
+    strangers: int = 0
+
+    @property
+    def warning(self) -> str:
+        """One line about the strangers; empty without any."""
+        return "somebody who does not know the token has answered as well; that was ignored" if self.strangers else ""
+
+
+@dataclass(frozen=True, slots=True)
+class ControlClient:
+    """The operator's side.
+
+    Attributes:
+        link: The connection.
+        keys: The fleet's keys.
+        token: The fleet's token.
+        now: Monotonic clock, s.
+        random: Gives random bytes, so many.
+    """
+
+    link: Asks
+    keys: FleetKeys
+    token: str = field(repr=False)
+    now: Callable[[], float]
+    random: Callable[[int], bytes]
+
+    def ask(self, control: Mapping[str, Any], wait_s: float) -> Operated:
+        """Ask the fleet's world for something.
+
+        Args:
+            control: As `patrol.scenario.controls.read_control` takes it.
+            wait_s: How long to wait for the answer, s.
+
+        Returns:
+            What became of it.
+
+        Raises:
+            Unanswered: Nobody who knows the token has answered.
+        """
+        until = self.now() + wait_s
+        fleet, nonce = self.keys.fleet, self.random(NONCE)
+        strangers = 0
+        for given in self.link.answers(self.keys.control(CHALLENGE), nonce, MAX_ANSWER, wait_s):
+            if (found := self._ticket(given, nonce)) is not None:
+                break
+            strangers += 1
+        else:
+            raise Unanswered(self._why(strangers, wait_s))
+        run, ticket = found
+        text = json.dumps(dict(control)).encode()
+        request = _mac(self.token, b"request", fleet, run, nonce, ticket, text)
+        request += struct.pack("<Q", run) + nonce + ticket + text
+        left_s = max(until - self.now(), 0.001)
+        for given in self.link.answers(self.keys.control(ASK), request, MAX_ANSWER, left_s):
+            mac, said = given[:_MAC], given[_MAC:]
+            right = _mac(self.token, b"answer", fleet, run, nonce, ticket, text, said)
+            if hmac.compare_digest(mac, right) and (answer := _answer(said)) is not None:
+                return Operated(answer, strangers)
+            strangers += 1
+        raise Unanswered(self._why(strangers, wait_s))
+
+    def _ticket(self, given: bytes, nonce: bytes) -> tuple[int, bytes] | None:
+        """The run and the ticket in an answer to a challenge, of somebody who knows the token; None of anybody else."""
+        if len(given) != _CHALLENGED.size:
+            return None
+        mac, run, ticket = _CHALLENGED.unpack(given)
+        right = _mac(self.token, b"challenge", self.keys.fleet, run, nonce, ticket)
+        return (run, ticket) if hmac.compare_digest(mac, right) else None
+
+    def _why(self, strangers: int, wait_s: float) -> str:
+        if strangers:
+            return (
+                f"fleet {self.keys.fleet}: somebody answered who does not know the token, and nobody else did; either "
+                "the token is not this fleet's, or somebody answers in the world's place"
+            )
+        return f"the world of fleet {self.keys.fleet} did not answer within {wait_s:g} s"
+
+
+def _answer(said: bytes) -> Answer | None:
+    """A world's answer, its text safe for a terminal; None for anything else."""
+    try:
+        says = json.loads(said)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(says, dict) or type(says.get("done")) is not bool or type(says.get("text")) is not str:
+        return None
+    return Answer(says["done"], printable(says["text"][:_MAX_TEXT]))
+
+
+def _mac(token: str, what: bytes, fleet: str, run: int, *parts: bytes) -> bytes:
+    """HMAC-SHA256 over the parts, each after its length, so that no two lists of parts give the same bytes."""
+    return hmac.digest(token.encode("utf-8", "surrogatepass"), b"".join(_framed(what, fleet, run, parts)), "sha256")
+
+
+def _framed(what: bytes, fleet: str, run: int, parts: Iterable[bytes]) -> Iterator[bytes]:
+    for part in (b"fogwatch control", what, fleet.encode(), struct.pack("<Q", run), *parts):
+        yield struct.pack("<I", len(part))
+        yield part

@@ -1,0 +1,49 @@
+"""Seats: which process of a robot a launcher has started, so that no other one can take its place.
+
+A launcher gives each robot's process an instance that follows from the fleet's token, the robot and the incarnation. It
+stands in the process's environment, where other users of the machine cannot read it. The world knows the token too and
+expects that instance. Without a launcher a robot's process draws its instance, and whoever comes first takes the seat.
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+from collections.abc import Mapping
+
+SEAT = "FOGWATCH_SEAT"
+"""The environment variable that holds a process's instance."""
+
+_LARGEST = 2**63 - 1
+
+
+def seat_of(token: str, fleet: str, robot: str, incarnation: int) -> int:
+    """The instance of a process that a launcher starts.
+
+    Args:
+        token: The fleet's token.
+        fleet: The fleet's name.
+        robot: The robot's name.
+        incarnation: Counts the robot's processes, from 1.
+
+    Returns:
+        A number from 1 to 2^63 - 1.
+    """
+    text = f"fogwatch seat/{fleet}/{robot}/{incarnation}".encode()
+    drawn = hmac.digest(token.encode("utf-8", "surrogatepass"), text, "sha256")[:8]
+    return int.from_bytes(drawn, "big") >> 1 | 1
+
+
+def own_instance(environment: Mapping[str, str]) -> int:
+    """The instance of this process: the one that its launcher gave it, or a random one.
+
+    Args:
+        environment: Of this process.
+
+    Returns:
+        A number from 1 to 2^63 - 1.
+    """
+    given = environment.get(SEAT, "")
+    if given.isascii() and given.isdigit() and len(given) < 20 and 0 < int(given) <= _LARGEST:
+        return int(given)
+    return int.from_bytes(os.urandom(8), "big") >> 1 | 1

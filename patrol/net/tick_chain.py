@@ -1,0 +1,109 @@
+"""A hash chain by which a robot knows that a tick has begun (Lamport, Password authentication, CACM 24(11), 1981).
+
+The world draws a secret and hashes it over and over. It gives the last hash away when it greets a robot, and with each
+tick the hash before. Whoever has seen a proof can check all later ones by hashing them, and can make none: so nobody
+can send a robot a tick that the world has not begun, however well he has listened. A gap, after a pause or an outage,
+only takes as many more hashes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+
+PROOF = 16
+"""Bytes of a proof."""
+LONGEST = 1 << 18
+"""Links of the longest chain, 0.2 s to make; in a longer run several ticks share one."""
+CHEAP = 256
+"""Hashes that a robot makes for any message. It makes more for one message in `COSTLY_S` only, so that forged ones
+cannot keep it busy."""
+COSTLY_S = 1.0
+
+
+class TickChain:
+    """The world's side: has the proofs of all ticks of a run.
+
+    Attributes:
+        stride: Ticks that share one link.
+    """
+
+    def __init__(self, secret: bytes, ticks: int) -> None:
+        """Make the chain.
+
+        Args:
+            secret: Random bytes that nobody else has.
+            ticks: Number of ticks of the run.
+        """
+        self.stride = stride_of(ticks)
+        links = ticks // self.stride + 2
+        self._links = bytearray(PROOF * links)
+        link = secret
+        for place in range(links - 1, -1, -1):
+            link = _before(link)
+            self._links[PROOF * place : PROOF * (place + 1)] = link
+
+    def proof(self, begun: int) -> bytes:
+        """The proof that so many ticks have begun.
+
+        Args:
+            begun: Number of ticks.
+        """
+        place = begun // self.stride
+        return bytes(self._links[PROOF * place : PROOF * (place + 1)])
+
+
+class TickProofs:
+    """A robot's side: checks proofs against the newest that it has found right."""
+
+    def __init__(self, begun: int, proof: bytes, stride: int, now: Callable[[], float]) -> None:
+        """Begin with a proof that is believed.
+
+        Args:
+            begun: Number of ticks that have begun by it.
+            proof: The proof.
+            stride: Ticks that share one link.
+            now: Monotonic clock, s.
+        """
+        self._stride = stride
+        self._place = begun // stride
+        self._proof = proof
+        self._now = now
+        self._costly_at = now()
+
+    def accepts(self, begun: int, proof: bytes) -> bool:
+        """Whether a proof shows that so many ticks have begun.
+
+        Args:
+            begun: Number of ticks.
+            proof: The proof.
+        """
+        place = begun // self._stride
+        hashes = place - self._place
+        if not 0 <= hashes <= LONGEST:
+            return False
+        if hashes > CHEAP:
+            now = self._now()
+            if now < self._costly_at:
+                return False
+            self._costly_at = now + COSTLY_S
+        link = proof
+        for _ in range(hashes):
+            link = _before(link)
+        if link != self._proof:
+            return False
+        self._place, self._proof = place, proof
+        return True
+
+
+def stride_of(ticks: int) -> int:
+    """Number of ticks that share one link of a run's chain.
+
+    Args:
+        ticks: Number of ticks of the run.
+    """
+    return ticks // LONGEST + 1
+
+
+def _before(link: bytes) -> bytes:
+    return hashlib.blake2b(link, digest_size=PROOF).digest()

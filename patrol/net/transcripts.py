@@ -1,0 +1,246 @@
+"""Transcripts: what a robot and the world have each sent and accepted in the phases, as hashes that can be compared.
+
+Whoever can publish under a robot's keys can speak for it, or for the world to it. So each robot keeps the digests of
+the phases that it has acted on and of the replies that it has sent, and reports them to the world every `LINES` ticks
+and when it leaves. The world keeps those of the phases that it has sent and of the replies that it has acted on. A
+forged message has a place in one transcript only, and no forger can keep a robot's report from the world.
+
+Messages that were sent and not acted on count nowhere: at a pace some come too late or get lost.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+DIGEST = 8
+"""Bytes of a digest: the same for two messages once in 2^64 tries."""
+LINES = 16
+"""Ticks after which a robot reports."""
+LAST = 2**31 - 1
+"""The tick up to which a robot's last report is complete: it sends no more replies."""
+PHASE_A, PHASE_B, REPLY_A, REPLY_B = range(4)
+"""Places of the digests in a tick's line."""
+PLACES = 4
+MAX_LINES = 24
+"""Ticks in one message."""
+MAX_DIGESTS = 2
+"""Digests in one place: a robot that stops because it is blind withdraws the reply that it has sent."""
+
+
+def digest_of(payload: bytes) -> bytes:
+    """The digest of a message.
+
+    Args:
+        payload: The message as it was sent.
+    """
+    return hashlib.blake2b(payload, digest_size=DIGEST).digest()
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One tick of a robot's transcript.
+
+    Attributes:
+        k: The tick.
+        digests: Of phase A, phase B, reply A and reply B; each none, one, or for replies several behind each other.
+    """
+
+    k: int
+    digests: tuple[bytes, bytes, bytes, bytes]
+
+
+class RobotTranscript:
+    """A robot's own transcript since its last report."""
+
+    def __init__(self) -> None:
+        self._lines: dict[int, list[bytes]] = {}
+
+    def note(self, k: int, place: int, digest: bytes) -> None:
+        """Write down that a message was sent or acted on.
+
+        Args:
+            k: Its tick.
+            place: Which of a tick's messages it is.
+            digest: Its digest.
+        """
+        self._lines.setdefault(k, [b""] * PLACES)[place] += digest
+
+    @property
+    def due(self) -> bool:
+        """Whether there is enough for a report."""
+        return len(self._lines) >= LINES
+
+    def report(self, until: int) -> list[tuple[int, tuple[Line, ...]]]:
+        """Everything up to a tick since the last report, in pieces that fit into a message; forgotten here.
+
+        Args:
+            until: The newest tick in which the robot has sent a reply.
+
+        Returns:
+            For each piece the tick up to which it and all before it are complete, and its lines.
+        """
+        lines = [Line(k, (a, b, c, d)) for k, (a, b, c, d) in sorted(self._lines.items()) if k <= until]
+        self._lines = {k: digests for k, digests in self._lines.items() if k > until}
+        pieces = [tuple(lines[first : first + MAX_LINES]) for first in range(0, len(lines), MAX_LINES)] or [()]
+        return [(min(until, piece[-1].k), piece) for piece in pieces[:-1]] + [(until, pieces[-1])]
+
+
+# --- the world -------------------------------------------------------------------------------------------------------
+
+MAX_TICKS = 2048
+"""Ticks of which the world keeps digests for a robot that does not report."""
+MAX_SPANS = 16
+"""Spans of one process; what follows the last is added to it."""
+
+
+@dataclass(slots=True)
+class Span:
+    """A stretch of ticks in which the two transcripts of one process agree throughout, or differ in each report.
+
+    Attributes:
+        first: Its first tick.
+        last: Its last tick.
+        phases: Running hashes of the phases that the robot acted on: by the robot, by the world.
+        replies: Running hashes of the replies that the world acted on: by the robot, by the world.
+    """
+
+    first: int
+    last: int
+    phases: tuple[str, str] = ("", "")
+    replies: tuple[str, str] = ("", "")
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both say the same."""
+        return self.phases[0] == self.phases[1] and self.replies[0] == self.replies[1]
+
+    def then(self, other: Span) -> Span:
+        """This span and the one that follows as one."""
+        return Span(
+            min(self.first, other.first),
+            max(self.last, other.last),
+            (_chained(self.phases[0], other.phases[0]), _chained(self.phases[1], other.phases[1])),
+            (_chained(self.replies[0], other.replies[0]), _chained(self.replies[1], other.replies[1])),
+        )
+
+
+@dataclass(slots=True)
+class WorldTranscript:
+    """The world's transcript of its exchange with one process, and what has been compared of it.
+
+    Attributes:
+        spans: What has been compared, in the order of the reports.
+        messages: Number of messages compared.
+        asked: The newest tick that the process was sent; -1 for none.
+        closed: Whether the process has sent its last report.
+    """
+
+    spans: list[Span] = field(default_factory=list)
+    messages: int = 0
+    asked: int = -1
+    closed: bool = False
+    _sent: dict[int, list[bytes]] = field(default_factory=dict)
+    _acted_on: dict[int, list[list[bytes]]] = field(default_factory=dict)
+    _forgotten: int = -1
+
+    def sent(self, k: int, place: int, digest: bytes) -> None:
+        """Write down that the robot was sent a phase.
+
+        Args:
+            k: Its tick.
+            place: `PHASE_A` or `PHASE_B`.
+            digest: Its digest.
+        """
+        self.asked = max(self.asked, k)
+        self._sent.setdefault(k, [b"", b""])[place] = digest
+        while len(self._sent) > MAX_TICKS:
+            self._forget(next(iter(self._sent)))
+
+    def acted_on(self, k: int, place: int, digest: bytes) -> None:
+        """Write down that the world acts on a reply.
+
+        Args:
+            k: Its tick.
+            place: `REPLY_A` or `REPLY_B`.
+            digest: Its digest.
+        """
+        known = self._acted_on.setdefault(k, [[], []])[place - REPLY_A]
+        if digest not in known:
+            known.append(digest)
+
+    def compare(self, until: int, lines: Iterable[Line]) -> None:
+        """Compare a report of the robot with what the world has written down.
+
+        Args:
+            until: The robot has sent no reply up to this tick beside those that it reports now or has reported before.
+            lines: Of the report.
+        """
+        self.closed = self.closed or until == LAST
+        by_tick = {line.k: line.digests for line in lines}
+        replied = [k for k in self._acted_on if k <= until or k in by_tick]
+        phases: list[tuple[bytes, bytes]] = []
+        replies: list[tuple[bytes, bytes]] = []
+        for k in sorted({*by_tick, *replied}):
+            says = by_tick.get(k, (b"",) * PLACES)
+            ours = self._sent.get(k, [b"", b""])
+            for place in (PHASE_A, PHASE_B):
+                if says[place] and k > self._forgotten:
+                    phases.append((says[place], ours[place]))
+                    ours[place] = b""  # nobody acts on a phase twice
+            for place, digests in enumerate(self._acted_on.pop(k, ()), REPLY_A):
+                given = _apart(says[place])
+                replies += [(digest if digest in given else says[place], digest) for digest in digests]
+        ticks = [*by_tick, *replied]
+        for k in [k for k in self._sent if k <= until - MAX_LINES]:
+            del self._sent[k]  # what is left of it the robot has not acted on
+        if ticks:
+            self.messages += len(phases) + len(replies)
+            self._add(Span(min(ticks), max(ticks), _hashed(phases), _hashed(replies)))
+
+    def _forget(self, k: int) -> None:
+        self._forgotten = max(self._forgotten, k)
+        self._sent.pop(k, None)
+        self._acted_on.pop(k, None)
+
+    def _add(self, span: Span) -> None:
+        if self.spans and (self.spans[-1].agrees == span.agrees or len(self.spans) == MAX_SPANS):
+            self.spans[-1] = self.spans[-1].then(span)
+        else:
+            self.spans.append(span)
+
+
+def as_notes(transcripts: Mapping[tuple[int, int], WorldTranscript]) -> list[dict[str, object]]:
+    """Transcripts as notes at a journal's end.
+
+    Args:
+        transcripts: By robot number and incarnation.
+    """
+    return [
+        {
+            "robot": robot,
+            "incarnation": incarnation,
+            "asked": one.asked,
+            "messages": one.messages,
+            "spans": [[span.first, span.last, *span.phases, *span.replies] for span in one.spans],
+        }
+        for (robot, incarnation), one in sorted(transcripts.items())
+    ]
+
+
+def _apart(digests: bytes) -> list[bytes]:
+    return [digests[place : place + DIGEST] for place in range(0, len(digests), DIGEST)]
+
+
+def _hashed(pairs: Sequence[tuple[bytes, bytes]]) -> tuple[str, str]:
+    by_robot, by_world = ([pair[side] for pair in pairs] for side in (0, 1))
+    return _hash(by_robot), _hash(by_world)
+
+
+def _hash(digests: Sequence[bytes]) -> str:
+    return hashlib.blake2b(b"".join(b"%d:" % len(one) + one for one in digests), digest_size=16).hexdigest()
+
+
+def _chained(before: str, after: str) -> str:
+    return hashlib.blake2b(f"{before}{after}".encode(), digest_size=16).hexdigest()

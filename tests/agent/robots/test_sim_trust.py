@@ -1,0 +1,126 @@
+"""What a simulated robot refuses of others, and what it reports to its world so that forgeries are found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from patrol.exchange import Sensed
+from patrol.net.phases import ANYONE, NO_RUN, PhaseA, ReplyA, ReplyB, Report, Stop, decode_to_world, encode
+from patrol.net.transcripts import LAST, LINES, Line, digest_of
+from patrol.pose import Velocity
+from tests.agent.robots.test_sim import CHAIN, POSE, RUN, Scene, a, b
+
+
+def test_messages_of_another_run_are_counted_and_ignored() -> None:
+    scene = Scene()
+    scene.tell(
+        replace(a(3), run=6), replace(b(3), run=6), Stop(1, 77, 0, 6, True, "go"), Stop(1, 77, 0, NO_RUN, True, "")
+    )
+    assert scene.tick(0, (b"x",)) == [b"x"]
+    assert scene.mailbox.refused == {"stranger": 4}
+    assert not scene.robot.farewell
+
+
+@pytest.mark.parametrize("run", [RUN, 6])
+def test_who_was_greeted_leaves_for_no_message_to_everybody(run: int) -> None:
+    scene = Scene()
+    scene.tell(Stop(1, ANYONE, 0, run, True, "go home"), Stop(0, ANYONE, 0, run, True, "go home"))
+    assert scene.tick(0) == []
+    assert scene.mailbox.refused == {"stranger": 2}
+    assert not scene.robot.farewell
+
+
+def test_who_was_not_greeted_can_be_turned_away() -> None:
+    scene = Scene(greeted=False)
+    scene.tell(Stop(1, ANYONE, 0, RUN, False, "go"), Stop(1, 77, 0, RUN, False, "another process is r1 already"))
+    assert scene.robot.sense() is None
+    assert scene.robot.farewell == "another process is r1 already"
+    assert scene.mailbox.refused == {"stranger": 1}
+
+
+@pytest.mark.parametrize("ahead", [1, 50, 10**6, 2**31 - 4])
+def test_a_tick_that_has_not_begun_is_refused_and_deafens_nobody(ahead: int) -> None:
+    scene = Scene()
+    scene.tick(2)
+    known = CHAIN.proof(3)
+    forged = [PhaseA(1, 77, 2 + ahead, RUN, Sensed(2 + ahead, POSE), proof) for proof in (known, bytes(16))]
+    scene.tell(*forged)
+    assert scene.tick(3, (b"x",)) == [b"x"]
+    assert scene.mailbox.refused == {"ahead": 2}
+
+
+def test_a_robot_that_was_paused_goes_on_with_whatever_tick_has_begun() -> None:
+    scene = Scene()
+    scene.tick(2)
+    assert scene.tick(90, (b"x",)) == [b"x"]
+    assert scene.robot.refused == 0
+
+
+def test_a_phase_b_far_ahead_is_refused_and_ends_no_wait() -> None:
+    scene = Scene()
+    scene.tick(2)
+    scene.tell(b(10**6, (b"forged",)), b(8, (b"forged",)))
+    assert scene.tick(3, (b"x",)) == [b"x"]
+    assert scene.mailbox.refused == {"ahead": 2}
+
+
+def test_what_was_heard_in_a_tick_whose_phase_a_is_lost_is_heard_in_the_next() -> None:
+    scene = Scene()
+    scene.tick(2)
+    for _ in range(3):  # of each tick once, so that nobody can fill the memory with them
+        scene.tell(b(3, (b"3",)), b(5, (b"5",)))
+    assert scene.tick(4, (b"4",)) == [b"3", b"5", b"4"]
+    assert scene.tick(5, (b"again",)) == []
+    assert scene.robot.refused == 0
+
+
+# --- transcripts -----------------------------------------------------------------------------------------------------
+
+
+def test_it_reports_what_it_has_sent_and_acted_on_every_few_ticks_and_when_it_leaves() -> None:
+    scene = Scene()
+    payloads: list[bytes] = []
+    scene.robot._post = payloads.append
+    for k in range(LINES + 3):
+        scene.tick(k, (b"%d" % k,))
+    scene.tell(Stop(1, 77, LINES + 3, RUN, True, "the run is over"))
+    assert scene.robot.sense() is None
+    messages = [decode_to_world(payload) for payload in payloads]
+    first, last = (message for message in messages if isinstance(message, Report))
+    assert [line.k for line in (*first.lines, *last.lines)] == list(range(LINES + 3))
+    assert (first.k, last.k) == (first.lines[-1].k, LAST)
+    assert LINES - 1 <= len(first.lines) <= LINES
+    sent = {(type(message), message.k): payload for message, payload in zip(messages, payloads, strict=True)}
+    told_a, told_b = digest_of(encode(a(3))), digest_of(encode(b(3, (b"3",))))
+    assert first.lines[3] == Line(3, (told_a, told_b, digest_of(sent[ReplyA, 3]), digest_of(sent[ReplyB, 3])))
+
+
+def test_repeats_and_ticks_that_it_has_skipped_are_not_reported() -> None:
+    scene = Scene()
+    scene.tell(a(0), a(1))
+    assert scene.robot.sense() is not None
+    scene.robot.send((b"frame",))
+    scene.tell(a(1), a(1), b(1), b(1))
+    assert scene.robot.hear() == []
+    scene.robot.act(Velocity(1.0, 0.0))
+    scene.tell(b(1), Stop(1, 77, 1, RUN, True, "the run is over"))
+    assert scene.robot.sense() is None
+    report = scene.sent[-1]
+    assert isinstance(report, Report)
+    assert [line.k for line in report.lines] == [1]
+    assert [len(digest) for digest in report.lines[0].digests] == [8, 8, 8, 8]
+
+
+def test_a_command_that_is_withdrawn_is_reported_with_the_first() -> None:
+    scene = Scene(patience_s=10.0, blind_s=2.0)
+    scene.world(present=True)
+    scene.tick(3)
+    scene.end_after(5.0)
+    assert scene.robot.sense() is None
+    report = scene.sent[-1]
+    assert isinstance(report, Report)
+    replies = [digest_of(encode(message)) for message in scene.sent if isinstance(message, ReplyB)]
+    assert report.lines[0].digests[3] == b"".join(replies)
+    assert len(replies) == 2

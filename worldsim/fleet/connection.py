@@ -1,0 +1,69 @@
+"""What connects a world with its robots, and what identifies its run to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from patrol.net.keys import FleetKeys
+from patrol.net.tick_chain import TickChain
+from worldsim.mailbox import CountingMailbox
+
+
+@dataclass(frozen=True, slots=True)
+class FleetConnection:
+    """What connects the world with its robots.
+
+    Attributes:
+        keys: The fleet's keys.
+        names: The robots' names by number.
+        posts: What sends to each robot, by number.
+        mailbox: Where their answers arrive.
+        connected: Whether the router answers now.
+        now: Seconds of a clock that never goes back.
+        ending: Whether the world should end.
+    """
+
+    keys: FleetKeys
+    names: Mapping[int, str]
+    posts: Mapping[int, Callable[[bytes], None]]
+    mailbox: CountingMailbox[Any]
+    connected: Callable[[], bool]
+    now: Callable[[], float]
+    ending: Callable[[], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class RunIdentity:
+    """What identifies a run to its robots.
+
+    Attributes:
+        number: Random number of the run.
+        scenario: The scenario's hash.
+        chain: Proves which ticks have begun.
+        seat: Gives the instance of the process that the launcher starts for a robot, by number and incarnation; None
+            where there is no launcher.
+    """
+
+    number: int
+    scenario: str
+    chain: TickChain
+    seat: Callable[[int, int], int] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Addressee:
+    """The process that a message is for, and what proves its tick.
+
+    Attributes:
+        incarnation: Of the process.
+        instance: Of the process.
+        run: Random number of the run.
+        proof: Gives the proof that so many ticks have begun.
+    """
+
+    incarnation: int
+    instance: int
+    run: int
+    proof: Callable[[int], bytes]

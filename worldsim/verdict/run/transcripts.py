@@ -1,0 +1,62 @@
+"""The verdict's check that nobody has put in a message between the world and a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from worldsim.lifecycle import process_name
+from worldsim.verdict.common.check import Check, CheckResult
+
+if TYPE_CHECKING:
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+
+class TranscriptsAgree(Check):
+    """Each robot has sent all replies that the world acted on, and the world all phases that the robot acted on.
+
+    Both have kept the hashes of what they sent and acted on (`patrol.net.transcripts`), and the journal's end holds
+    those of both. The last ticks of a process that was killed or lost are not compared, because it cannot report them.
+    """
+
+    name = "transcripts"
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._messages = 0
+        self._left_out: list[str] = []
+
+    def result(self) -> CheckResult:
+        """The result, once all ticks are in and the journal has ended."""
+        end = self._run.journal.end
+        if end is None or "transcripts" not in end.notes:
+            return self._not_judged("the journal holds none; the run was in one process, or its version kept none")
+        self._messages = 0
+        self._left_out = []
+        problems = [problem for note in end.notes["transcripts"] for problem in self._compare(note)]
+        self._fail("; ".join(problems))
+        return super().result()
+
+    def _compare(self, note: Mapping[str, Any]) -> Iterable[str]:
+        """The differences between the transcripts of one process and the world."""
+        robot, asked = note["robot"], note["asked"]
+        name = process_name(self._run.names.get(robot, str(robot)), note["incarnation"])
+        self._messages += note["messages"]
+        compared = -1
+        for first, last, heard, told, sent, acted_on in _in_order(note["spans"]):
+            compared = max(compared, last)
+            ticks = f"ticks {first} to {last}"
+            if heard != told:
+                yield f"{name}: in {ticks} the robot acted on phases that the world had not sent"
+            if sent != acted_on:
+                yield f"{name}: in {ticks} the world acted on replies that the robot had not sent"
+        if compared < asked:
+            self._left_out.append(f"{name} from tick {compared + 1}")
+
+    def _good(self) -> str:
+        left_out = f"; not compared: {', '.join(self._left_out)}" if self._left_out else ""
+        return f"the same by the robots and the world, {self._messages} messages{left_out}"
+
+
+def _in_order(spans: Iterable[Any]) -> list[tuple[int, int, str, str, str, str]]:
+    return sorted((first, last, *hashes) for first, last, *hashes in spans)
