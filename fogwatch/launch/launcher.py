@@ -28,7 +28,7 @@ from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
 from patrol.net.phases import FIRST_INCARNATION
-from patrol.net.telemetry import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
+from patrol.net.telemetry import EVENTS, MAX_NOTICE, METRICS, longest_metrics, read_metrics, read_notice
 from patrol.process.readiness import StartFailure, StartReport
 from worldsim.lifecycle import process_name
 
@@ -262,8 +262,8 @@ class Launch:
     def _watch(self, link: Link) -> None:
         keys = fleet_keys(self.fleet)
         metrics, events = keys.truth(METRICS), keys.truth(EVENTS)
-        seen = Mailbox([metrics], read_metrics, MAX_VIEW, room=1)
-        heard = Mailbox([events], read_notice, MAX_VIEW)
+        seen = Mailbox([metrics], read_metrics, longest_metrics(len(self.robots)), room=1)
+        heard = Mailbox([events], read_notice, MAX_NOTICE)
         link.subscribe(metrics, seen)
         link.subscribe(events, heard)
         while self.children.by_name[WORLD].poll() is None:
