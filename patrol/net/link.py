@@ -13,7 +13,8 @@ import json
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import islice
 from typing import Any
 
 import zenoh
@@ -37,6 +38,9 @@ TELL_S = (1.0, 5.0)
 
 RADIO_LEASE_S = 2.0
 """The same for a link that carries nothing but positions."""
+
+MOST_ANSWERS = 16
+"""Answers to one query that are looked at."""
 
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
 _SOCKET = 65536
@@ -186,6 +190,27 @@ class Link:
         """
         replies = self._session.get(key, payload=payload, timeout=wait_s, priority=zenoh.Priority.DATA_HIGH)
         return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
+
+    def answers(self, key: str, payload: bytes, wait_s: float, longest: int) -> Iterator[bytes]:
+        """All answers to a query, as they come: one that claims to be complete does not keep out the others.
+
+        Args:
+            key: to query.
+            payload: of the query.
+            wait_s: how long to wait.
+            longest: bytes of the longest answer; longer ones are left out, and what follows `MOST_ANSWERS`.
+        """
+        replies = self._session.get(
+            key,
+            payload=payload,
+            timeout=wait_s,
+            priority=zenoh.Priority.DATA_HIGH,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+        for reply in islice(replies, MOST_ANSWERS):
+            if reply.ok is not None and len(reply.ok.payload) <= longest:
+                yield reply.ok.payload.to_bytes()
 
     def live(self, key: str) -> None:
         """Declare a liveliness token, which ends with this process or its link.
