@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 ROOM = 512
 """Capacity of the queue of batches. A slower viewer misses some and requests the fog again."""
+ROOM_BYTES = 1 << 26
+"""Bytes of the batches that wait: more than two of the longest."""
 FOG_S = 20.0
 CONTROL_S = 15.0
 """How long a world may take to answer, s of wall time: with the fog so far, and to a control."""
@@ -67,7 +69,7 @@ class ZenohFeedClient:
         self._keys = keys
         self._token = token
         ticks, world = keys.truth(TICKS), keys.alive(WORLD)
-        self._mailbox: Mailbox[Batch | Presence] = Mailbox([ticks, world], read_batch, MAX_BATCH, ROOM)
+        self._mailbox: Mailbox[Batch | Presence] = Mailbox([ticks, world], read_batch, MAX_BATCH, ROOM, ROOM_BYTES)
         self._present = False
         link.subscribe(ticks, self._mailbox)
         link.watch(world, self._mailbox)

@@ -14,7 +14,7 @@ from patrol.errors import BadInput
 from patrol.journal import unpack
 from patrol.journal.records import FORGED, MAX_TICKS, End, Event, Header, Record, RobotTick, Status, TickRecord
 from patrol.net.feed import longest_record
-from patrol.scenario import Scenario, load_scenario
+from patrol.scenario import Scenario, load_scenario, scenario_hash
 from patrol.scenario.controls import MAX_CONTROL, OPERATOR, described
 
 MAX_TEXT = 500
@@ -69,6 +69,20 @@ def scenario_of(header: Header, height: int, width: int) -> Scenario | None:
     robots = tuple((robot.number, robot.name, robot.model, robot.radius) for robot in header.robots)
     fits = robots == roster and facts.point == loaded.point and (facts.height, facts.width) == (height, width)
     return loaded if fits else None
+
+
+def is_run_of(own: Scenario | None, packed: bytes, height: int, width: int) -> bool:
+    """Whether a feed's header is that of a scenario's run, on a terrain of this size.
+
+    Args:
+        own: The scenario; None where the viewer does not know it.
+        packed: The header's bytes.
+        height: Points of the terrain's grids.
+        width: Points of the terrain's grids.
+    """
+    header = record_of(packed)
+    scenario = scenario_of(header, height, width) if isinstance(header, Header) else None
+    return scenario is not None and (own is None or scenario_hash(scenario) == scenario_hash(own))
 
 
 @dataclass(frozen=True, slots=True)
