@@ -39,6 +39,11 @@ def first_row(**changes: Any) -> Callable[[TickRecord], TickRecord]:
     return lambda tick: replace(tick, robots=(replace(tick.robots[0], **changes), *tick.robots[1:]))
 
 
+def changed(**changes: Any) -> Callable[[TickRecord], TickRecord]:
+    """A change of the tick."""
+    return lambda tick: replace(tick, **changes)
+
+
 NONSENSE: dict[str, Callable[[TickRecord], Any]] = {
     "unknown robot": first_row(number=77),
     "text for a number": first_row(x="here"),
@@ -47,18 +52,18 @@ NONSENSE: dict[str, Callable[[TickRecord], Any]] = {
     "far away": first_row(x=1e300),
     "a state that is none": first_row(state=7),
     "a goal that is text": first_row(goal=("a", "b")),
-    "robots missing": lambda tick: replace(tick, robots=()),
-    "late": lambda tick: replace(tick, k=2**62),
-    "early": lambda tick: replace(tick, k=-1),
-    "a tick that is text": lambda tick: replace(tick, k="7"),
-    "frames of a stranger": lambda tick: replace(tick, frames=((99, b""),)),
-    "frames that are text": lambda tick: replace(tick, frames=((1, "frame"),)),
-    "deliveries of lists": lambda tick: replace(tick, deliveries=(([], [], 1),)),
-    "a sequence without end": lambda tick: replace(tick, deliveries=((1, 2, 2**63),)),
-    "drops without a cause": lambda tick: replace(tick, dropped=((1, 2, 3, None),)),
-    "mfow of text": lambda tick: replace(tick, mfow="much"),
-    "mfow beyond the run": lambda tick: replace(tick, mfow=2**40),
-    "a mean that is none": lambda tick: replace(tick, fog_mean=math.nan),
+    "robots missing": changed(robots=()),
+    "late": changed(k=2**62),
+    "early": changed(k=-1),
+    "a tick that is text": changed(k="7"),
+    "frames of a stranger": changed(frames=((99, b""),)),
+    "frames that are text": changed(frames=((1, "frame"),)),
+    "deliveries of lists": changed(deliveries=(([], [], 1),)),
+    "a sequence without end": changed(deliveries=((1, 2, 2**63),)),
+    "drops without a cause": changed(dropped=((1, 2, 3, None),)),
+    "mfow of text": changed(mfow="much"),
+    "mfow beyond the run": changed(mfow=2**40),
+    "a mean that is none": changed(fog_mean=math.nan),
     "an event of a stranger": lambda _: Event(0, "dead", 77),
     "an event of a list": lambda _: Event(0, "dead", None, [1]),  # type: ignore[arg-type]
     "an event of no tick": lambda _: Event(2**62, "dead", 1),
