@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
@@ -25,6 +26,7 @@ from patrol.scenario.controls import ASK, MAX_CONTROL
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.process_control import ControlFailed, LauncherControl
+from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
 from worldsim.operator import Operator, RunState
 from worldsim.output.feed_publisher import Feed
@@ -44,7 +46,7 @@ LAUNCHER_GONE_S = 2.0
 """How long after the launcher has stopped answering its request to end may take to come, s."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Wiring:
     """What a world's process is connected to.
 
@@ -65,6 +67,12 @@ class Wiring:
     air: Air
     ending: Ending
     say: Callable[[str], None]
+
+    @cached_property
+    def router(self) -> RouterWatch:
+        """Says whether the router answers."""
+        token = self.keys.alive(WORLD)
+        return RouterWatch(lambda: self.link.connected, lambda: self.link.echo(token), time.monotonic, self.say)
 
     def gather(self) -> Sessions:
         """Announce the world and wait until each robot's process has come.
@@ -88,7 +96,7 @@ class Wiring:
         lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
         posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
         connection = FleetConnection(
-            keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(self.ending)
+            keys, names, posts, mailbox, self.router.settled, time.monotonic, lambda: bool(self.ending)
         )
         run = int.from_bytes(os.urandom(8), "big") >> 1 | 1
         absent = Timeline(self.scenario).starts_absent
@@ -115,8 +123,8 @@ class Wiring:
     def fleet(self, sessions: Sessions, listener: Listener | None) -> LockstepFleet | PacedFleet:
         """The robots, in lockstep or at the pace of the clock."""
         if self.scenario.factor is None:
-            return LockstepFleet(sessions, self.options.deadline)
-        return PacedFleet(sessions, self.scenario.step / self.scenario.factor, listener)
+            return LockstepFleet(sessions, self.options.deadline, self.router)
+        return PacedFleet(sessions, self.scenario.step / self.scenario.factor, listener, self.router)
 
     def process_control(self, sessions: Sessions) -> LauncherControl | None:
         """What kills, pauses and starts robots' processes; None without a launcher."""

@@ -39,6 +39,9 @@ TELL_S = (1.0, 5.0)
 RADIO_LEASE_S = 2.0
 """The same for a link that carries nothing but positions."""
 
+ECHO_S = 3600.0
+"""How long to wait for a router that does not answer."""
+
 MOST_ANSWERS = 16
 """Answers to one query that are looked at."""
 
@@ -200,17 +203,25 @@ class Link:
             wait_s: how long to wait.
             longest: bytes of the longest answer; longer ones are left out, and what follows `MOST_ANSWERS`.
         """
-        replies = self._session.get(
-            key,
-            payload=payload,
-            timeout=wait_s,
-            priority=zenoh.Priority.DATA_HIGH,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-        )
+        everyone, each = zenoh.QueryTarget.ALL, zenoh.ConsolidationMode.NONE
+        replies = self._session.get(key, payload=payload, timeout=wait_s, target=everyone, consolidation=each)
         for reply in islice(replies, MOST_ANSWERS):
             if reply.ok is not None and len(reply.ok.payload) <= longest:
                 yield reply.ok.payload.to_bytes()
+
+    def echo(self, key: str) -> Callable[[], bool]:
+        """Ask the router for a liveliness token, whoever holds it; its answer shows that the router is at work.
+
+        Args:
+            key: of the token.
+
+        Returns:
+            whether the router has answered.
+        """
+        back = threading.Event()
+        handler: Any = zenoh.handlers.Callback(lambda _: None, back.set, indirect=False)
+        self._session.liveliness().get(key, handler=handler, timeout=ECHO_S)
+        return lambda: back.is_set() and self.connected  # it comes back as well when the link is cut
 
     def live(self, key: str) -> None:
         """Declare a liveliness token, which ends with this process or its link.

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.phases import PHASE_B_SHARE, ReplyA, ReplyB
-from worldsim.fleet.lockstep import drain, pass_on, tell
+from worldsim.fleet.lockstep import drain, pass_on, router_notes, tell
 from worldsim.fleet.sessions import POLL_S, Sessions
 
 if TYPE_CHECKING:
+    from worldsim.fleet.router_watch import RouterWatch
     from worldsim.radio.listener import Listener
 
 
@@ -33,13 +34,20 @@ class PacedFleet:
         slipped_s: By how much the world itself has fallen behind without catching up, s of wall time.
     """
 
-    def __init__(self, sessions: Sessions, step_s: float, listener: Listener | None = None) -> None:
+    def __init__(
+        self,
+        sessions: Sessions,
+        step_s: float,
+        listener: Listener | None = None,
+        router: RouterWatch | None = None,
+    ) -> None:
         """Drive the robots that have sessions.
 
         Args:
             sessions: Theirs.
             step_s: Wall time of a tick, s.
             listener: What hears a direct radio; None where the world carries the frames.
+            router: Says whether the router answers; None where there is none between world and robots.
         """
         self.late_frames: Counter[int] = Counter()
         self.late_commands: Counter[int] = Counter()
@@ -47,6 +55,7 @@ class PacedFleet:
         self.slipped_s = 0.0
         self._sessions = sessions
         self._listener = listener
+        self._router = router
         self._step_s = step_s
         self._k = 0
         self._closed = False  # no frame of this tick is taken any more
@@ -85,8 +94,11 @@ class PacedFleet:
     def lost(self) -> list[tuple[int, Status, str]]:
         """The robots whose process is gone or whose mind has failed.
 
-        One that is only slow or paused is not lost: its watchdog has stopped it.
+        One that is only slow or paused is not lost: its watchdog has stopped it. While the router does not answer,
+        the ticks go on, every robot misses its deadlines, and none is lost.
         """
+        if self._router is not None:
+            self._router.answers()
         gone = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
         gone |= self._sessions.failed(self._living)
         for number, reason in gone.items():
@@ -113,6 +125,7 @@ class PacedFleet:
             "too_late": dict(sorted(self.too_late.items())),
             "late_commands": dict(sorted(self.late_commands.items())),
             "slipped_s": self.slipped_s,
+            **router_notes(self._router),
             **({} if self._listener is None else self._listener.notes()),
         }
 
