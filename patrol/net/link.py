@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import errno
 import json
-import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -23,6 +22,8 @@ from patrol.errors import BadInput
 from patrol.net.keys import is_group
 from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
+from patrol.net.zenoh_errors import first_line as _first_line
+from patrol.net.zenoh_errors import system_error as _system_error
 
 LEASE_S = 60.0
 """A client that is silent for so long is gone for the router; longer than a paused robot may take to answer."""
@@ -369,19 +370,6 @@ def open_router(listen: str) -> Link:
         if _system_error(error) == errno.EADDRINUSE:
             raise PortBusy(f"{listen}: the port is busy; choose another") from None
         raise LinkDown(f"{listen}: cannot listen there ({_first_line(error)})") from None
-
-
-def _system_error(error: Exception) -> int | None:
-    """The number of the system's error behind one of Zenoh's, which says it in its text alone; None without one."""
-    found = re.search(r"\(os error (\d+)\)", str(error))
-    return None if found is None else int(found[1])
-
-
-def _first_line(error: Exception) -> str:
-    """What Zenoh says, without where in its sources it says so."""
-    text = str(error).partition(" at /")[0].partition("\n")[0]
-    system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)
-    return system[1] if system else text
 
 
 def client_config(router: str, lease_s: float) -> zenoh.Config:
