@@ -29,7 +29,7 @@ from worldsim.fleet.process_control import ControlFailed, LauncherControl
 from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
 from worldsim.operator import Operator, RunState
-from worldsim.output.feed_publisher import Feed
+from worldsim.output.feed_publisher import MOST_ASKING, Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
 from worldsim.requests import ControlMailbox, keep_timeline
@@ -55,6 +55,7 @@ class Wiring:
         scenario: The scenario.
         keys: The fleet's keys.
         link: The link to the fleet's router.
+        outward: Another link to it, for those who watch: one who asks and stops reading holds up its own link only.
         air: What carries frames where robots hear each other directly.
         ending: Whether the process should end.
         say: Reports a line to people.
@@ -64,6 +65,7 @@ class Wiring:
     scenario: Scenario
     keys: FleetKeys
     link: Link
+    outward: Link
     air: Air
     ending: Ending
     say: Callable[[str], None]
@@ -150,10 +152,17 @@ class Wiring:
         self.link.attend(key, MAX_CONTROL, mailbox)
         return operator
 
-    def feed(self, world: World, journal: JournalWriter, header: Header, operator: Operator | None) -> Feed:
+    def feed(
+        self,
+        world: World,
+        journal: JournalWriter,
+        header: Header,
+        fleet: LockstepFleet | PacedFleet,
+        operator: Operator | None,
+    ) -> Feed:
         """What writes the journal and shows it to those who watch the run, also to those who come late."""
         key = self.keys.truth(FOG)
-        questions: Mailbox[Question] = Mailbox([key], _unread, 0)
+        questions: Mailbox[Question] = Mailbox([key], _unread, 0, MOST_ASKING)
 
         def submit(work: Callable[[], None]) -> None:
             threading.Thread(target=work, name="fog", daemon=True).start()
@@ -161,9 +170,16 @@ class Wiring:
         def state() -> RunState:
             return RunState(True, self.scenario.factor) if operator is None else operator.state
 
-        post = self.link.publisher(self.keys.truth(TICKS))
+        post = self.outward.publisher(self.keys.truth(TICKS))
         feed = Feed(world, journal, header, post, questions, submit, time.monotonic, state)
-        self.link.attend(key, 0, questions)
+        self.outward.attend(key, 0, questions)
+
+        def meanwhile() -> None:
+            if operator is not None:
+                operator.during()
+            feed.during()
+
+        fleet.meanwhile = meanwhile
         if operator is not None:
             operator.rest = feed.rest
         return feed
@@ -183,7 +199,7 @@ class Wiring:
             What takes the ticks, and what takes the events.
         """
         progress = LiveProgress(world, time.monotonic)
-        to_metrics, to_events = (self.link.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
+        to_metrics, to_events = (self.outward.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
 
         def on_tick(record: TickRecord) -> None:
             recorder.tick(record)

@@ -31,6 +31,9 @@ class LockstepFleet:
     within the deadline, or whose process is gone, is lost. Waiting time is summed over short slices of bounded length,
     so that a pause of the world's own process (a suspended machine) loses no robot. While the router does not answer,
     the world waits, and robots have the whole deadline again from when it does.
+
+    Attributes:
+        meanwhile: Called now and then while a tick is waited for.
     """
 
     def __init__(self, sessions: Sessions, deadline_s: float = DEADLINE_S, router: RouterWatch | None = None) -> None:
@@ -44,6 +47,7 @@ class LockstepFleet:
         self._sessions = sessions
         self._deadline_s = deadline_s
         self._router = router
+        self.meanwhile: Callable[[], None] = lambda: None
         self._lost: list[tuple[int, Status, str]] = []
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
@@ -111,6 +115,8 @@ class LockstepFleet:
             now = sessions.now
             waited_s += min(now - before, 2.0 * POLL_S)
             before = now
+            if arrived is None:
+                self.meanwhile()
             if now >= began + QUIET_S and not self._router_answers():
                 waited_s = 0.0
                 continue
