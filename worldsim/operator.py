@@ -7,6 +7,7 @@ does not depend on it. What is asked for while the ticks are held is done before
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -22,6 +23,12 @@ if TYPE_CHECKING:
 
 POLL_S = 0.05
 """How long the world waits for a request at a time while its ticks are held, s."""
+
+MOST_DURING = 8
+"""Requests that are taken at once while a tick is waited for."""
+
+MOST_DEFERRED = 64
+"""Requests that wait for the end of a tick; further ones stay where they come in."""
 
 NO_PROCESS_CONTROL = (
     "control: kind: this run did not start the robots' processes, so it cannot kill, pause or start them; "
@@ -121,6 +128,8 @@ class Operator:
         self._steps = 0
         self._pace = world.scenario.factor
         self._due = -math.inf
+        self._deferred: deque[ControlRequest] = deque()
+        self._done: deque[Event] = deque()
 
     @property
     def state(self) -> RunState:
@@ -137,10 +146,12 @@ class Operator:
             What was done, as events for the journal.
         """
         while not stop():
+            while self._done:
+                yield self._done.popleft()
             wait_s = self._wait_s()
-            request = self._requests.get(min(wait_s, POLL_S))
+            request = self._deferred.popleft() if self._deferred else self._requests.get(min(wait_s, POLL_S))
             if request is not None:
-                yield from self._do(request)
+                yield from self._do(request, self._world.tick)
             elif wait_s <= 0.0:
                 break
             else:
@@ -152,6 +163,16 @@ class Operator:
         elif self._pace is not None:
             self._due = max(self._due + self._world.step / self._pace, self._now())
 
+    def during(self) -> None:
+        """While a tick is waited for: do what is asked of the pace, and keep all else for the end of the tick."""
+        for _ in range(MOST_DURING):
+            if len(self._deferred) >= MOST_DEFERRED or (request := self._requests.get(0.0)) is None:
+                return
+            if isinstance(request.control, Pause | Go | Step | Pace | BadInput):
+                self._done.extend(self._do(request, self._world.tick + 1))
+            else:
+                self._deferred.append(request)
+
     def _wait_s(self) -> float:
         """How long until the next tick is due, s."""
         if self._held and not self._steps:
@@ -160,20 +181,20 @@ class Operator:
             return 0.0
         return max(0.0, self._due - self._now())
 
-    def _do(self, request: ControlRequest) -> Iterator[Event]:
+    def _do(self, request: ControlRequest, k: int) -> Iterator[Event]:
+        """Do what is asked for before tick k."""
         try:
             if isinstance(request.control, BadInput):
                 raise request.control
-            text = self._obey(request.control)
+            text = self._obey(request.control, k)
         except (BadInput, RecursionError) as refused:
             request.answer(Answer(False, str(refused)))
             return
-        yield Event(self._world.tick, OPERATOR, None, as_detail(request.control))
+        yield Event(k, OPERATOR, None, as_detail(request.control))
         request.answer(Answer(True, text))
 
-    def _obey(self, control: Control) -> str:
-        """Do what is asked for; the text of the answer."""
-        k = self._world.tick
+    def _obey(self, control: Control, k: int) -> str:
+        """Do what is asked for before tick k; the text of the answer."""
         match control:
             case Pause():
                 self._held, self._steps = True, 0

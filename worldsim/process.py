@@ -76,10 +76,12 @@ def _run(options: WorldOptions, ending: Ending) -> int:
         return EXIT_INTERRUPTED
 
     links = open_links(router, radio, options.wait, _say, lambda: bool(ending))
-    if links is None:
+    watched = links and open_links(router, None, options.wait, _say, lambda: bool(ending))
+    if links is None or watched is None:
         return EXIT_INTERRUPTED
     link, air = links
-    wiring = Wiring(options, scenario, keys, link, air, ending, _say)
+    outward = watched[0]
+    wiring = Wiring(options, scenario, keys, link, outward, air, ending, _say)
     try:
         listener = wiring.listener()
         wall_s = _record(wiring, prepared, wiring.gather(token), listener, token)
@@ -89,6 +91,7 @@ def _run(options: WorldOptions, ending: Ending) -> int:
         _say(f"{missing}; start each with: python -m agent --router {router} --fleet {keys.fleet} --robot NAME ...")
         return UNKNOWN
     finally:
+        outward.close()
         air.close()
         link.close()
     if options.launched:
@@ -131,7 +134,7 @@ def _record(
     ):
         if not options.launched:
             keep(scenario, options.scenario, options.out)
-        feed = wiring.feed(world, journal, header, operator)
+        feed = wiring.feed(world, journal, header, fleet, operator)
         recorder = Recorder(feed, scenario.spares)
         on_tick, on_event = wiring.sinks(world, recorder, table, feed.between)
         reason = INTERRUPTED

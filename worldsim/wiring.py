@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
@@ -28,9 +29,10 @@ from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.process_control import ControlFailed, LauncherControl
+from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import Interrupted, Sessions
 from worldsim.operator import Operator, RunState
-from worldsim.output.feed_publisher import Feed
+from worldsim.output.feed_publisher import MOST_ASKING, Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
 from worldsim.requests import ControlMailbox, answer_challenge, keep_timeline
@@ -55,7 +57,7 @@ def _random_run() -> int:
     return int.from_bytes(os.urandom(8), "big") >> 1 | 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Wiring:
     """What a world's process is connected to.
 
@@ -64,6 +66,7 @@ class Wiring:
         scenario: The scenario.
         keys: The fleet's keys.
         link: The link to the fleet's router.
+        outward: Another link to it, for those who watch: one who asks and stops reading holds up its own link only.
         air: What carries frames where robots hear each other directly.
         ending: Whether the process should end.
         say: Reports a line to people.
@@ -74,10 +77,17 @@ class Wiring:
     scenario: Scenario
     keys: FleetKeys
     link: Link
+    outward: Link
     air: Air
     ending: Ending
     say: Callable[[str], None]
     run: int = field(default_factory=_random_run)
+
+    @cached_property
+    def router(self) -> RouterWatch:
+        """Says whether the router answers."""
+        token = self.keys.alive(WORLD)
+        return RouterWatch(lambda: self.link.connected, lambda: self.link.echo(token), time.monotonic, self.say)
 
     def gather(self, token: str | None) -> Sessions:
         """Announce the world and wait until each robot's process has come.
@@ -104,7 +114,7 @@ class Wiring:
         lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
         posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
         connection = FleetConnection(
-            keys, names, posts, mailbox, lambda: link.connected, time.monotonic, lambda: bool(self.ending)
+            keys, names, posts, mailbox, self.router.settled, time.monotonic, lambda: bool(self.ending)
         )
         absent = Timeline(self.scenario).starts_absent
         sessions = Sessions(connection, self._identity(token, names), absent)
@@ -138,8 +148,8 @@ class Wiring:
     def fleet(self, sessions: Sessions, listener: Listener | None) -> LockstepFleet | PacedFleet:
         """The robots, in lockstep or at the pace of the clock."""
         if self.scenario.factor is None:
-            return LockstepFleet(sessions, self.options.deadline)
-        return PacedFleet(sessions, self.scenario.step / self.scenario.factor, listener)
+            return LockstepFleet(sessions, self.options.deadline, self.router)
+        return PacedFleet(sessions, self.scenario.step / self.scenario.factor, listener, self.router)
 
     def process_control(self, sessions: Sessions) -> LauncherControl | None:
         """What kills, pauses and starts robots' processes; None without a launcher."""
@@ -177,10 +187,17 @@ class Wiring:
         self.link.attend(challenge, NONCE, challenges)
         return operator
 
-    def feed(self, world: World, journal: JournalWriter, header: Header, operator: Operator | None) -> Feed:
+    def feed(
+        self,
+        world: World,
+        journal: JournalWriter,
+        header: Header,
+        fleet: LockstepFleet | PacedFleet,
+        operator: Operator | None,
+    ) -> Feed:
         """What writes the journal and shows it to those who watch the run, also to those who come late."""
         key = self.keys.truth(FOG)
-        questions: Mailbox[Question] = Mailbox([key], _unread, 0)
+        questions: Mailbox[Question] = Mailbox([key], _unread, 0, MOST_ASKING)
 
         def submit(work: Callable[[], None]) -> None:
             threading.Thread(target=work, name="fog", daemon=True).start()
@@ -188,9 +205,16 @@ class Wiring:
         def state() -> RunState:
             return RunState(True, self.scenario.factor) if operator is None else operator.state
 
-        post = self.link.publisher(self.keys.truth(TICKS))
+        post = self.outward.publisher(self.keys.truth(TICKS))
         feed = Feed(world, journal, header, post, questions, submit, time.monotonic, state)
-        self.link.attend(key, 0, questions)
+        self.outward.attend(key, 0, questions)
+
+        def meanwhile() -> None:
+            if operator is not None:
+                operator.during()
+            feed.during()
+
+        fleet.meanwhile = meanwhile
         if operator is not None:
             operator.rest = feed.rest
         return feed
@@ -210,7 +234,7 @@ class Wiring:
             What takes the ticks, and what takes the events.
         """
         progress = LiveProgress(world, time.monotonic)
-        to_metrics, to_events = (self.link.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
+        to_metrics, to_events = (self.outward.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
 
         def on_tick(record: TickRecord) -> None:
             recorder.tick(record)

@@ -14,14 +14,13 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 
 from fogwatch.launch.child_control import ProcessControlServer
 from fogwatch.launch.children import Child, Children
 from fogwatch.launch.live_table import RunDisplay
+from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.runfolder import RunFolder
-from monitor.process import KEY
 from patrol.errors import BadInput
 from patrol.net.access import Access, write_access
 from patrol.net.keys import fleet_keys
@@ -29,11 +28,11 @@ from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.net.seats import SEAT, seat_of
-from patrol.net.telemetry import EVENTS, MAX_VIEW, METRICS, read_metrics, read_notice
+from patrol.net.telemetry import EVENTS, MAX_NOTICE, METRICS, longest_metrics, read_metrics, read_notice
 from patrol.process.readiness import StartFailure, StartReport
 from worldsim.lifecycle import process_name
 
-ROUTER, WORLD, PAGE = "the router", "the world", "the page"
+ROUTER, WORLD = "the router", "the world"
 """Names that no robot can have."""
 LOGS = {ROUTER: "router", WORLD: "world", PAGE: "page"}
 """What their logs are called."""
@@ -88,8 +87,8 @@ class Launch:
     _endpoint: str = ""
     _routers: int = 0
     _reported: set[str] = field(default_factory=set)
-    _page_key: str = ""
     _token: str = field(default_factory=lambda: os.urandom(16).hex(), repr=False)
+    _page_child: PageChild | None = None
 
     def __post_init__(self) -> None:
         self.children = Children(self.urgent)
@@ -115,7 +114,9 @@ class Launch:
             if name not in self.absent:
                 self._spawn_agent(name, FIRST_INCARNATION)
         if self.page:
-            self._start_page()
+            arguments = ["--access", str(self.folder.access), "--wait", PAGE_WAIT_S]
+            self._page_child = PageChild(self.children, arguments, self._log(PAGE), self.display.say)
+            self._page_child.start()
 
     def watch(self) -> None:
         """Show how the run goes until the world has ended or `stop` says yes.
@@ -247,17 +248,6 @@ class Launch:
         agent = self.children.spawn(name, "agent", arguments, self._log(name), environment=seat)
         agent.incarnation = incarnation
 
-    def _start_page(self) -> None:
-        """Serve a page, if its libraries are installed. Its key is in no log and in no list of processes."""
-        missing = [name for name in ("starlette", "uvicorn", "websockets", "plotly") if find_spec(name) is None]
-        if missing:
-            self.display.say(f"no page: {missing[0]} is not installed (pip install 'fogwatch[monitor]')")
-            return
-        self._page_key = os.urandom(16).hex()
-        arguments = ["--access", str(self.folder.access), "--wait", PAGE_WAIT_S]
-        key = {KEY: self._page_key}
-        self.children.spawn(PAGE, "monitor", arguments, self._log(PAGE), reports_start=True, environment=key)
-
     def _log(self, name: str) -> Path:
         return self.folder.log(f"robot-{name}" if name in self.robots else LOGS[name])
 
@@ -266,8 +256,8 @@ class Launch:
     def _watch(self, link: Link) -> None:
         keys = fleet_keys(self.fleet)
         metrics, events = keys.truth(METRICS), keys.truth(EVENTS)
-        seen = Mailbox([metrics], read_metrics, MAX_VIEW, room=1)
-        heard = Mailbox([events], read_notice, MAX_VIEW)
+        seen = Mailbox([metrics], read_metrics, longest_metrics(len(self.robots)), room=1)
+        heard = Mailbox([events], read_notice, MAX_NOTICE)
         link.subscribe(metrics, seen)
         link.subscribe(events, heard)
         while self.children.by_name[WORLD].poll() is None:
@@ -281,8 +271,9 @@ class Launch:
             self._check_children()
 
     def _check_children(self) -> None:
-        """Restart a router that has died; report an agent that has, and give up if the run had not begun."""
-        self._check_page()
+        """Restart a router or a page that has died; report an agent that has, and give up if the run had not begun."""
+        if self._page_child is not None:
+            self._page_child.check()
         router = self.children.by_name[ROUTER]
         if router.poll() is not None and not self.stop():
             self._routers += 1
@@ -300,18 +291,6 @@ class Launch:
                     raise BadInput(why)
                 raise Failed(f"the run could not begin: {child.describe_end()}")
             self.display.say(child.describe_end())
-
-    def _check_page(self) -> None:
-        """Show the page's address once it is ready, and report its end; the run goes on without it."""
-        page = self.children.by_name.get(PAGE)
-        if page is None or page.start is None or PAGE in self._reported:
-            return
-        if page.poll() is not None:
-            self._reported.add(PAGE)
-            self.display.say(page.describe_end())
-        elif self._page_key and (report := page.start.report()) is not None:
-            self.display.say(f"page: {report.address}?key={self._page_key}")
-            self._page_key = ""
 
 
 def _await_start(child: Child) -> StartReport | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from typing import Protocol
 
 from rich.console import Console
@@ -17,6 +18,8 @@ from patrol.net.telemetry import FREE, TRAPPED, Metrics, Notice
 
 PLAIN_S = 5.0
 """Wall time between two lines where there is no terminal."""
+LONGEST_S = 1e9
+"""The longest time to go that is shown, s; a run that takes 30 years at this rate shows none."""
 MOST_ROBOTS = 20
 """Robots in the live table."""
 _STYLES = {"patrolling": "green", "dead-end": "yellow", "holding": "cyan"}
@@ -135,6 +138,53 @@ class LiveTable:
             self._started = False
 
 
+class GuardedDisplay:
+    """A display whose failures do not reach the run.
+
+    Whatever the other display raises is counted, and reported once through it; the run goes on.
+
+    Attributes:
+        shown: The other display.
+        failures: How often it has failed.
+    """
+
+    def __init__(self, shown: RunDisplay) -> None:
+        """Guard a display.
+
+        Args:
+            shown: The display.
+        """
+        self.shown = shown
+        self.failures = 0
+
+    def say(self, line: str) -> None:
+        """Show a line of text."""
+        self._attempt(lambda: self.shown.say(line))
+
+    def metrics(self, metrics: Metrics) -> None:
+        """Show the measures of the run so far."""
+        self._attempt(lambda: self.shown.metrics(metrics))
+
+    def notice(self, notice: Notice) -> None:
+        """Show an event."""
+        self._attempt(lambda: self.shown.notice(notice))
+
+    def close(self) -> None:
+        """Stop showing, and report how much could not be shown."""
+        self._attempt(self.shown.close)
+        if self.failures > 1:
+            self._attempt(lambda: self.shown.say(f"{self.failures} lines or tables could not be shown"))
+
+    def _attempt(self, show: Callable[[], None]) -> None:
+        try:
+            show()
+        except Exception as error:  # noqa: BLE001 - a display may fail in any way, and none of them may end a run
+            self.failures += 1
+            if self.failures == 1:
+                why = f"{type(error).__name__}: {error}"
+                self._attempt(lambda: self.shown.say(f"the display failed ({why}); the run goes on"))
+
+
 class _QuietOnBrokenPipe(Console):
     """A console that prints no more once its reader has left; the run goes on."""
 
@@ -151,7 +201,7 @@ def make_display(quiet: bool) -> RunDisplay:
     console = _QuietOnBrokenPipe(stderr=True)
     if quiet:
         return SilentDisplay()
-    return LiveTable(console) if console.is_terminal else PlainDisplay(console)
+    return GuardedDisplay(LiveTable(console) if console.is_terminal else PlainDisplay(console))
 
 
 def headline(metrics: Metrics) -> str:
@@ -170,7 +220,7 @@ def headline(metrics: Metrics) -> str:
         f"{rate:.1f} ticks/s, {rate * step:.1f} x real time",
     ]
     left = metrics.ticks - metrics.k
-    if left and rate > 0.0:
+    if left and left <= rate * LONGEST_S:
         parts.append(f"{clock(left / rate)} to go")
     return "; ".join(parts)
 
@@ -222,7 +272,7 @@ def _table(metrics: Metrics) -> Table:
         alive = status is Status.ALIVE
         state = robot.state or "waiting" if alive else status.name.lower()
         style = _STYLES.get(state, "") if alive else STATUS_STYLES[status]
-        robots.add_row(robot.name, Text(state, style), f"{robot.x:.1f}", f"{robot.y:.1f}")
+        robots.add_row(Text(robot.name), Text(state, style), f"{robot.x:.1f}", f"{robot.y:.1f}")
     outer.add_row(robots)
     if len(came) > MOST_ROBOTS:
         outer.add_row(f"and {len(came) - MOST_ROBOTS} more robots")

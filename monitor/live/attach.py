@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +17,10 @@ from patrol.net.link import Link, LinkDown, open_link, open_links
 if TYPE_CHECKING:
     from monitor.observation.source import Source
     from patrol.process.lifeline import Ending
+    from patrol.scenario import Scenario
+
+SCENARIO = "scenario.yaml"
+"""What a run's folder calls its scenario."""
 
 POLL_S = 0.2
 ANSWER_S = 2.0
@@ -85,13 +91,29 @@ def open_fleet(
         raise BadInput("no fleet named; give --router LOCATOR and --fleet NAME, or the control file of a running fleet")
     router, keys = check_locator(router, "--router"), fleet_keys(fleet)
     if scenario is None:
-        return _of_a_world(router, keys, token, wait_s, ending)
+        return _of_a_world(router, keys, token, wait_s, ending, None if access is None else _own_scenario(access))
     return _of_robots(router, keys, scenario, radio, wait_s, ending)
 
 
-def _of_a_world(router: str, keys: FleetKeys, token: str | None, wait_s: float, ending: Ending) -> Source | None:
-    from monitor.live.feed_source import FeedSource
+def _own_scenario(access: Path) -> Scenario | None:
+    """The scenario beside a control file, which whoever started the fleet has put there; None without one."""
+    from patrol.scenario import load_scenario
 
+    file = (access if access.is_dir() else access.parent) / SCENARIO
+    return load_scenario(file) if file.is_file() else None
+
+
+def _of_a_world(
+    router: str, keys: FleetKeys, token: str | None, wait_s: float, ending: Ending, own: Scenario | None
+) -> Source | None:
+    from monitor.live.feed_source import FeedSource
+    from monitor.live.record_checks import is_run_of
+    from patrol.radio.fleet_key import fleet_key
+
+    key = None
+    if own is not None:
+        with suppress(BadInput):
+            key = fleet_key(own.radio.key)
     links = open_links(router, None, wait_s, _say, lambda: bool(ending))
     if links is None:
         return None
@@ -110,8 +132,9 @@ def _of_a_world(router: str, keys: FleetKeys, token: str | None, wait_s: float, 
         return ending.wait(pause_s)
 
     try:
-        so_far = first_answer(client, keys.fleet, lambda: bool(ending), waits)
-        source = None if so_far is None else FeedSource(keys.fleet, client, so_far)
+        fits = partial(is_run_of, own)
+        so_far = first_answer(client, keys.fleet, lambda: bool(ending), waits, fits)
+        source = None if so_far is None else FeedSource(keys.fleet, client, so_far, key=key)
     except BaseException:
         link.close()
         raise

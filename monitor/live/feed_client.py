@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from monitor.observation.source import Answer
 from patrol.errors import BadInput
 from patrol.net.control_auth import ControlClient, Unanswered
-from patrol.net.feed import FOG, MAX_BATCH, TICKS, Batch, Garbled, SoFar, read_batch, read_so_far
+from patrol.net.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, Garbled, SoFar, read_batch, read_so_far
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.mailbox import Mailbox, Presence
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 ROOM = 512
 """Capacity of the queue of batches. A slower viewer misses some and requests the fog again."""
+ROOM_BYTES = 1 << 26
+"""Bytes of the batches that wait: more than two of the longest."""
 FOG_S = 20.0
 CONTROL_S = 15.0
 """How long a world may take to answer, s of wall time: with the fog so far, and to a control."""
@@ -31,8 +33,8 @@ class FeedClient(Protocol):
         """The next batch; None after `timeout_s` of wall time without one."""
         ...
 
-    def so_far(self) -> bytes | None:
-        """The encoded state of the run so far, requested from the world; None without an answer."""
+    def so_far(self) -> Iterable[bytes]:
+        """The encoded state of the run so far, requested from the world: the answers, of which others may be false."""
         ...
 
     def control(self, control: Mapping[str, Any]) -> Answer:
@@ -69,7 +71,7 @@ class ZenohFeedClient:
         self._keys = keys
         self._token = token
         ticks, world = keys.truth(TICKS), keys.alive(WORLD)
-        self._mailbox: Mailbox[Batch | Presence] = Mailbox([ticks, world], read_batch, MAX_BATCH, ROOM)
+        self._mailbox: Mailbox[Batch | Presence] = Mailbox([ticks, world], read_batch, MAX_BATCH, ROOM, ROOM_BYTES)
         self._present = False
         link.subscribe(ticks, self._mailbox)
         link.watch(world, self._mailbox)
@@ -92,9 +94,9 @@ class ZenohFeedClient:
             arrived = self._mailbox.get(0.0)
         return None if arrived is None or isinstance(arrived[1], Presence) else arrived[1]
 
-    def so_far(self) -> bytes | None:
-        """The encoded state of the run so far, requested from the world; None without an answer."""
-        return self._link.ask(self._keys.truth(FOG), b"", FOG_S)
+    def so_far(self) -> Iterable[bytes]:
+        """The encoded state of the run so far, requested from the world: the answers, of which others may be false."""
+        return self._link.answers(self._keys.truth(FOG), b"", MAX_ANSWER, FOG_S)
 
     def control(self, control: Mapping[str, Any]) -> Answer:
         """Send a control to the world; its answer."""
@@ -112,7 +114,11 @@ class ZenohFeedClient:
 
 
 def first_answer(
-    client: ZenohFeedClient, fleet: str, stopped: Callable[[], bool], waits: Callable[[float], bool]
+    client: FeedClient,
+    fleet: str,
+    stopped: Callable[[], bool],
+    waits: Callable[[float], bool],
+    fits: Callable[[bytes, int, int], bool] = lambda *_: True,
 ) -> SoFar | None:
     """Request the state of the run so far until the world answers.
 
@@ -121,6 +127,7 @@ def first_answer(
         fleet: The fleet's name, for error messages.
         stopped: Whether to stop.
         waits: Waits for a number of seconds; returns whether to stop.
+        fits: Says of an answer's header, and of its terrain's height and width, whether they can be of this fleet.
 
     Returns:
         The state so far; None when stopped.
@@ -129,14 +136,14 @@ def first_answer(
         BadInput: The world runs another version.
     """
     while not stopped():
-        payload = client.so_far()
-        if payload is not None:
+        wrong: Garbled | None = None
+        for payload in client.so_far():
             try:
-                return read_so_far(payload)
+                return read_so_far(payload, fits=fits)
             except Garbled as garbled:
-                raise BadInput(
-                    f"--fleet {fleet}: its world runs another version ({garbled}); use one version on all hosts"
-                ) from None
+                wrong = garbled
+        if wrong is not None:
+            raise BadInput(f"--fleet {fleet}: its world runs another version ({wrong}); use one version on all hosts")
         if waits(0.2):
             return None
     return None

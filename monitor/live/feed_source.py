@@ -8,34 +8,34 @@ positions are computed on demand from the ticks kept in memory.
 from __future__ import annotations
 
 import json
+import math
 import time
 from array import array
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.live.fog_tracker import HEARD, FogTracker, FogTrackers
-from monitor.observation.frames import count_frames
+from monitor.live.live_links import LiveLinks
+from monitor.live.record_checks import RunChecks, record_of, scenario_of, shown
+from monitor.live.tick_rate import TickRate
 from monitor.observation.listener import as_sent
-from monitor.observation.source import Answer, Layer, LinkCounts, RobotShape, RobotState, Series, State, Static
+from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
-from patrol.journal import unpack
-from patrol.journal.records import FORGED, End, Event, Header, Status, TickRecord
+from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.net.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
-from patrol.radio.fleet_key import fleet_key
-from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.controls import CONTROLS, OPERATOR, amended, described, in_force, read_control
+from patrol.scenario.controls import CONTROLS, OPERATOR, amended, in_force, read_control
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -54,15 +54,23 @@ PATHS = 256
 """Ticks whose positions are kept for trails."""
 BATCHES = 4096
 """Most batches to process between two states."""
-
-_RATE_S = 3.0
-_SAMPLE_S = 0.1
+MOST_EVENTS = 1 << 18
+"""Events that are kept."""
+REFUSED_S = 10.0
+"""How long a page says that records of the feed were refused, s."""
 
 
 class FeedSource:
     """A `monitor.observation.source.Source` that reads the feed of a world."""
 
-    def __init__(self, name: str, client: FeedClient, so_far: SoFar, now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        name: str,
+        client: FeedClient,
+        so_far: SoFar,
+        now: Callable[[], float] = time.monotonic,
+        key: bytes | None = None,
+    ) -> None:
         """Start from the state so far.
 
         Args:
@@ -70,28 +78,36 @@ class FeedSource:
             client: The connection with the world.
             so_far: The state of the run so far, from the world.
             now: Wall clock, s.
+            key: The fleet's key, for the tags of frames; None where this viewer has none. A file that the feed names is
+                never opened.
 
         Raises:
             BadInput: The world runs another version.
         """
-        header = _record(so_far.header)
-        if not isinstance(header, Header):
+        header = record_of(so_far.header)
+        scenario = scenario_of(header, *so_far.last_seen.shape) if isinstance(header, Header) else None
+        if not isinstance(header, Header) or scenario is None or set(so_far.ground.area_of) != set(_numbers(header)):
             raise BadInput(f"--fleet {name}: its world runs another version; use one version on all hosts")
         self._name = name
+        self._key = key
         self._client = client
         self._now = now
         self._header = header
         self._ground = so_far.ground
-        self._scenario: Scenario = load_scenario(header.scenario)
+        self._first = so_far
+        self._given = self._scenario = scenario
         self._planned = len(self._scenario.faults)
         facts = header.terrain
         self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
         self._footprint = sensor_footprint(self._scenario, self._terrain)
         self._step = self._scenario.step
         self._late = max(LATE_TICKS, round(LATE_S / self._step))
-        self._numbers = [robot.number for robot in header.robots]
+        self._numbers = _numbers(header)
+        self._checks = RunChecks.of(scenario, self._terrain.bounds)
+        self._refused = 0
+        self._refused_at = -math.inf
+        self._end: End | None = None
         self._place = {number: place for place, number in enumerate(self._numbers)}
-        self._ended: str | None = None
         self._events: list[Event] = []
         self._next_event = 0
         # With a direct radio the journal has what the world overheard. What each robot heard is unknown.
@@ -102,7 +118,7 @@ class FeedSource:
         self._log: deque[tuple[int, bytes]] = deque()
         self._logged = 0
         self._last: TickRecord | None = None
-        self._rates: deque[tuple[float, int]] = deque()
+        self._rate = TickRate()
         self._paths: deque[NDArray[np.float64]] = deque(maxlen=PATHS)
         self._requested_at = now()
         self._received_at = now()
@@ -218,39 +234,43 @@ class FeedSource:
     def _begin(self, so_far: SoFar) -> None:
         """Start, or start again, from the state so far."""
         self._number = so_far.number
+        self._lost = False
         self._running, self._pace = so_far.running, so_far.pace
         self._truth = Fog.resumed(self._ground.patrolled, so_far.last_seen)
-        last = None if so_far.last is None else _record(so_far.last)
-        self._last = last if isinstance(last, TickRecord) else None
+        last = None if so_far.last is None else record_of(so_far.last, self._checks.longest)
+        self._last = last if isinstance(last, TickRecord) and self._checks.tick(last) else None
+        self._end = None
         self._ticks = array("q", range(0, len(so_far.mfow) * so_far.every, so_far.every))
         self._mfow, self._mean = array("d", so_far.mfow.tolist()), array("d", so_far.fog_mean.tolist())
         self._since = 0 if self._last is None else self._last.k + 1
-        self._scenario = load_scenario(self._header.scenario)
-        for event in _events(so_far.asked):
+        self._scenario = self._given
+        for event in self._checks.events(so_far.asked):
             self._apply_control(event)
         # Events keep their numbers. After a gap, those missed are added as far as the world still has them.
-        self._events += [_shown(event) for event in _events(so_far.events)[max(self._next_event - so_far.event, 0) :]]
+        missed = so_far.events[max(self._next_event - so_far.event, 0) :]
+        self._add_events(map(shown, self._checks.events(missed)))
         self._next_event = so_far.event + len(so_far.events)
-        side = (len(self._numbers),) * 2
-        none = np.zeros(side, np.int64)
-        self._links = LinkCounts(none, none.copy(), np.full(side, -1, np.int64), self._since)
-        self._heard: dict[int, int] = {}
-        self._rates.clear()
+        self._links = LiveLinks(self._numbers, self._since, direct=self._direct)
+        self._rate.clear()
         self._log.clear()
         self._logged = 0
         self._paths.clear()
         self._trackers.restart()
 
     def _read(self, batch: Batch) -> None:
-        if batch.first > self._number and not self._request_again():
+        if (batch.first > self._number or self._lost) and not self._request_again():
             return
         for number, packed in enumerate(batch.records, start=batch.first):
             if number == self._number:
+                if not self._record(packed):
+                    self._refused += 1
+                    self._refused_at = self._now()
+                    self._lost = True
+                    return
                 self._number += 1
-                self._record(packed)
         if batch.first + len(batch.records) >= self._number:
             if (batch.running, batch.pace) != (self._running, self._pace):
-                self._rates.clear()
+                self._rate.clear()
             self._running, self._pace = batch.running, batch.pace
         self._received_at = self._now()
 
@@ -259,15 +279,17 @@ class FeedSource:
         if self._now() < self._requested_at + AGAIN_S:
             return False
         self._requested_at = self._now()
-        with suppress(Garbled):
-            so_far = read_so_far(self._client.so_far() or b"")
-            if _record(so_far.header) == self._header:
-                self._begin(so_far)
+        for payload in self._client.so_far():
+            with suppress(Garbled):
+                self._begin(read_so_far(payload, self._first))
                 return True
         return False
 
-    def _record(self, packed: bytes) -> None:
-        record = _record(packed)
+    def _record(self, packed: bytes) -> bool:
+        """Take in the next record; False for one that cannot be the next of this run."""
+        record = self._checks.record(packed, self._coming)
+        if record is None or self._end is not None:
+            return False
         match record:
             case TickRecord():
                 self._tick(record)
@@ -277,10 +299,15 @@ class FeedSource:
                     self._logged -= len(self._log.popleft()[1])
             case Event():
                 self._apply_control(record)
-                self._events.append(_shown(record))
+                self._add_events([shown(record)])
                 self._next_event += 1
             case End():
-                self._ended, self._running = record.reason, False
+                self._end = record
+        return True
+
+    def _add_events(self, events: Iterable[Event]) -> None:
+        """Add events, up to `MOST_EVENTS`: beyond them, they are those of a stranger."""
+        self._events += islice(events, max(MOST_EVENTS - len(self._events), 0))
 
     def _tick(self, record: TickRecord) -> None:
         k = record.k
@@ -292,44 +319,28 @@ class FeedSource:
                 pose = as_sent(row.number, Pose(row.x, row.y, row.heading))
                 self._truth.observe(self._footprint.visible(pose), k)
         self._last = record
-        self._events += self._traps.tick(record, lambda: self._truth.last_seen)
+        self._add_events(self._traps.tick(record, lambda: self._truth.last_seen))
         self._paths.append(places)
         self._ticks.append(k)
         self._mfow.append(record.mfow)
         self._mean.append(record.fog_mean)
-        self._count_links(record)
-        if not self._rates or self._now() >= self._rates[-1][0] + _SAMPLE_S:
-            self._rates.append((self._now(), k))
-
-    def _count_links(self, record: TickRecord) -> None:
-        place, links = self._place, self._links
-        count_frames(record, place, links.sent, links.delivered)
-        for source, to, _ in record.deliveries:
-            if source != FORGED:
-                links.heard[place[source], place[to]] = record.k
-                self._heard[source] = record.k
-        here = sum(row.status not in (Status.ABSENT, Status.LEFT) for row in record.robots)
-        if self._direct or here == 1:  # only what was sent is known
-            self._heard.update({source: record.k for source, _ in record.frames if source != FORGED})
+        self._links.tick(record)
+        self._rate.add(self._now(), k)
 
     def _apply_control(self, event: Event) -> None:
         if event.kind == OPERATOR:
             try:
                 self._scenario, _ = amended(self._scenario, event.k, read_control(json.loads(event.detail)))
-            except (BadInput, ValueError):
+            except (BadInput, ValueError, RecursionError):
                 return  # from another version, perhaps; the page then lacks an intruder
 
     # --- beliefs -----------------------------------------------------------------------------------------------------
 
     def _tracker(self, layer: Layer) -> FogTracker:
-        try:
-            key = fleet_key(self._scenario.radio.key)
-        except BadInput:
-            key = None
         number = layer if isinstance(layer, int) else None
         area = self._ground.patrolled if number is None else self._ground.areas[self._ground.area_of[number]]
         facts = (self._scenario, self._terrain, self._footprint, area, self._ground.patrolled)
-        return FogTracker(number, *facts, key, self._log, self._log[0][0] if self._log else self._since)
+        return FogTracker(number, *facts, self._key, self._log, self._log[0][0] if self._log else self._since)
 
     def _catch_up(self, limit_s: float) -> None:
         until = self._now() + limit_s
@@ -342,19 +353,30 @@ class FeedSource:
         """The tick of the state."""
         return 0 if self._last is None else self._last.k
 
+    @property
+    def _coming(self) -> int:
+        """The tick that must come next."""
+        return 0 if self._last is None else self._last.k + 1
+
+    @property
+    def _ended(self) -> str | None:
+        """Why the run has ended; None as long as its world is there, since anybody may send an end."""
+        return None if self._end is None or self._client.present else self._end.reason
+
     def _state(self) -> State:
         last = self._last
-        k, coming = self._k, 0 if last is None else last.k + 1
+        k, coming = self._k, self._coming
+        running = self._running and self._ended is None
         return State(
             k=k,
             time_s=k * self._step,
-            running=self._running and self._ended is None,
+            running=running,
             pace=self._pace,
-            ticks_per_s=self._rate(),
+            ticks_per_s=self._rate.at(self._now(), k) if running and last is not None else 0.0,
             robots=() if last is None else tuple(self._robot(last, place) for place in range(len(self._numbers))),
             mfow_s=None if last is None else last.mfow * self._step,
             fog_mean_s=None if last is None else last.fog_mean * self._step,
-            links=None if self._direct else self._links,
+            links=None if self._direct else self._links.counts,
             ended=self._ended,
             intruders=tuple(one.place for one in self._scenario.intruders if one.is_there(k * self._step)),
             faults=in_force(self._scenario, coming, self._planned),
@@ -364,7 +386,7 @@ class FeedSource:
 
     def _robot(self, last: TickRecord, place: int) -> RobotState:
         row = last.robots[place]
-        heard = self._heard.get(row.number)
+        heard = self._links.heard.get(row.number)
         there = row.status not in (Status.ABSENT, Status.LEFT)
         return RobotState(
             number=row.number,
@@ -378,36 +400,16 @@ class FeedSource:
             trapped=self._traps.trapped(row.number),
         )
 
-    def _rate(self) -> float:
-        """Ticks per second of wall time over the last `_RATE_S`; 0 while paused."""
-        now = self._now()
-        while len(self._rates) > 2 and self._rates[1][0] <= now - _RATE_S:
-            self._rates.popleft()
-        if self._last is None or not self._rates or not self._running or self._ended is not None:
-            return 0.0
-        since, before = self._rates[0]
-        return (self._last.k - before) / (now - since) if now > since else 0.0
-
     def _note(self) -> str:
         if self._ended is not None:
             return ""
         if not self._client.present:
             return "the world has disconnected"
+        if self._now() < self._refused_at + REFUSED_S:
+            return "the feed has records that make no sense, perhaps from a stranger; they are ignored"
         silent_s = self._now() - self._received_at
         return f"no data for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
 
 
-def _record(packed: bytes) -> object:
-    try:
-        return unpack(packed)
-    except ValueError:
-        return None
-
-
-def _events(packed: Sequence[bytes]) -> list[Event]:
-    return [event for one in packed if isinstance(event := _record(one), Event)]
-
-
-def _shown(event: Event) -> Event:
-    """An event with its details as text for operators."""
-    return replace(event, detail=described(event)) if event.kind == OPERATOR else event
+def _numbers(header: Header) -> list[int]:
+    return [robot.number for robot in header.robots]

@@ -10,13 +10,15 @@ again. Nothing that decides anything reads any of this.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import msgpack
 import numpy as np
 from numpy.typing import NDArray
+
+from patrol.net.packed import Reader, Unexpected
 
 TICKS = "ticks"
 FOG = "fog"
@@ -25,8 +27,35 @@ FOG = "fog"
 MAX_BATCH = 1 << 25
 """Bytes of the longest batch that a viewer looks at."""
 
-MAX_POINTS = 1 << 27
-"""Points of the largest terrain that a viewer takes."""
+MAX_RECORDS = 4096
+"""Records of the longest batch; the world sends a batch at 32 kB, and no record is shorter than 8 bytes."""
+
+MAX_NUMBER = 1 << 40
+"""The greatest number of a record: more than any run has."""
+
+MAX_ANSWER = 1 << 27
+"""Bytes of the longest answer that a viewer looks at."""
+
+MAX_GRIDS = 300_000_000
+"""Bytes that the grids of an answer may take as arrays: with one kind of body, those of 37 million points."""
+
+MAX_TICKS_BEFORE = 1 << 25
+"""Ticks of the longest run that can be joined late; the fog keeps a number for each of them."""
+
+MAX_EVENTS = 1 << 17
+"""Events in an answer: the latest ones, and those of operators."""
+
+MAX_SERIES = 1 << 14
+"""Points of each curve in an answer."""
+
+MAX_AREAS = 1 << 16
+"""Kinds of bodies, and robots, of the largest fleet."""
+
+MAX_FIELDS = 64
+"""Fields of an answer, with room for those of later versions."""
+
+MAX_PACE = 1e12
+"""The greatest factor of real time."""
 
 _LEVEL = 1
 
@@ -130,14 +159,28 @@ def read_batch(payload: bytes) -> Batch:
     Raises:
         Garbled: for anything but a batch.
     """
-    says = _unpacked(payload)
-    if not isinstance(says, list) or len(says) != 4:
+    try:
+        reader = Reader(payload)
+        if reader.array(4) != 4:
+            raise Garbled("not a batch")
+        first = reader.value()
+        records = tuple(reader.values(bytes, MAX_RECORDS))
+        running, pace = reader.value(), reader.value()
+        reader.end()
+    except Unexpected as error:
+        raise Garbled(f"not a batch ({error})") from None
+    if type(first) is not int or not 0 <= first <= MAX_NUMBER or not _is_manner(running, pace):
         raise Garbled("not a batch")
-    first, records, running, pace = says
-    fits = isinstance(records, list) and all(isinstance(record, bytes) for record in records)
-    if type(first) is not int or first < 0 or not fits or not _is_manner(running, pace):
-        raise Garbled("not a batch")
-    return Batch(first, tuple(records), running, pace)
+    return Batch(first, records, running, pace)
+
+
+def longest_record(robots: int) -> int:
+    """Bytes of the longest record that a viewer unpacks; objects take many times the bytes that they are packed in.
+
+    Args:
+        robots: in the roster. Each has a row, frames, and links to all others.
+    """
+    return min(MAX_BATCH, (1 << 17) + (robots << 11) + (robots * robots << 6))
 
 
 def so_far_bytes(so_far: SoFar) -> bytes:
@@ -172,63 +215,124 @@ def so_far_bytes(so_far: SoFar) -> bytes:
     return packed
 
 
-def read_so_far(payload: bytes) -> SoFar:
-    """The answer in a payload.
+def read_so_far(
+    payload: bytes, known: SoFar | None = None, fits: Callable[[bytes, int, int], bool] = lambda *_: True
+) -> SoFar:
+    """The answer in a payload. Nothing is decompressed before its size is known and allowed.
 
     Args:
         payload: any bytes.
+        known: an earlier answer of the same run, whose grids are kept; None for the first.
+        fits: says of the header and the terrain's height and width whether they can be of one run.
 
     Raises:
-        Garbled: for anything but an answer.
+        Garbled: for anything but an answer, for one of another run than `known`, and for one too large.
     """
-    says = _unpacked(payload)
-    if not isinstance(says, dict):
-        raise Garbled("not an answer")
+    if len(payload) > MAX_ANSWER:
+        raise Garbled(f"an answer of {len(payload)} bytes")
     try:
-        height, width = (int(side) for side in says["shape"])
-        if not (height > 0 and width > 0 and height * width <= MAX_POINTS) or not _is_manner(
-            says["running"], says["pace"]
-        ):
-            raise Garbled("no terrain")
-        ground = Ground(
-            _grid(says["passable"], height, width),
-            _grid(says["keep_out"], height, width),
-            tuple(_grid(area, height, width) for area in says["areas"]),
-            {int(number): int(area) for number, area in says["area_of"]},
-        )
-        if not ground.areas or any(not 0 <= area < len(ground.areas) for area in ground.area_of.values()):
-            raise Garbled("no patrolled area")
-        patrolled = ground.patrolled
-        last_seen = np.full((height, width), -1, dtype=np.int32)
-        last_seen[patrolled] = np.frombuffer(_inflated(says["seen"], 4 * int(patrolled.sum())), dtype="<i4")
-        return SoFar(
-            number=int(says["number"]),
-            header=bytes(says["header"]),
-            last=None if says["last"] is None else bytes(says["last"]),
-            last_seen=last_seen,
-            events=tuple(bytes(event) for event in says["events"]),
-            event=max(0, int(says["event"])),
-            asked=tuple(bytes(event) for event in says["asked"]),
-            every=max(1, int(says["every"])),
-            mfow=np.frombuffer(says["mfow"], dtype="<f4").astype(np.float32),
-            fog_mean=np.frombuffer(says["fog_mean"], dtype="<f4").astype(np.float32),
-            running=says["running"],
-            pace=says["pace"],
-            ground=ground,
-        )
-    except (KeyError, TypeError, ValueError, zlib.error, MemoryError) as error:
+        says = _fields(Reader(payload))
+        header = _bytes(says["header"])
+        height, width = says["shape"]
+        if not 0 < height * width <= MAX_GRIDS or min(height, width) <= 0 or not fits(header, height, width):
+            raise Garbled("a terrain of another size than its run has")
+        if known is not None and (header != known.header or (height, width) != known.last_seen.shape):
+            raise Garbled("an answer of another run")
+        # By point: two grids, one for each kind of body, one for all of them, and four bytes of the fog.
+        if height * width * (7 + len(says["areas"])) > MAX_GRIDS:
+            raise Garbled(f"{len(says['areas'])} kinds of bodies on {height} x {width} points take too much memory")
+        ground = known.ground if known is not None else _ground(says, height, width)
+        return _so_far(says, header, ground)
+    except (KeyError, TypeError, ValueError, OverflowError, zlib.error, MemoryError) as error:
+        if isinstance(error, Garbled):
+            raise
         raise Garbled(f"not an answer ({type(error).__name__})") from None
 
 
-def _unpacked(payload: bytes) -> Any:
-    try:
-        return msgpack.unpackb(payload, raw=False, strict_map_key=True)
-    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Garbled(f"not msgpack ({type(error).__name__})") from None
+def _fields(reader: Reader) -> dict[str, Any]:
+    """The fields of an answer; those that are not known may hold single values only."""
+    arrays: Mapping[str, tuple[type, int]] = {
+        "shape": (int, 2),
+        "areas": (bytes, MAX_AREAS),
+        "events": (bytes, MAX_EVENTS),
+        "asked": (bytes, MAX_EVENTS),
+    }
+    says: dict[str, Any] = {}
+    for _ in range(reader.mapping(MAX_FIELDS)):
+        name = reader.value()
+        if name in arrays:
+            says[name] = reader.values(*arrays[name])
+        elif name == "area_of":
+            says[name] = [reader.values(int, 2) for _ in range(reader.array(MAX_AREAS))]
+        else:
+            says[name] = reader.value()
+    reader.end()
+    return says
+
+
+def _ground(says: Mapping[str, Any], height: int, width: int) -> Ground:
+    areas = says["areas"]
+    area_of: dict[int, int] = dict(says["area_of"])
+    if not areas or not all(0 <= area < len(areas) for area in area_of.values()):
+        raise Garbled("no patrolled area")
+    grids = [_grid(_bytes(says[name]), height, width) for name in ("passable", "keep_out")]
+    return Ground(grids[0], grids[1], tuple(_grid(area, height, width) for area in areas), area_of)
+
+
+def _so_far(says: Mapping[str, Any], header: bytes, ground: Ground) -> SoFar:
+    patrolled = ground.patrolled
+    if not patrolled.any():
+        raise Garbled("no patrolled ground")
+    last_seen = np.full(patrolled.shape, -1, dtype=np.int32)
+    seen = np.frombuffer(_inflated(_bytes(says["seen"]), 4 * int(patrolled.sum())), dtype="<i4")
+    last_seen[patrolled] = seen
+    mfow, fog_mean = (_curve(says[name]) for name in ("mfow", "fog_mean"))
+    every, number = _whole(says["every"]), _whole(says["number"])
+    ticks = every * len(mfow)
+    if not 1 <= every <= MAX_TICKS_BEFORE or len(mfow) != len(fog_mean) or ticks > MAX_TICKS_BEFORE + every:
+        raise Garbled("no curves")
+    if int(seen.min()) < -1 or int(seen.max()) >= max(ticks, 1) or ticks - every >= max(number, 1):
+        raise Garbled("points seen after the last tick")
+    if not _is_manner(says["running"], says["pace"]):
+        raise Garbled("no pace")
+    return SoFar(
+        number=number,
+        header=header,
+        last=None if says["last"] is None else _bytes(says["last"]),
+        last_seen=last_seen,
+        events=tuple(says["events"]),
+        event=_whole(says["event"]),
+        asked=tuple(says["asked"]),
+        every=every,
+        mfow=mfow,
+        fog_mean=fog_mean,
+        running=says["running"],
+        pace=says["pace"],
+        ground=ground,
+    )
+
+
+def _whole(value: object) -> int:
+    if type(value) is not int or not 0 <= value <= MAX_NUMBER:
+        raise Garbled("not a whole number")
+    return value
+
+
+def _bytes(value: object) -> bytes:
+    if type(value) is not bytes:
+        raise Garbled("not bytes")
+    return value
+
+
+def _curve(packed: object) -> NDArray[np.float32]:
+    values = np.frombuffer(_bytes(packed), dtype="<f4").astype(np.float32)
+    if len(values) > MAX_SERIES or not np.isfinite(values).all():
+        raise Garbled("no curve")
+    return values
 
 
 def _is_manner(running: object, pace: object) -> bool:
-    return type(running) is bool and (pace is None or (type(pace) is float and pace > 0.0))
+    return type(running) is bool and (pace is None or (type(pace) is float and 0.0 < pace <= MAX_PACE))
 
 
 def _bits(grid: NDArray[np.bool_]) -> bytes:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import errno
 import json
-import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -22,6 +21,8 @@ from patrol.errors import BadInput
 from patrol.net.keys import is_group
 from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
+from patrol.net.zenoh_errors import first_line as _first_line
+from patrol.net.zenoh_errors import system_error as _system_error
 
 LEASE_S = 60.0
 """A client that is silent for so long is gone for the router; longer than a paused robot may take to answer."""
@@ -38,6 +39,10 @@ TELL_S = (1.0, 5.0)
 RADIO_LEASE_S = 2.0
 """The same for a link that carries nothing but positions."""
 
+ECHO_S = 3600.0
+MOST_ANSWERS = 16
+"""How long to wait for a router that does not answer; answers to one query that are looked at."""
+
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
 _SOCKET = 65536
 _QUEUE = 16
@@ -47,6 +52,11 @@ _OVER = ""
 """The key of the mailbox's message that no more answers come."""
 _DROP_US = 100
 """How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
+
+_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
+_CLOSE_US = 1_000_000
+"""How long a router waits, of what must not be dropped, for one who does not read, and then closes its connection. All
+others wait as well: with Zenoh's 5 s, twice over, three that stopped one after the other cost a fleet its robots."""
 
 
 class LinkDown(Exception):
@@ -198,7 +208,8 @@ class Link:
         Args:
             key: to query.
             payload: of the query.
-            longest: bytes of the longest answer that is wanted; longer ones are dropped.
+            longest: bytes of the longest answer that is wanted; longer ones are dropped, as is what follows
+                `MOST_ANSWERS`.
             wait_s: how long to wait for answers.
         """
         waiting: Mailbox[bytes] = Mailbox([key, _OVER], bytes, longest)
@@ -217,12 +228,29 @@ class Link:
             priority=zenoh.Priority.DATA_HIGH,
         )
         until = time.monotonic() + wait_s
-        over = False
+        over, count = False, 0
         while (arrived := waiting.get(0.0 if over else max(until - time.monotonic(), 0.0))) is not None:
             if arrived[0] == _OVER:
                 over = True
-            else:
-                yield arrived[1]
+                continue
+            yield arrived[1]
+            count += 1
+            if count == MOST_ANSWERS:
+                return
+
+    def echo(self, key: str) -> Callable[[], bool]:
+        """Ask the router for a liveliness token, whoever holds it; its answer shows that the router is at work.
+
+        Args:
+            key: of the token.
+
+        Returns:
+            whether the router has answered.
+        """
+        back = threading.Event()
+        handler: Any = zenoh.handlers.Callback(lambda _: None, back.set, indirect=False)
+        self._session.liveliness().get(key, handler=handler, timeout=ECHO_S)
+        return lambda: back.is_set() and self.connected  # it comes back as well when the link is cut
 
     def live(self, key: str) -> None:
         """Declare a liveliness token, which ends with this process or its link.
@@ -372,19 +400,6 @@ def open_router(listen: str) -> Link:
         raise LinkDown(f"{listen}: cannot listen there ({_first_line(error)})") from None
 
 
-def _system_error(error: Exception) -> int | None:
-    """The number of the system's error behind one of Zenoh's, which says it in its text alone; None without one."""
-    found = re.search(r"\(os error (\d+)\)", str(error))
-    return None if found is None else int(found[1])
-
-
-def _first_line(error: Exception) -> str:
-    """What Zenoh says, without where in its sources it says so."""
-    text = str(error).partition(" at /")[0].partition("\n")[0]
-    system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)
-    return system[1] if system else text
-
-
 def client_config(router: str, lease_s: float) -> zenoh.Config:
     """A client of one router, which waits for it and reconnects to it.
 
@@ -411,7 +426,7 @@ def router_config(listen: str) -> zenoh.Config:
     Args:
         listen: the locator.
     """
-    return _config({"mode": "router", "listen/endpoints": [listen], "connect/endpoints": []})
+    return _config({"mode": "router", "listen/endpoints": [listen], "connect/endpoints": [], _CLOSE: _CLOSE_US})
 
 
 def _config(values: dict[str, object]) -> zenoh.Config:

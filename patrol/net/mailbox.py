@@ -72,13 +72,23 @@ class Mailbox(Generic[T]):
         decode: turns a payload into a message, or raises ValueError.
         longest: bytes of the longest payload that is decoded.
         room: messages that wait per key; when there are more the oldest is dropped.
+        room_bytes: bytes of the payloads that wait, of all keys together; a message beyond them is dropped.
     """
 
-    def __init__(self, keys: Collection[str], decode: Callable[[bytes], T], longest: int, room: int = _ROOM) -> None:
+    def __init__(
+        self,
+        keys: Collection[str],
+        decode: Callable[[bytes], T],
+        longest: int,
+        room: int = _ROOM,
+        room_bytes: int | None = None,
+    ) -> None:
         self.refused: Counter[str] = Counter()
         self._decode = decode
         self._longest = longest
-        self._waiting: dict[str, deque[T]] = {key: deque(maxlen=room) for key in keys}
+        self._room_bytes = room_bytes
+        self._bytes = 0
+        self._waiting: dict[str, deque[tuple[T, int]]] = {key: deque(maxlen=room) for key in keys}
         self._ready: deque[str] = deque()
         self._changed = threading.Condition()
 
@@ -92,19 +102,23 @@ class Mailbox(Generic[T]):
         if len(payload) > self._longest:
             self.refused["oversized"] += 1
             return
+        if self._room_bytes is not None and self._bytes + len(payload) > self._room_bytes:
+            self.refused["overflow"] += 1
+            return
         try:
             message = self._decode(payload.to_bytes())
         except ValueError:
             self.refused["malformed"] += 1
             return
-        self.put(key, message)
+        self.put(key, message, len(payload))
 
-    def put(self, key: str, message: T) -> None:
+    def put(self, key: str, message: T, size: int = 0) -> None:
         """Put one message in; called from any thread.
 
         Args:
             key: that it came under.
             message: decoded.
+            size: bytes of its payload.
         """
         waiting = self._waiting.get(key)
         if waiting is None:
@@ -116,7 +130,9 @@ class Mailbox(Generic[T]):
                 self._changed.notify()
             elif len(waiting) == waiting.maxlen:
                 self.refused["overflow"] += 1
-            waiting.append(message)
+                self._bytes -= waiting[0][1]
+            self._bytes += size
+            waiting.append((message, size))
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, T] | None:
         """Take the next message out.
@@ -134,7 +150,8 @@ class Mailbox(Generic[T]):
                 return None
             key = self._ready.popleft()
             waiting = self._waiting[key]
-            message = waiting.popleft()
+            message, size = waiting.popleft()
+            self._bytes -= size
             if waiting:
                 self._ready.append(key)
             return key, message

@@ -9,7 +9,6 @@ Each is one msgpack map by field names, so that more can be added; readers skip 
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
@@ -18,6 +17,7 @@ from typing import Any
 import msgpack
 
 from patrol.journal import Event, Status, TickRecord
+from patrol.journal.records import MAX_TICKS
 from patrol.scenario.controls import described
 
 METRICS = "metrics"
@@ -30,9 +30,14 @@ SHOW_S = 0.1
 MAX_VIEW = 1 << 22
 """Bytes of the longest view that a reader looks at: a fleet of tens of thousands."""
 
+MAX_NOTICE = 1 << 13
+"""Bytes of the longest notice."""
+
 _RATE_S = 3.0
 MAX_TEXT = 500
 """Characters of the longest text in a view."""
+MOST = 1e12
+"""The greatest number in a view, either sign: far beyond any place, time or rate, and of few digits."""
 _STATUSES = frozenset(int(status) for status in Status)
 
 
@@ -228,6 +233,15 @@ class Watcher:
         return (done - before) / (now - since) if now > since else 0.0
 
 
+def longest_metrics(robots: int) -> int:
+    """Bytes of the longest metrics that a reader looks at: many more would be made of a stranger's small objects.
+
+    Args:
+        robots: in the roster.
+    """
+    return min(MAX_VIEW, MAX_NOTICE + 2 * MAX_TEXT * robots)
+
+
 def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
     """A view as bytes.
 
@@ -251,15 +265,18 @@ def read_metrics(payload: bytes) -> Metrics:
     robots = says.get("robots")
     if type(robots) is not list:
         raise Unreadable("no robots")
+    k, ticks = _whole(says, "k"), _whole(says, "ticks")
+    if not 1 <= k <= ticks <= MAX_TICKS:
+        raise Unreadable("ticks done are from 1 to those of the run")
     return Metrics(
-        k=_whole(says, "k"),
-        ticks=_whole(says, "ticks"),
-        time_s=_number(says, "time_s"),
-        mfow_s=_number(says, "mfow_s"),
-        mfow_mean_s=_number(says, "mfow_mean_s"),
-        mfow_max_s=_number(says, "mfow_max_s"),
-        seen_share=_number(says, "seen_share"),
-        ticks_per_s=_number(says, "ticks_per_s"),
+        k=k,
+        ticks=ticks,
+        time_s=_amount(says, "time_s"),
+        mfow_s=_amount(says, "mfow_s"),
+        mfow_mean_s=_amount(says, "mfow_mean_s"),
+        mfow_max_s=_amount(says, "mfow_max_s"),
+        seen_share=_amount(says, "seen_share", 1.0),
+        ticks_per_s=_amount(says, "ticks_per_s"),
         robots=tuple(map(_robot, robots)),
         stalest=_place(says, "stalest"),
     )
@@ -275,7 +292,10 @@ def read_notice(payload: bytes) -> Notice:
         Unreadable: for anything else.
     """
     says = _map(payload)
-    return Notice(_whole(says, "k"), _text(says, "kind"), _text(says, "robot"), _text(says, "detail"))
+    k = _whole(says, "k")
+    if k > MAX_TICKS:
+        raise Unreadable("later than any run")
+    return Notice(k, _text(says, "kind"), _text(says, "robot"), _text(says, "detail"))
 
 
 def read_traffic(payload: bytes) -> Traffic:
@@ -370,8 +390,15 @@ def _whole(says: Mapping[str, Any], field: str) -> int:
 
 def _number(says: Mapping[str, Any], field: str) -> float:
     value = says.get(field)
-    if type(value) is not float or not math.isfinite(value):
-        raise Unreadable(f"{field} is not a finite number")
+    if type(value) is not float or not abs(value) <= MOST:
+        raise Unreadable(f"{field} is not a number of a sensible size")
+    return value
+
+
+def _amount(says: Mapping[str, Any], field: str, most: float = MOST) -> float:
+    value = _number(says, field)
+    if not 0.0 <= value <= most:
+        raise Unreadable(f"{field} is not from 0 to {most:g}")
     return value
 
 

@@ -9,12 +9,15 @@ from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
 from worldsim.fleet.connection import Addressee
+from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import POLL_S, Sessions
 
 DEADLINE_S = 10.0
 FIRST_DEADLINE_S = 60.0
 """The deadline of the first tick, in which robots may still load what they need."""
 RESEND_S = 1.0
+QUIET_S = 0.5
+"""How long no answer may come before it is asked whether the router is at work, s."""
 _DRAINED = 16
 
 T = TypeVar("T", ReplyA, ReplyB)
@@ -27,18 +30,25 @@ class LockstepFleet:
 
     A phase's messages are sent again every `RESEND_S` to robots that have not answered. A robot that has not answered
     within the deadline, or whose process is gone, is lost. Waiting time is summed over short slices of bounded length,
-    so that a pause of the world's own process (a suspended machine) loses no robot.
+    so that a pause of the world's own process (a suspended machine) loses no robot. While the router does not answer,
+    the world waits, and robots have the whole deadline again from when it does.
+
+    Attributes:
+        meanwhile: Called now and then while a tick is waited for.
     """
 
-    def __init__(self, sessions: Sessions, deadline_s: float = DEADLINE_S) -> None:
+    def __init__(self, sessions: Sessions, deadline_s: float = DEADLINE_S, router: RouterWatch | None = None) -> None:
         """Drive the robots that have sessions.
 
         Args:
             sessions: Of the robots.
             deadline_s: Wall time for an answer, s; in the first tick at least `FIRST_DEADLINE_S`.
+            router: Says whether the router answers; None where there is none between world and robots.
         """
         self._sessions = sessions
         self._deadline_s = deadline_s
+        self._router = router
+        self.meanwhile: Callable[[], None] = lambda: None
         self._lost: list[tuple[int, Status, str]] = []
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
@@ -84,8 +94,8 @@ class LockstepFleet:
         self._sessions.close(k, "the run is over")
 
     def notes(self) -> dict[str, Any]:
-        """Notes on the pace for the journal's end: none in lockstep."""
-        return {}
+        """Notes on the pace for the journal's end: for how long the router was silent, if it was."""
+        return router_notes(self._router)
 
     def _ask(self, k: int, phase: str, messages: Mapping[int, Make], kind: type[T]) -> dict[int, T]:
         """Send each robot its message and wait for all answers."""
@@ -94,7 +104,7 @@ class LockstepFleet:
         answers: dict[int, T] = {}
         deadline_s = self._deadline_s if k else max(self._deadline_s, FIRST_DEADLINE_S)
         waited_s = 0.0
-        before = sessions.now
+        began = before = sessions.now
         resend = before + RESEND_S
         while len(answers) < len(sent):
             arrived = sessions.take(POLL_S)
@@ -107,29 +117,44 @@ class LockstepFleet:
             now = sessions.now
             waited_s += min(now - before, 2.0 * POLL_S)
             before = now
+            if arrived is None:
+                self.meanwhile()
+            if now >= began + QUIET_S and not self._router_answers():
+                waited_s = 0.0
+                continue
             waiting = [number for number in sent if number not in answers]
-            for number, reason in sessions.failed(waiting).items():
+            gone = dict.fromkeys(sessions.gone(waiting), f"its process was gone in phase {phase} of tick {k}")
+            lost = gone | sessions.failed(waiting)
+            if waited_s >= deadline_s:
+                lost = dict.fromkeys(waiting, f"no answer in phase {phase} of tick {k} for {deadline_s:g} s") | lost
+            for number, reason in lost.items():
                 self._lose(number, reason)
                 del sent[number]
-            waiting = [number for number in waiting if number in sent]
-            for number in sessions.gone(waiting):
-                self._lose(number, f"its process was gone in phase {phase} of tick {k}")
-                del sent[number]
-            if waited_s >= deadline_s:
-                for number in waiting:
-                    if number in sent:
-                        self._lose(number, f"no answer in phase {phase} of tick {k} for {deadline_s:g} s")
-                        del sent[number]
-            elif now >= resend:
+            if now >= resend:
                 resend = now + RESEND_S
                 for number in waiting:
                     if number in sent:
                         sessions.repeat(number, sent[number])
         return {number: answers[number] for number in messages if number in answers}
 
+    def _router_answers(self) -> bool:
+        return self._router is None or self._router.answers()
+
     def _lose(self, number: int, reason: str) -> None:
         self._lost.append((number, Status.LOST, reason))
         self._sessions.dismiss(number, f"left out: {reason}", orderly=False)
+
+
+def router_notes(router: RouterWatch | None) -> dict[str, Any]:
+    """Notes on the router for the journal's end.
+
+    Args:
+        router: Says whether the router answers; None without one.
+
+    Returns:
+        `router_silent_s` where the router was silent, s of wall time; otherwise nothing.
+    """
+    return {} if router is None or not router.silent_s else {"router_silent_s": round(router.silent_s, 3)}
 
 
 def drain(sessions: Sessions) -> None:

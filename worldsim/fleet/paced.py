@@ -9,16 +9,17 @@ Where robots hear each other directly, the world only listens to their frames, a
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.phases import PHASE_B_SHARE, ReplyA, ReplyB
-from worldsim.fleet.lockstep import drain, pass_on, tell
+from worldsim.fleet.lockstep import drain, pass_on, router_notes, tell
 from worldsim.fleet.sessions import POLL_S, Sessions
 
 if TYPE_CHECKING:
+    from worldsim.fleet.router_watch import RouterWatch
     from worldsim.radio.listener import Listener
 
 
@@ -31,22 +32,32 @@ class PacedFleet:
         too_late: Frames by robot number that came after the deadline and reached nobody; the other late ones never
             came.
         slipped_s: By how much the world itself has fallen behind without catching up, s of wall time.
+        meanwhile: Called now and then while a tick is waited for.
     """
 
-    def __init__(self, sessions: Sessions, step_s: float, listener: Listener | None = None) -> None:
+    def __init__(
+        self,
+        sessions: Sessions,
+        step_s: float,
+        listener: Listener | None = None,
+        router: RouterWatch | None = None,
+    ) -> None:
         """Drive the robots that have sessions.
 
         Args:
             sessions: Theirs.
             step_s: Wall time of a tick, s.
             listener: What hears a direct radio; None where the world carries the frames.
+            router: Says whether the router answers; None where there is none between world and robots.
         """
         self.late_frames: Counter[int] = Counter()
         self.late_commands: Counter[int] = Counter()
         self.too_late: Counter[int] = Counter()
         self.slipped_s = 0.0
+        self.meanwhile: Callable[[], None] = lambda: None
         self._sessions = sessions
         self._listener = listener
+        self._router = router
         self._step_s = step_s
         self._k = 0
         self._closed = False  # no frame of this tick is taken any more
@@ -59,11 +70,11 @@ class PacedFleet:
         self._living = list(reports)
         self._k = k
         self._closed = False
-        begins = self._begin()
+        self._begin()
         for number, report in reports.items():
             self._sessions.send(number, tell(k, report))
         frames: dict[int, Sequence[bytes]] = {}
-        self._collect(frames, begins + PHASE_B_SHARE * self._step_s)
+        self._collect(frames, PHASE_B_SHARE)
         self._closed = True
         if self._listener is not None:
             heard = self._listener.frames(k)
@@ -73,11 +84,9 @@ class PacedFleet:
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
         """The newest commands that have come when the step ends, None for robots that sent none."""
-        begins = self._begins
-        assert begins is not None
         for number, frames in heard.items():
             self._sessions.send(number, pass_on(k, frames))
-        self._collect({}, begins + self._step_s)
+        self._collect({}, 1.0)
         commands, self._commands = self._commands, {}
         self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)
         return {number: commands[number].reply if number in commands else None for number in heard}
@@ -85,8 +94,11 @@ class PacedFleet:
     def lost(self) -> list[tuple[int, Status, str]]:
         """The robots whose process is gone or whose mind has failed.
 
-        One that is only slow or paused is not lost: its watchdog has stopped it.
+        One that is only slow or paused is not lost: its watchdog has stopped it. While the router does not answer,
+        the ticks go on, every robot misses its deadlines, and none is lost.
         """
+        if self._router is not None:
+            self._router.answers()
         gone = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
         gone |= self._sessions.failed(self._living)
         for number, reason in gone.items():
@@ -99,8 +111,10 @@ class PacedFleet:
         self._begins = None
 
     def set_step(self, step_s: float) -> None:
-        """Set the wall time of the steps from now on, s."""
+        """Set the wall time of the steps from now on, that of a tick under way included, s."""
         self._step_s = step_s
+        if self._begins is not None:
+            self._begins = max(self._begins, self._sessions.now - step_s)
 
     def finish(self, k: int) -> None:
         """Dismiss all robots."""
@@ -113,10 +127,11 @@ class PacedFleet:
             "too_late": dict(sorted(self.too_late.items())),
             "late_commands": dict(sorted(self.late_commands.items())),
             "slipped_s": self.slipped_s,
+            **router_notes(self._router),
             **({} if self._listener is None else self._listener.notes()),
         }
 
-    def _begin(self) -> float:
+    def _begin(self) -> None:
         """Set when this tick begins: a step after the last one, or now when that is more than a step ago."""
         now = self._sessions.now
         due = now if self._begins is None else self._begins + self._step_s
@@ -124,17 +139,19 @@ class PacedFleet:
             self.slipped_s += now - due
             due = now
         self._begins = due
-        return due
 
-    def _collect(self, frames: dict[int, Sequence[bytes]], until: float) -> None:
-        """Take what has come, and what comes until then."""
+    def _collect(self, frames: dict[int, Sequence[bytes]], share: float) -> None:
+        """Take what has come, and what comes until a share of the step is over."""
+        assert self._begins is not None
         while True:
-            left = until - self._sessions.now
+            left = self._begins + share * self._step_s - self._sessions.now
             arrived = self._sessions.take(min(max(left, 0.0), POLL_S))
             if arrived is not None:
                 self._note(*arrived, frames)
             elif left <= 0.0:
                 return
+            else:
+                self.meanwhile()
 
     def _note(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, Sequence[bytes]]) -> None:
         if isinstance(answer, ReplyA):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from array import array
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from patrol.journal import pack
@@ -30,7 +31,13 @@ BATCH_S = 0.05
 BATCH_BYTES = 1 << 15
 """A batch of this size is sent at once: what fits into one piece is dropped without delay where it must be."""
 ANSWER_S = 0.5
-"""Wall time between two answers, s; all who ask meanwhile share the next."""
+"""Least wall time between two answers, s; all who ask meanwhile share the next."""
+ANSWER_SHARE = 0.1
+"""The greatest share of the time in which an answer is packed and sent."""
+MOST_ASKING = 16
+"""Viewers that share an answer; those beyond ask again."""
+LONG_TICK_S = 1.0
+"""Wall time of a tick during which viewers are answered as well, s."""
 MOST_EVENTS = 2000
 MOST_POINTS = 5000
 """Events and points of the curves that an answer holds at most."""
@@ -82,6 +89,10 @@ class Feed:
         self._asked: list[bytes] = []
         self._mfow, self._fog_mean = array("f"), array("f")
         self._asking: list[Question] = []
+        self._answering = False
+        self._before: SoFar | None = None
+        """The run before the tick that is under way, if that is long."""
+        self._keep()
 
     def write(self, record: Record) -> None:
         """Write a record to the journal, and send a batch when one is due."""
@@ -104,25 +115,48 @@ class Feed:
 
     def between(self) -> None:
         """Between two ticks: answer viewers that have asked for the fog."""
-        while (arrived := self._questions.get()) is not None:
-            self._asking.append(arrived[1])
-        if self._asking and self._now() >= self._answer_due:
-            self._answer_due = self._now() + ANSWER_S
-            asking, self._asking = self._asking, []
-            so_far = self._so_far()
+        self._keep()
+        self._answer(self._so_far)
 
-            def answer() -> None:
-                payload = so_far_bytes(so_far)
-                for question in asking:
-                    question.answer(payload)
-
-            self._submit(answer)
+    def during(self) -> None:
+        """While a tick is waited for: send what there is, and answer viewers with the fog before it, if it is long."""
+        if self._waiting or self._run_state() != self._said:
+            self.flush()
+        before, state = self._before, self._run_state()
+        if before is not None:
+            self._answer(lambda: replace(before, running=state.running, pace=state.pace))
 
     def rest(self) -> None:
         """Send what there is while no tick is due, so that viewers need not wait for it."""
         if self._waiting or self._run_state() != self._said:
             self.flush()
-        self.between()
+        self._answer(self._so_far)
+
+    def _keep(self) -> None:
+        pace = self._run_state().pace
+        self._before = self._so_far() if pace is not None and self._world.step >= LONG_TICK_S * pace else None
+
+    def _answer(self, so_far: Callable[[], SoFar]) -> None:
+        while len(self._asking) < MOST_ASKING and (arrived := self._questions.get()) is not None:
+            self._asking.append(arrived[1])
+        if not self._asking or self._answering or self._now() < self._answer_due:
+            return
+        asking, self._asking = self._asking, []
+        answer = so_far()
+        self._answering = True
+
+        def work() -> None:
+            began = self._now()
+            try:
+                payload = so_far_bytes(answer)
+                for question in asking:
+                    question.answer(payload)
+            finally:
+                ended = self._now()
+                self._answer_due = ended + max(ANSWER_S, (ended - began) / ANSWER_SHARE)
+                self._answering = False
+
+        self._submit(work)
 
     def flush(self) -> None:
         """Send what there is."""

@@ -9,7 +9,15 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from fogwatch.launch.live_table import LiveTable, PlainDisplay, SilentDisplay, clock, headline, make_display
+from fogwatch.launch.live_table import (
+    GuardedDisplay,
+    LiveTable,
+    PlainDisplay,
+    SilentDisplay,
+    clock,
+    headline,
+    make_display,
+)
 from fogwatch.launch.summary_text import measures, print_summary
 from patrol.journal import Status
 from patrol.net.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
@@ -176,7 +184,55 @@ def test_the_summary_says_what_became_of_the_intruders(first: float | None, arou
 
 def test_where_it_shows_depends_on_where_it_goes() -> None:
     assert isinstance(make_display(quiet=True), SilentDisplay)
-    assert isinstance(make_display(quiet=False), PlainDisplay)
+    display = make_display(quiet=False)
+    assert isinstance(display, GuardedDisplay)
+    assert isinstance(display.shown, PlainDisplay)
+
+
+class _Failing(SilentDisplay):
+    """Shows lines, and fails at all else."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def say(self, line: str) -> None:
+        self.said.append(line)
+
+    def metrics(self, metrics: Metrics) -> None:
+        raise ZeroDivisionError(f"tick {metrics.k}")
+
+
+def test_a_display_that_fails_is_reported_once_and_never_to_the_run() -> None:
+    failing = _Failing()
+    display = GuardedDisplay(failing)
+    for _ in range(3):
+        display.metrics(METRICS)
+    display.say("on it goes")
+    assert failing.said == ["the display failed (ZeroDivisionError: tick 120); the run goes on", "on it goes"]
+    display.close()
+    assert failing.said[2:] == ["3 lines or tables could not be shown"]
+
+
+def test_a_display_that_cannot_even_say_so_is_no_harm() -> None:
+    class Mute(_Failing):
+        def say(self, line: str) -> None:
+            raise OSError(28, line)
+
+    display = GuardedDisplay(Mute())
+    display.metrics(METRICS)
+    display.say("?")
+    display.close()
+    assert display.failures >= 2
+
+
+def test_names_and_rates_that_make_no_sense_are_shown_all_the_same() -> None:
+    text = io.StringIO()
+    odd = replace(METRICS, ticks_per_s=1e-300, robots=(RobotView("[/red]", 1, "[/b]", 1.0, 2.0, 0.0),))
+    table = LiveTable(Console(file=text, force_terminal=True, width=120, color_system=None))
+    table.metrics(odd)
+    table.close()
+    assert "[/red]" in text.getvalue()
+    assert "to go" not in headline(odd)
 
 
 def test_the_report_says_what_matters(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +52,7 @@ class FakeFeed:
 
     may_control = True
     present = True
+    """Until the last record has been sent."""
 
     def __init__(self, seen: Seen) -> None:
         self.seen = seen
@@ -74,10 +75,11 @@ class FakeFeed:
         if not lost:
             self.batches.append(read_batch(batch_bytes(Batch(self.number, part, running=True, pace=None))))
         self.number += len(part)
+        self.present = self.number < len(self.records)
 
-    def so_far(self) -> bytes | None:
+    def so_far(self) -> Iterable[bytes]:
         self.answers += 1
-        return so_far_bytes(self.answer())
+        return [so_far_bytes(self.answer())]
 
     def answer(self) -> SoFar:
         prepared = self.seen.open().prepared
@@ -109,8 +111,7 @@ class FakeFeed:
         pass
 
     def source(self) -> FeedSource:
-        payload = self.so_far()
-        assert payload is not None
+        (payload,) = self.so_far()
         return FeedSource("fleet-1", self, read_so_far(payload), lambda: self.now)
 
 

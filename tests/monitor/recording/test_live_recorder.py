@@ -34,7 +34,8 @@ class Script(FakeFeed):
         self._away = away
 
     def batch(self, timeout_s: float) -> Batch | None:
-        self.present = not self._away[0] <= self.now < self._away[1]
+        over = self.number == len(self.records)
+        self.present = not (over or self._away[0] <= self.now < self._away[1])
         for at in [at for at in self._script if at <= self.now]:
             self.send(self._script.pop(at))
         return super().batch(timeout_s)

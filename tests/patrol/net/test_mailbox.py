@@ -62,3 +62,17 @@ def test_a_flood_on_one_key_takes_no_room_from_another() -> None:
 
 def test_waiting_ends_in_time() -> None:
     assert box().get(0.01) is None
+
+
+def test_what_waits_is_bounded_in_bytes() -> None:
+    mailbox = Mailbox(("a", "b"), whole, longest=4, room_bytes=6)
+    for text in ("123", "456", "7"):
+        mailbox.deliver("a", payload(text))
+    assert mailbox.refused == {"overflow": 1}
+    assert mailbox.get() == ("a", 123)
+    mailbox.deliver("b", payload("789"))
+    assert [mailbox.get() for _ in range(3)] == [("a", 456), ("b", 789), None]
+    full = Mailbox(("a",), whole, longest=4, room=1, room_bytes=6)
+    for text in ("123", "456", "789"):  # what a newer one replaces takes no room
+        full.deliver("a", payload(text))
+    assert full.get() == ("a", 789)

@@ -57,7 +57,23 @@ def test_anything_else_is_unreadable(payload: bytes) -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("k", -1), ("k", 1.0), ("mfow_s", float("nan")), ("mfow_s", 1), ("robots", None), ("robots", [1])],
+    [
+        ("k", -1),
+        ("k", 0),
+        ("k", 11),
+        ("k", 1.0),
+        ("ticks", 2**62),
+        ("time_s", -1.0),
+        ("mfow_s", float("nan")),
+        ("mfow_s", 1),
+        ("seen_share", 1.5),
+        ("ticks_per_s", float("inf")),
+        ("ticks_per_s", -1.0),
+        ("ticks_per_s", 1e300),
+        ("stalest", [1e300, 0.0]),
+        ("robots", None),
+        ("robots", [1]),
+    ],
 )
 def test_a_wrong_field_is_unreadable(field: str, value: object) -> None:
     with pytest.raises(Unreadable):

@@ -1,0 +1,50 @@
+"""The links of a running fleet, counted tick by tick from the time at which somebody began to watch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from monitor.observation.frames import count_frames
+from monitor.observation.source import LinkCounts
+from patrol.journal.records import FORGED, Status, TickRecord
+
+
+class LiveLinks:
+    """Counts frames by link.
+
+    Attributes:
+        counts: So far.
+        heard: The tick in which another robot last heard each robot, by number.
+    """
+
+    def __init__(self, numbers: Sequence[int], since: int, *, direct: bool) -> None:
+        """Start without frames.
+
+        Args:
+            numbers: Of the robots, in roster order.
+            since: The tick from which on frames are counted.
+            direct: Whether robots hear each other directly; then only what was sent is known.
+        """
+        side = (len(numbers),) * 2
+        self.counts = LinkCounts(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64), since)
+        self.heard: dict[int, int] = {}
+        self._place = {number: place for place, number in enumerate(numbers)}
+        self._direct = direct
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick.
+
+        Args:
+            record: Of the tick.
+        """
+        place, counts = self._place, self.counts
+        count_frames(record, place, counts.sent, counts.delivered)
+        for source, to, _ in record.deliveries:
+            if source != FORGED:
+                counts.heard[place[source], place[to]] = record.k
+                self.heard[source] = record.k
+        here = sum(row.status not in (Status.ABSENT, Status.LEFT) for row in record.robots)
+        if self._direct or here == 1:
+            self.heard.update({source: record.k for source, _ in record.frames if source != FORGED})

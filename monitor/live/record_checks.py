@@ -1,0 +1,217 @@
+"""Whether records of a feed can be of its run: types, ranges, robots and the order of ticks.
+
+Anybody who may publish on the feed's key can send records. What passes these checks breaks no viewer; that it is true,
+only the router can ensure, which lets nobody but the world publish there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from patrol.errors import BadInput
+from patrol.journal import unpack
+from patrol.journal.records import FORGED, MAX_TICKS, End, Event, Header, Record, RobotTick, Status, TickRecord
+from patrol.net.feed import longest_record
+from patrol.scenario import Scenario, load_scenario, scenario_hash
+from patrol.net.control_auth import MAX_CONTROL
+from patrol.scenario.controls import OPERATOR, described
+
+MAX_TEXT = 500
+"""Characters of the longest name, state or kind of event."""
+MAX_FRAME = 1 << 16
+"""Bytes of the longest frame, forged ones included."""
+MAX_ANGLE = 1e6
+"""The greatest heading, either sign, rad."""
+MAX_HEADER = 1 << 24
+"""Bytes of the longest header; it holds the scenario."""
+_SEQUENCES = 1 << 62
+_AWAY = (Status.ABSENT, Status.LEFT)
+
+
+def record_of(packed: bytes, longest: int = MAX_HEADER) -> Record | None:
+    """The record that is packed in a feed's bytes; None for anything else.
+
+    Args:
+        packed: any bytes.
+        longest: bytes of the longest record that is looked at.
+    """
+    if len(packed) > longest:
+        return None
+    try:
+        return unpack(packed)
+    except (ValueError, OverflowError, RecursionError):
+        return None
+
+
+def shown(event: Event) -> Event:
+    """An event with its details as text for operators."""
+    return replace(event, detail=described(event)) if event.kind == OPERATOR else event
+
+
+def scenario_of(header: Header, height: int, width: int) -> Scenario | None:
+    """The scenario in a header; None where the header cannot be that of a run on a terrain of this size.
+
+    Args:
+        header: Of the feed.
+        height: Points of the terrain's grids.
+        width: Points of the terrain's grids.
+    """
+    facts, scenario = header.terrain, header.scenario
+    numbers = (facts.point, *facts.origin, header.patrolled_area_m2, header.bound_s)
+    if not isinstance(scenario, Mapping) or type(facts.name) is not str or not all(map(_is_finite, numbers)):
+        return None
+    try:
+        loaded = load_scenario(scenario)
+    except BadInput:
+        return None
+    roster = tuple((spec.number, spec.name, spec.model, spec.radius) for spec in loaded.roster)
+    robots = tuple((robot.number, robot.name, robot.model, robot.radius) for robot in header.robots)
+    fits = robots == roster and facts.point == loaded.point and (facts.height, facts.width) == (height, width)
+    return loaded if fits else None
+
+
+def is_run_of(own: Scenario | None, packed: bytes, height: int, width: int) -> bool:
+    """Whether a feed's header is that of a scenario's run, on a terrain of this size.
+
+    Args:
+        own: The scenario; None where the viewer does not know it.
+        packed: The header's bytes.
+        height: Points of the terrain's grids.
+        width: Points of the terrain's grids.
+    """
+    header = record_of(packed)
+    scenario = scenario_of(header, height, width) if isinstance(header, Header) else None
+    return scenario is not None and (own is None or scenario_hash(scenario) == scenario_hash(own))
+
+
+@dataclass(frozen=True, slots=True)
+class RunChecks:
+    """Checks records against what never changes in a run.
+
+    Attributes:
+        numbers: Of the robots, in roster order.
+        ticks: Of the whole run.
+        bounds: Of the terrain: least x and y, greatest x and y, m.
+        longest: Bytes of the longest record.
+    """
+
+    numbers: tuple[int, ...]
+    ticks: int
+    bounds: tuple[float, float, float, float]
+    longest: int
+
+    @classmethod
+    def of(cls, scenario: Scenario, bounds: tuple[float, float, float, float]) -> RunChecks:
+        """The checks of a scenario's run.
+
+        Args:
+            scenario: The scenario.
+            bounds: Of its terrain, m.
+        """
+        numbers = tuple(spec.number for spec in scenario.roster)
+        return cls(numbers, min(scenario.ticks, MAX_TICKS), bounds, longest_record(len(numbers)))
+
+    def record(self, packed: bytes, k: int) -> TickRecord | Event | End | None:
+        """The record in a feed's bytes, if it can follow on what came before; otherwise None.
+
+        Args:
+            packed: Any bytes.
+            k: The tick that must come next.
+        """
+        record = record_of(packed, self.longest)
+        match record:
+            case TickRecord():
+                fits = record.k == k and self.tick(record)
+            case Event():
+                fits = self.event(record)
+            case End():
+                fits = _is_text(record.reason, MAX_CONTROL)
+            case _:
+                return None
+        return record if fits else None
+
+    def tick(self, record: TickRecord) -> bool:
+        """Whether a tick can be of this run.
+
+        Args:
+            record: Unpacked; of its fields any can be of any type.
+        """
+        k = record.k
+        if type(k) is not int or not 0 <= k < self.ticks:
+            return False
+        if tuple(row.number for row in record.robots) != self.numbers or not all(map(self._row, record.robots)):
+            return False
+        known = {FORGED, *self.numbers}
+        causes = (*record.dropped, *record.copies, *record.delayed)
+        return (
+            all(_is_number(source, known) and type(frame) is bytes for source, frame in record.frames)
+            and all(len(frame) <= MAX_FRAME for _, frame in record.frames)
+            and _are_links(record.deliveries, known)
+            and _are_links((cause[:3] for cause in causes), known)
+            and all(_is_text(cause[3]) for cause in causes)
+            and all(map(_is_text, record.forged))
+            and _is_whole(record.mfow, k + 1)
+            and _is_finite(record.fog_mean)
+            and 0.0 <= record.fog_mean <= k + 1
+            and _is_whole(record.seen, _SEQUENCES)
+        )
+
+    def event(self, event: Event) -> bool:
+        """Whether an event can be of this run.
+
+        Args:
+            event: Unpacked; of its fields any can be of any type.
+        """
+        return (
+            _is_whole(event.k, self.ticks)
+            and _is_text(event.kind)
+            and (event.robot is None or _is_number(event.robot, self.numbers))
+            and _is_text(event.detail, MAX_CONTROL)
+        )
+
+    def events(self, packed: Sequence[bytes]) -> list[Event]:
+        """The events in an answer's bytes, without what is none.
+
+        Args:
+            packed: Any bytes.
+        """
+        found = (record_of(one, self.longest) for one in packed)
+        return [event for event in found if isinstance(event, Event) and self.event(event)]
+
+    def _row(self, row: RobotTick) -> bool:
+        x_min, y_min, x_max, y_max = self.bounds
+        if not all(type(value) is float for value in (row.x, row.y, row.heading)) or not _is_text(row.state):
+            return False
+        if row.goal is not None and not all(type(value) is float for value in row.goal):
+            return False
+        placed = x_min <= row.x <= x_max and y_min <= row.y <= y_max and abs(row.heading) <= MAX_ANGLE
+        return (
+            (placed or row.status in _AWAY)
+            and (row.decision_ms is None or _is_finite(row.decision_ms))
+            and (row.rejected is None or _is_whole(row.rejected, _SEQUENCES))
+        )
+
+
+def _is_whole(value: object, most: int) -> bool:
+    return type(value) is int and 0 <= value <= most
+
+
+def _is_finite(value: object) -> bool:
+    return (type(value) is float or type(value) is int) and math.isfinite(value)
+
+
+def _is_text(value: object, longest: int = MAX_TEXT) -> bool:
+    return type(value) is str and len(value) <= longest
+
+
+def _is_number(value: object, known: Collection[int]) -> bool:
+    return type(value) is int and value in known
+
+
+def _are_links(links: Iterable[tuple[object, object, object]], known: Collection[int]) -> bool:
+    return all(
+        _is_number(source, known) and _is_number(to, known) and _is_whole(sequence, _SEQUENCES)
+        for source, to, sequence in links
+    )

@@ -1,0 +1,26 @@
+"""What Zenoh's errors say, for people and for programs."""
+
+from __future__ import annotations
+
+import re
+
+
+def system_error(error: Exception) -> int | None:
+    """The number of the system's error behind one of Zenoh's, which says it in its text alone; None without one.
+
+    Args:
+        error: of Zenoh.
+    """
+    found = re.search(r"\(os error (\d+)\)", str(error))
+    return None if found is None else int(found[1])
+
+
+def first_line(error: Exception) -> str:
+    """What Zenoh says, without where in its sources it says so.
+
+    Args:
+        error: of Zenoh.
+    """
+    text = str(error).partition(" at /")[0].partition("\n")[0]
+    system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)
+    return system[1] if system else text

@@ -1,0 +1,95 @@
+"""Distinguishes a router that stands still from robots that are gone.
+
+A router that is stopped, or on a machine that is, keeps its connections; all that shows is that nothing comes any more.
+So the world asks it something that it answers by itself. While it owes the answer, silence says nothing about robots.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+EVERY_S = 1.0
+"""Wall time between two questions, s."""
+SILENT_S = 1.0
+"""How long the router may take to answer, s."""
+SETTLING_S = 2.0
+"""How long after the router's return tokens of robots that are there may still go, s."""
+SAY_S = (3.0, 10.0)
+"""How long the router has been silent when that is first reported, s; and how long after that again."""
+
+
+def always() -> bool:
+    """Say yes."""
+    return True
+
+
+class RouterWatch:
+    """Finds out whether the router answers, while somebody asks this again and again."""
+
+    def __init__(
+        self,
+        connected: Callable[[], bool],
+        echo: Callable[[], Callable[[], bool]],
+        now: Callable[[], float],
+        say: Callable[[str], None],
+    ) -> None:
+        """Start with a router that answers.
+
+        Args:
+            connected: Whether there is a connection to a router.
+            echo: Asks the router something; what it returns says whether the answer has come.
+            now: Wall clock, s.
+            say: Reports a line to people.
+        """
+        self._connected = connected
+        self._echo = echo
+        self._now = now
+        self._say = say
+        self._back: Callable[[], bool] = always
+        self._asked_at = self._returned_at = -math.inf
+        self._silent_since: float | None = None
+        self._say_at = 0.0
+        self._silent_s = 0.0
+
+    @property
+    def silent_s(self) -> float:
+        """For how long the router has been silent so far, s of wall time."""
+        return self._silent_s + (0.0 if self._silent_since is None else self._now() - self._silent_since)
+
+    def answers(self) -> bool:
+        """Whether the router answers."""
+        now = self._now()
+        if not self._connected():
+            self._back, self._asked_at = always, now  # what was asked is lost; with the next connection ask again
+            self._note_silence(now, now)
+        elif not self._back():
+            if now >= self._asked_at + SILENT_S:
+                self._note_silence(now, self._asked_at)
+        else:
+            self._note_return(now)
+            if now >= self._asked_at + EVERY_S:
+                self._asked_at = now
+                self._back = self._echo()
+        return self._silent_since is None
+
+    def settled(self) -> bool:
+        """Whether the router answers and its other clients have had time to find back to it."""
+        return self.answers() and self._now() >= self._returned_at + SETTLING_S
+
+    def _note_silence(self, now: float, since: float) -> None:
+        if self._silent_since is None:
+            self._silent_since = since
+            self._say_at = since + SAY_S[0]
+        if now >= self._say_at:
+            self._say_at = now + SAY_S[1]
+            self._say(f"the router has not answered for {now - self._silent_since:.0f} s: waiting")
+
+    def _note_return(self, now: float) -> None:
+        if self._silent_since is None:
+            return
+        lasted = now - self._silent_since
+        self._silent_s += lasted
+        self._silent_since, self._returned_at = None, now
+        if lasted >= SAY_S[0]:
+            self._say(f"the router answers again, after {lasted:.0f} s")
