@@ -244,7 +244,7 @@ def open_fleet_folder(path: Path) -> FleetFolder:
         BadInput: It is none, or not whole.
     """
     says = read_object(path / FILE, "fleet", secret=True)
-    members, issued, hosts = says.get("members"), says.get("issued"), says.get("hosts")
+    members, issued, hosts = (says.get(name, none) for name, none in (("members", {}), ("issued", {}), ("hosts", [])))
     fine = (
         isinstance(says.get("fleet"), str)
         and isinstance(says.get("token"), str)
