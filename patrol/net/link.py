@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from patrol.errors import BadInput
-from patrol.net.keys import is_group
+from patrol.net.keys import is_group, is_local
 from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
 from patrol.net.settings import client_settings, router_settings
@@ -289,7 +289,8 @@ def open_links(
     except LinkDown as down:
         if stopped():
             return None
-        raise BadInput(f"{down}; start one with: python -m fogwatch.router --listen {router}") from None
+        how = f"--listen {router}" if credentials is None and is_local(router) else "--fleet FOLDER"
+        raise BadInput(f"{down}; start one with: python -m fogwatch.router {how}") from None
     if radio is None:
         return link, link
     try:

@@ -18,13 +18,20 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
 
-TOGETHER = """All processes are given the same scenario file and the same
-name for the fleet:
+TOGETHER = """All processes are given the same scenario file. Who they
+are, and where the router is, they know from a folder of their own:
 
-  python -m fogwatch.router --listen tcp/0.0.0.0:7447
-  python -m worldsim --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
-  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r1
-  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r2"""
+  fogwatch fleet init yards-1 --robots r1,r2 --host 192.168.1.10      # then copy each folder to its machine
+  python -m fogwatch.router --fleet yards-1/router
+  python -m worldsim --credentials yards-1/world --scenario yards.yaml --out runs/yards-1
+  python -m agent    --credentials yards-1/r1 --scenario yards.yaml
+  python -m agent    --credentials yards-1/r2 --scenario yards.yaml
+
+On one machine they may also meet at a router that asks nobody who they are:
+
+  python -m fogwatch.router
+  python -m worldsim --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
+  python -m agent    --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --robot r1"""
 """For the help of each: how a fleet is started by hand."""
 
 

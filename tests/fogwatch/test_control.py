@@ -36,7 +36,7 @@ class Operating:
         run.until((run.folder / FILE).exists)
         self.access = read_access(run.folder, "test")
         self.key = fleet_keys(self.access.fleet).control(ASK)
-        self.link: Link = open_link(self.access.router, 30.0)
+        self.link: Link = open_link(self.access.router, 30.0, credentials=self.access.credentials)
         self.run.until(lambda: self.link.ask(self.key, request(self.access.token, {"do": "pause"}), 30.0) is not None)
 
     def ask(self, token: str | None = None, **control: Any) -> Answer:

@@ -112,7 +112,7 @@ def test_a_robot_speaks_for_itself_alone(members: Members) -> None:
         for _ in range(20):
             forge(FORGED)
         honestly(b"last")
-        seen = []
+        seen: list[tuple[str, object]] = []
         while not seen or seen[-1] != (honest, b"last"):
             arrived = mailbox.get(PATIENCE_S)
             assert arrived is not None
