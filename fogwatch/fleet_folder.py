@@ -209,7 +209,7 @@ def make_fleet(
         BadInput: The folder exists, a name or host cannot be one, or openssl fails.
     """
     keys = fleet_keys(fleet)
-    roles = [*map(member_role, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
+    roles = [*map(_robot, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
     made = FleetFolder(path, keys.fleet, _checked(hosts) or [*_LOCAL], port, os.urandom(16).hex())
     check_locator(made.router, "--host, --port:")
     if path.exists():
@@ -272,8 +272,10 @@ def member_role(name: str) -> Role:
     Raises:
         BadInput: It is not a member's name.
     """
-    if name in RESERVED and name in list(Kind):
-        return Role(Kind(name))
+    return Role(Kind(name)) if name in RESERVED and name in list(Kind) else _robot(name)
+
+
+def _robot(name: str) -> Role:
     if name in RESERVED:
         raise BadInput(f"{name}: is a folder of every fleet, and cannot be a robot's name here; rename the robot")
     return robot_role(name)
