@@ -44,8 +44,8 @@ KNOCK_S = 1.0
 """How long anything may take to accept a connection where no router has answered."""
 
 _ADMISSION = (
-    "its credentials are missing, wrong or expired; give --credentials FOLDER, made by: fogwatch fleet init (for a run "
-    "of this machine, name the run's folder)"
+    "its credentials are missing, wrong or expired, or the router hangs; give --credentials FOLDER, made by: fogwatch "
+    "fleet init (for a run of this machine, name the run's folder)"
 )
 
 
@@ -279,11 +279,15 @@ def open_links(
         BadInput: when nobody has answered after `wait_s`.
     """
 
-    def waiting_for(what: str) -> Callable[[float], None]:
-        return lambda waited: say(f"waiting for {what} ({waited:.0f} s)")
+    def waiting_for(where: str) -> Callable[[float], None]:
+        def waiting(waited: float) -> None:
+            but = "; something listens there, but has not let this process in" if _listens(where) else ""
+            say(f"waiting for a router at {where} ({waited:.0f} s){but}")
+
+        return waiting
 
     try:
-        link = open_link(router, wait_s, waiting_for(f"a router at {router}"), stopped, credentials)
+        link = open_link(router, wait_s, waiting_for(router), stopped, credentials)
     except Refused as refused:
         raise BadInput(str(refused)) from None
     except LinkDown as down:
@@ -298,7 +302,7 @@ def open_links(
             return link, open_group(radio)
         # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
         settings = client_settings(radio, RADIO_LEASE_S, credentials)
-        return link, _open(settings, radio, wait_s, waiting_for(f"a router at {radio}"), stopped)
+        return link, _open(settings, radio, wait_s, waiting_for(radio), stopped)
     except (LinkDown, GroupDown) as down:
         link.close()
         if stopped():
