@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
 
 from patrol.errors import BadInput
 from patrol.net.keys import fleet_keys
@@ -20,6 +21,7 @@ from patrol.net.roles import (
     role_of,
     roles_of,
 )
+from patrol.values.types import RobotName
 
 KEYS = fleet_keys("f")
 NAMES = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}", fullmatch=True)
@@ -67,6 +69,17 @@ def test_a_name_that_could_mean_several_keys_is_no_robot_s(name: str) -> None:
 def test_a_name_that_no_role_has_is_refused(user: str) -> None:
     with pytest.raises(BadInput):
         role_of(user, "test")
+
+
+@given(st.one_of(NAMES, st.text(max_size=40), st.from_regex(r"[A-Za-z0-9_.*-]{1,35}")))
+def test_the_names_are_those_that_a_scenario_may_have(name: str) -> None:
+    try:
+        TypeAdapter(RobotName).validate_python(name)
+    except ValidationError:
+        with pytest.raises(BadInput):
+            robot_role(name)
+    else:
+        assert robot_role(name).robot == name
 
 
 def test_a_robot_named_twice_is_refused() -> None:
