@@ -64,8 +64,9 @@ def drive(
     *,
     scenario: Path | str,
     robot: str,
-    router: str,
-    fleet: str,
+    credentials: Path | str | None = None,
+    router: str | None = None,
+    fleet: str | None = None,
     radio: str | None = None,
     epoch_s: float | None = None,
     wait_s: float = 60.0,
@@ -76,8 +77,9 @@ def drive(
         make: Makes the robot.
         scenario: Scenario file with ``radio.via: direct`` and the robot in its roster.
         robot: Name in the roster.
-        router: Of the fleet, ``tcp/HOST:7447``.
-        fleet: Name of the fleet.
+        credentials: Folder of this robot, made by ``fogwatch fleet init``; says where router and fleet are.
+        router: Of the fleet, ``tcp/HOST:7447`` (default: the credentials').
+        fleet: Name of the fleet (default: the credentials').
         radio: Where the robots hear each other, as for ``python -m agent --radio`` (default: the fleet's router).
         epoch_s: When tick 0 begins, Unix time in s (default: derived from the first position heard).
         wait_s: How long to wait for the router and for the first position, s.
@@ -88,25 +90,38 @@ def drive(
     from patrol.process.lifeline import heed
 
     ending = heed(None)
+    where = _Where(None if credentials is None else Path(credentials), router, fleet, radio)
     try:
-        return _drive(make, Path(scenario), robot, (router, fleet, radio), epoch_s, wait_s, ending)
+        return _drive(make, Path(scenario), robot, where, epoch_s, wait_s, ending)
     except BadInput as bad:
         print(f"{robot}: {bad}", file=sys.stderr)
         return 2
+
+
+@dataclass(frozen=True, slots=True)
+class _Where:
+    """Where the fleet meets, as `drive` was told."""
+
+    credentials: Path | None
+    router: str | None
+    fleet: str | None
+    radio: str | None
 
 
 def _drive(
     make: Callable[[Site], Robot],
     path: Path,
     name: str,
-    where: tuple[str, str, str | None],
+    where: _Where,
     epoch_s: float | None,
     wait_s: float,
     ending: Ending,
 ) -> int:
-    from patrol.net.keys import check_locator, check_radio, fleet_keys
+    from patrol.net.keys import check_radio
     from patrol.net.link import open_links
+    from patrol.net.roles import Kind
     from patrol.process.lifeline import INTERRUPTED
+    from patrol.process.options import meeting, robot_named
     from patrol.scenario import load_scenario
 
     def say(line: str) -> None:
@@ -114,12 +129,14 @@ def _drive(
 
     scenario = load_scenario(path)
     spec = _spec_of(scenario, name, path)
-    router, keys = check_locator(where[0], "router"), fleet_keys(where[1])
-    on_air = check_radio(where[2], "radio", scenario.radio.via)
+    met = meeting(where, Kind.ROBOT)
+    robot_named(name, met.credentials)
+    keys = met.keys
+    on_air = check_radio(where.radio, "radio", scenario.radio.via)
     # Its counts of frames begin anew, so whoever adds them up must not take it for the process before.
     incarnation = int(time.time()) % 2**31
     prepared, mind = _mind_of(scenario, spec.number, incarnation, say)
-    links = open_links(router, on_air, wait_s, say, lambda: bool(ending))
+    links = open_links(met.router, on_air, wait_s, say, lambda: bool(ending), met.credentials)
     if links is None:
         return INTERRUPTED
     link, air = links

@@ -15,7 +15,7 @@ from patrol.errors import BadInput
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
-from patrol.process.options import TOGETHER, fleet_parser, prepared_as_told
+from patrol.process.options import TOGETHER, fleet_parser, meeting, prepared_as_told, robot_named
 
 if TYPE_CHECKING:
     from agent.mind import Mind
@@ -46,19 +46,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(options, ending)
     except BadInput as bad:
-        print(f"{options.robot}: {bad}", file=sys.stderr)
+        print(f"{options.robot or 'agent'}: {bad}", file=sys.stderr)
         return 2
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
-    from patrol.net.keys import check_locator, check_radio, fleet_keys
+    from patrol.net.keys import check_radio
+    from patrol.net.roles import Kind
     from patrol.scenario import load_scenario, scenario_hash
 
-    router = check_locator(options.router, "--router")
-    keys = fleet_keys(options.fleet)
+    met = meeting(options, Kind.ROBOT)
+    router, keys = met.router, met.keys
     scenario = load_scenario(options.scenario)
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
-    spec = _spec(scenario, options.robot)
+    spec = _spec(scenario, robot_named(options.robot, met.credentials))
     mind = _mind(scenario, spec, options, ending)
     if mind is None:
         return INTERRUPTED
@@ -73,7 +74,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     def say(line: str) -> None:
         print(f"{spec.name}: {line}", file=sys.stderr, flush=True)
 
-    links = open_links(router, on_air, options.wait, say, lambda: bool(ending))
+    links = open_links(router, on_air, options.wait, say, lambda: bool(ending), met.credentials)
     if links is None:
         return INTERRUPTED
     link, air = links
@@ -151,6 +152,6 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = fleet_parser("agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
     add = parser.add_argument
-    add("--robot", required=True, metavar="NAME", help="the robot's name in the scenario")
+    add("--robot", metavar="NAME", help="the robot's name in the scenario (default: the credentials')")
     add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="which start this is (%(default)s)")
     return parser.parse_args(arguments)

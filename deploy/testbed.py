@@ -29,6 +29,7 @@ import signal
 import struct
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -36,6 +37,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
+from fogwatch.fleet_folder import FleetFolder, make_fleet
 from patrol.errors import BadInput
 from patrol.random import draw
 from patrol.scenario import Scenario, load_scenario
@@ -257,18 +259,18 @@ def check_rights() -> None:
         ip("netns", "delete", trial)
 
 
-def run(bed: Bed, by: str, cuts: Sequence[Cut], scenario: Path) -> int:
+def run(bed: Bed, by: str, cuts: Sequence[Cut], scenario: Path, fleet: FleetFolder) -> int:
     """Run the fleet to its end; the world's exit code."""
-    router = f"tcp/{BODY}.{HUB}:{BODY_PORT}"
-    bed.start("router", bed.hub, "fogwatch.router", "--listen", router)
+    guarded = ["--fleet", str(fleet.path)]
+    bed.start("router", bed.hub, "fogwatch.router", *guarded)
     radio = f"udp/{GROUP}:{RADIO_PORT}#iface=radio"
     if by == "tcp":
-        radio = f"tcp/{RADIO}.{HUB}:{RADIO_PORT}"
-        bed.start("radio-router", bed.hub, "fogwatch.router", "--listen", radio)
-    common = ["--router", router, "--radio", radio, "--fleet", "bed", "--scenario", str(scenario)]
-    bed.start("world", bed.hub, "worldsim", *common, "--out", str(bed.out))
+        radio = f"tls/{RADIO}.{HUB}:{RADIO_PORT}"
+        bed.start("radio-router", bed.hub, "fogwatch.router", *guarded, "--listen", radio)
+    common = ["--radio", radio, "--scenario", str(scenario), "--credentials"]
+    bed.start("world", bed.hub, "worldsim", *common, str(fleet.path / "world"), "--out", str(bed.out))
     for number, name in bed.names.items():
-        bed.start(f"robot-{name}", bed.space(number), "agent", *common, "--robot", name)
+        bed.start(f"robot-{name}", bed.space(number), "agent", *common, str(fleet.path / name))
     world = bed.processes["world"]
     done = []
     switches = [(cut.at, True, cut.robot) for cut in cuts] + [(cut.at + cut.lasts, False, cut.robot) for cut in cuts]
@@ -318,11 +320,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         check_rights()
         clear_up_after_others()
         bed = Bed(scenario, options.out, Relay(options.loss, options.seed))
-        try:
-            bed.build()
-            code = run(bed, options.by, cuts, options.scenario)
-        finally:
-            bed.clear()
+        with tempfile.TemporaryDirectory(prefix="fogwatch-bed-") as secrets:
+            names = [spec.name for spec in scenario.roster]
+            hosts = [f"{BODY}.{HUB}", f"{RADIO}.{HUB}"]
+            fleet = make_fleet(Path(secrets) / "bed", "bed", names, hosts, BODY_PORT, days=1)
+            try:
+                bed.build()
+                code = run(bed, options.by, cuts, options.scenario, fleet)
+            finally:
+                bed.clear()
     except BadInput as bad:
         print(f"testbed: {bad}", file=sys.stderr)
         return 2

@@ -52,8 +52,9 @@ class MyRobot:
 def main() -> int:
     """Drive until Ctrl-C; the exit code."""
     parser = argparse.ArgumentParser(description="A robot of one's own in a fleet.")
-    parser.add_argument("--router", required=True, metavar="LOCATOR", help="of the fleet, tcp/HOST:7447")
-    parser.add_argument("--fleet", required=True, metavar="NAME")
+    parser.add_argument("--credentials", metavar="FOLDER", help="this robot's, made by fogwatch fleet init")
+    parser.add_argument("--router", metavar="LOCATOR", help="of the fleet, tcp/HOST:7447 (default: the credentials')")
+    parser.add_argument("--fleet", metavar="NAME", help="the fleet's name (default: the credentials')")
     parser.add_argument("--robot", default="guest", metavar="NAME", help="name in the scenario (default: %(default)s)")
     parser.add_argument("--scenario", default=str(Path(__file__).with_name("own-robot.yaml")), metavar="FILE")
     parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="for router and others, s (%(default)g)")
@@ -62,6 +63,7 @@ def main() -> int:
         MyRobot,
         scenario=options.scenario,
         robot=options.robot,
+        credentials=options.credentials,
         router=options.router,
         fleet=options.fleet,
         wait_s=options.wait,

@@ -1,6 +1,9 @@
 """The router between a fleet's processes: a Zenoh session that forwards messages. `fogwatch run` starts one.
 
-python -m fogwatch.router --listen tcp/0.0.0.0:7447
+    python -m fogwatch.router --fleet yards-1
+
+It lets in the members of its fleet, and forwards what each may send to those who may have it. Without a fleet it lets
+everybody do everything; beyond this machine it then starts only when it is told `--open`.
 """
 
 from __future__ import annotations
@@ -8,22 +11,29 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.net.keys import check_locator
+from patrol.net.credentials import RouterSecurity, read_router
+from patrol.net.keys import check_locator, is_local
 from patrol.net.link import LinkDown, PortBusy, open_router
 from patrol.process.lifeline import heed, run_process
 from patrol.process.readiness import StartFailure, report_failure, report_ready
 
 HELP = """
-A fleet on several hosts needs one router that all of them can reach. On the router's host:
+A fleet on several hosts needs one router that all of them can reach. Once, for all of them:
 
-  python -m fogwatch.router --listen tcp/0.0.0.0:7447
+  fogwatch fleet init yards-1 --robots r1,r2 --host 192.168.1.10
 
-and on every host of the fleet, with the address of the router's host:
+On the router's host, and on every host of the fleet with the folder of its member:
 
-  python -m agent --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r1
+  python -m fogwatch.router --fleet yards-1
+  python -m agent --credentials yards-1/r1 --scenario yards.yaml
+
+Without --fleet anybody who can reach the router can read, send and forge everything.
 """
+
+OPEN = "it is open: anybody who can reach {listen} can read, send and forge everything, positions and controls included"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,15 +47,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _options(arguments)
     try:
-        listen = check_locator(options.listen, "--listen")
+        listen, security = _security(options)
         ending = heed(options.lifeline)
-        router = open_router(listen)
+        router = open_router(listen, security)
     except (LinkDown, BadInput) as error:
         print(f"fogwatch router: {error}", file=sys.stderr)
         failure = StartFailure.PORT_BUSY if isinstance(error, PortBusy) else StartFailure.OTHER
         report_failure(options.ready, failure, str(error))
         return 2
-    print(f"router ready at {listen}", flush=True)
+    who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
+    print(f"router ready at {listen}; {who}", flush=True)
     report_ready(options.ready, listen)
     while not ending.wait(3600.0):
         pass
@@ -53,19 +64,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
+    """Where to listen, and who may connect; None for everybody. Raises BadInput where that would be unsafe."""
+    if options.fleet is not None:
+        if options.open:
+            raise BadInput("--open: means that there is no --fleet; leave one of them out")
+        security = read_router(options.fleet, "--fleet")
+        listen = security.listen if options.listen is None else check_locator(options.listen, "--listen")
+        return security.check_listen(listen), security
+    listen = check_locator(options.listen or "tcp/127.0.0.1:7447", "--listen")
+    if not options.open and not is_local(listen):
+        raise BadInput(
+            f"--listen {listen}: other machines could connect, and nobody would be asked who they are; give --fleet "
+            "FOLDER, made by: fogwatch fleet init FOLDER --robots ... (or --open, to let everybody do everything)"
+        )
+    return listen, None
+
+
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m fogwatch.router",
-        description="Forward messages between the processes of any number of fleets.",
+        description="Forward messages between the processes of a fleet.",
         epilog=HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "--listen",
-        default="tcp/127.0.0.1:7447",
         metavar="tcp/HOST:PORT",
-        help="address to listen on; 0.0.0.0 stands for all addresses of this host (default: %(default)s)",
+        help="address to listen on; 0.0.0.0 stands for all addresses of this host (default: the fleet's, or "
+        "tcp/127.0.0.1:7447)",
     )
+    parser.add_argument(
+        "--fleet", type=Path, metavar="FOLDER", help="let in only the members of this fleet (fogwatch fleet init)"
+    )
+    parser.add_argument("--open", action="store_true", help="let everybody do everything, from other machines too")
     parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
     parser.add_argument("--ready", type=int, metavar="FD", help="report the start on this pipe (set by the launcher)")
     return parser.parse_args(arguments)

@@ -26,6 +26,7 @@ HELP = """
 Serve the live page of a fleet, or of a run that is over:
 
   python -m monitor --access runs/yards-20260101-120000/control.json
+  python -m monitor --credentials yards-1/viewer
   python -m monitor --router tcp/192.168.1.10:7447 --fleet yards-1
   python -m monitor --router tcp/192.168.1.10:7447 --fleet real-1 --scenario real.yaml
   python -m monitor --replay runs/yards-20260101-120000
@@ -201,6 +202,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
         return open_fleet(
             ending,
             access=options.access,
+            credentials=options.credentials,
             router=options.router,
             fleet=options.fleet,
             scenario=options.scenario,
@@ -243,6 +245,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         parser.add_argument(name, metavar=metavar, help=says, **more)
 
     add("--access", "FILE", "control.json of a running fleet; gives the right to control it", type=Path)
+    add("--credentials", "FOLDER", "a viewer's, of a fleet made by: fogwatch fleet init; shows the fleet", type=Path)
     add("--router", "LOCATOR", "router of a running fleet, such as tcp/127.0.0.1:7447; needs --fleet")
     add("--fleet", "NAME", "name of the fleet at the router")
     add("--replay", "RUN", "folder of a run that is over", type=Path)

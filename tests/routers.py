@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 
-from patrol.net.keys import WORLD, fleet_keys
+from fogwatch.fleet_folder import FleetFolder, make_fleet
+from fogwatch.launch.private import Secrets
+from patrol.net.credentials import Credentials, read_credentials, read_router
+from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import open_link, open_router
+from patrol.net.roles import role_of
 
 PATIENCE_S = 120.0
 
@@ -40,3 +46,50 @@ def world_seen(endpoint: str, fleet: str) -> Iterator[None]:
     finally:
         assert other.close(PATIENCE_S)
         assert world.close(PATIENCE_S)
+
+
+@dataclass(frozen=True)
+class Guarded:
+    """A router that lets in the members of a fleet.
+
+    Attributes:
+        keys: The fleet's keys.
+        router: The router's locator.
+        credentials: Each member's, by `Role.user`.
+    """
+
+    keys: FleetKeys
+    router: str
+    credentials: Mapping[str, Credentials]
+
+
+@contextmanager
+def guarded_by_passwords(robots: Sequence[str]) -> Iterator[Guarded]:
+    """A router like a launcher's."""
+    secrets = Secrets("f", robots)
+    where = free_endpoint()
+    router = open_router(where, read_router(secrets.for_router(where), "test"))
+    try:
+        secrets.for_members(where)
+        files = list(secrets.path.glob("*.json"))
+        yield Guarded(fleet_keys("f"), where, {file.stem: read_credentials(file, "test") for file in files})
+    finally:
+        assert router.close(PATIENCE_S)
+        secrets.remove()
+
+
+@contextmanager
+def guarded_by_certificates(fleet: FleetFolder) -> Iterator[Guarded]:
+    """A router of a fleet of several machines."""
+    router = open_router(fleet.listen, read_router(fleet.path, "test"))
+    try:
+        roles = [role_of(user, "test") for user in fleet.members]
+        credentials = {role.user: read_credentials(fleet.path / role.name, "test") for role in roles}
+        yield Guarded(fleet_keys(fleet.fleet), fleet.router, credentials)
+    finally:
+        assert router.close(PATIENCE_S)
+
+
+def make_local_fleet(folder: Path, robots: Sequence[str], days: int = 1) -> FleetFolder:
+    """A fleet with certificates whose router is on this machine, on a free port."""
+    return make_fleet(folder, "f", robots, [], int(free_endpoint().rpartition(":")[2]), days)

@@ -22,8 +22,9 @@ class WorldOptions:
     """What the command line says.
 
     Attributes:
-        router: Address of the router, as given.
-        fleet: The fleet's name.
+        credentials: The world's credentials, or None.
+        router: Address of the router, as given; None for that of the credentials.
+        fleet: The fleet's name; None for that of the credentials.
         scenario: The scenario's file.
         radio: Where robots hear each other directly, or None.
         static: Folder in which the launcher puts the static fields, or None to compute them here.
@@ -31,12 +32,13 @@ class WorldOptions:
         lifeline: File descriptor of the launcher's pipe; None for a world started by hand.
         out: The run's folder.
         deadline: In lockstep, wall time for an answer, s.
-        control: File with the token of operators who may control the run, or None where nobody may.
+        control: File with the token of operators who may control the run; None for that of the credentials, if any.
         process_control: File descriptor of the socket to the launcher that kills, pauses and starts processes, or None.
     """
 
-    router: str
-    fleet: str
+    credentials: Path | None
+    router: str | None
+    fleet: str | None
     scenario: Path
     radio: str | None
     static: Path | None
@@ -66,7 +68,12 @@ def parse_options(arguments: Sequence[str] | None) -> WorldOptions:
     add = parser.add_argument
     add("--out", required=True, type=Path, metavar="DIR", help="folder for the journal and ticks.csv")
     add("--deadline", type=float, default=10.0, metavar="S", help="lockstep: wall time for an answer (%(default)g s)")
-    add("--control", type=Path, metavar="FILE", help="obey operators who have the token in this file (default: nobody)")
+    add(
+        "--control",
+        type=Path,
+        metavar="FILE",
+        help="obey operators who have the token in this file (default: the credentials')",
+    )
     add(
         "--process-control",
         type=int,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
-from patrol.process.options import prepared_as_told
+from patrol.process.options import meeting, prepared_as_told
 from worldsim.options import WorldOptions, parse_options
 
 if TYPE_CHECKING:
@@ -53,14 +53,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: WorldOptions, ending: Ending) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.access import read_access
-    from patrol.net.keys import check_locator, check_radio, fleet_keys
+    from patrol.net.keys import check_radio
+    from patrol.net.roles import Kind
     from patrol.process.warmup import warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
 
-    token = None if options.control is None else read_access(options.control, "--control").token
-    router = check_locator(options.router, "--router")
-    keys = fleet_keys(options.fleet)
+    met = meeting(options, Kind.WORLD)
+    router, keys = met.router, met.keys
+    token = None if met.credentials is None else met.credentials.token
+    token = token if options.control is None else read_access(options.control, "--control").token
     scenario = load_scenario(options.scenario)
     _check_process_control(scenario, options)
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
@@ -75,8 +77,8 @@ def _run(options: WorldOptions, ending: Ending) -> int:
     if prepared is None:
         return EXIT_INTERRUPTED
 
-    links = open_links(router, radio, options.wait, _say, lambda: bool(ending))
-    watched = links and open_links(router, None, options.wait, _say, lambda: bool(ending))
+    links = open_links(router, radio, options.wait, _say, lambda: bool(ending), met.credentials)
+    watched = links and open_links(router, None, options.wait, _say, lambda: bool(ending), met.credentials)
     if links is None or watched is None:
         return EXIT_INTERRUPTED
     link, air = links

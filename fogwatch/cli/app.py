@@ -18,6 +18,7 @@ from fogwatch.cli import (
     chaos_command,
     control,
     experiment,
+    fleet,
     key,
     map_commands,
     page,
@@ -50,6 +51,7 @@ for group, name, panel in (
     (map_commands.app, "map", START),
     (scenario.app, "scenario", START),
     (key.app, "key", START),
+    (fleet.app, "fleet", START),
     (experiment.app, "experiment", MANY),
     (paper.app, "paper", MANY),
 ):

@@ -19,6 +19,7 @@ ORDER = (
     "map",
     "scenario",
     "key",
+    "fleet",
     "monitor",
     "control",
     "record",

@@ -23,6 +23,7 @@ EXAMPLES = [
     "fogwatch control RUN fault '{kind: loss, rate: 0.5}'",
     "fogwatch control RUN heal op1",
     "fogwatch control RUN intruder '[12, 30]'",
+    "fogwatch control yards-1/operator pause",
 ]
 EXIT_CODES = "0 done, 1 refused, 2 bad input, 3 no answer"
 WAIT_S = 15.0
@@ -41,7 +42,9 @@ VALUES = {
 
 
 def control(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a running fleet, or its control.json.")],
+    run: Annotated[
+        Path, typer.Argument(metavar="RUN", help="Folder of a running fleet, or an operator's credentials.")
+    ],
     do: Annotated[str, typer.Argument(metavar="WHAT", help="pause, go, step, pace, fault, heal or intruder.")],
     value: Annotated[
         str | None,
@@ -68,7 +71,7 @@ def control(
     read_control(asked)
     access = read_access(run, str(run))
     try:
-        link = open_link(access.router, wait)
+        link = open_link(access.router, wait, credentials=access.credentials)
     except LinkDown as down:
         raise BadInput(f"{run}: {down}; is the fleet still running?") from None
     try:

@@ -11,6 +11,14 @@ from patrol.errors import BadInput
 
 WAIT_S = 60.0
 
+CredentialsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--credentials",
+        metavar="PATH",
+        help="A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine.",
+    ),
+]
 Router = Annotated[str | None, typer.Option(metavar="LOCATOR", help="Router of a running fleet, tcp/HOST:PORT.")]
 Fleet = Annotated[str | None, typer.Option(metavar="NAME", help="Name of the running fleet.")]
 FleetScenario = Annotated[
@@ -24,12 +32,15 @@ Radio = Annotated[
 Wait = Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.")]
 
 
-def check_one_fleet(command: str, run: Path | None, router: str | None, fleet: str | None) -> None:
-    """Check that a command is given either the folder of a run, or both the router and the name of a fleet.
+def check_one_fleet(
+    command: str, run: Path | None, credentials: Path | None, router: str | None, fleet: str | None
+) -> None:
+    """Check that a command is given one of the folder of a run, credentials, or both a router and a fleet's name.
 
     Args:
         command: Name of the command.
         run: The folder.
+        credentials: A member's credentials, which say where the fleet meets.
         router: The router.
         fleet: The fleet's name.
 
@@ -37,5 +48,5 @@ def check_one_fleet(command: str, run: Path | None, router: str | None, fleet: s
         BadInput: Too much is given, or too little.
     """
     named = (router is not None) + (fleet is not None)
-    if named != (2 if run is None else 0):
-        raise BadInput(f"{command}: name a run's folder, or --router and --fleet of a running fleet")
+    if (run is not None and (named or credentials is not None)) or (run is None and credentials is None and named != 2):
+        raise BadInput(f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials")

@@ -11,7 +11,16 @@ from typing import Annotated
 
 import typer
 
-from fogwatch.cli.fleet_options import WAIT_S, Fleet, FleetScenario, Radio, Router, Wait, check_one_fleet
+from fogwatch.cli.fleet_options import (
+    WAIT_S,
+    CredentialsOption,
+    Fleet,
+    FleetScenario,
+    Radio,
+    Router,
+    Wait,
+    check_one_fleet,
+)
 from fogwatch.cli.open_run import KEY
 from patrol.errors import BadInput
 
@@ -44,14 +53,18 @@ def replay(
     key: Annotated[Path | None, KEY] = None,
 ) -> int:
     """Replay a run on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
-    what = Namespace(replay=run, key=key, access=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0)
+    what = Namespace(
+        replay=run, key=key, access=None, credentials=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0
+    )
     return _page(what, host, port, token, browser)
 
 
 def monitor(
     run: Annotated[
-        Path | None, typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or its control.json.")
+        Path | None,
+        typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials."),
     ] = None,
+    credentials: CredentialsOption = None,
     router: Router = None,
     fleet: Fleet = None,
     scenario: FleetScenario = None,
@@ -64,14 +77,23 @@ def monitor(
 ) -> int:
     """Show a running fleet on a live page, without slowing it. Ctrl-C ends the page, not the fleet.
 
-    Given the folder of a run, the page can also pause the fleet and inject faults. Given --router and --fleet, it only
-    shows the fleet. A fleet may have any number of pages.
+    Given the folder of a run or an operator's credentials, the page can also pause the fleet and inject faults. Given
+    --credentials of a viewer, or --router and --fleet, it only shows the fleet. A fleet may have any number of pages.
     """
-    check_one_fleet("monitor", run, router, fleet)
+    check_one_fleet("monitor", run, credentials, router, fleet)
     access = None if run is None else _access_in(run)
-    if scenario is not None and router is None:
+    if scenario is not None and run is not None:
         raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")
-    what = Namespace(replay=None, access=access, router=router, fleet=fleet, scenario=scenario, radio=radio, wait=wait)
+    what = Namespace(
+        replay=None,
+        access=access,
+        credentials=credentials,
+        router=router,
+        fleet=fleet,
+        scenario=scenario,
+        radio=radio,
+        wait=wait,
+    )
     return _page(what, host, port, token, browser)
 
 
@@ -79,8 +101,9 @@ def _access_in(run: Path) -> Path:
     """The control file: in a running fleet's folder, or named itself. Raises BadInput where there is none."""
     from monitor.replay.run_files import JOURNAL
     from patrol.net.access import FILE
+    from patrol.net.credentials import MEMBER
 
-    if run.is_file() and run.name != JOURNAL:
+    if (run.is_file() and run.name != JOURNAL) or (run / MEMBER).is_file():
         return run
     if not run.is_dir():
         raise BadInput(f"monitor {run}: no such folder; name a running fleet's, such as runs/yards-20260101-120000")

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fogwatch.cli.fleet_options import WAIT_S, Fleet, FleetScenario, Radio, Router, Wait, check_one_fleet
+from fogwatch.cli.fleet_options import (
+    WAIT_S,
+    CredentialsOption,
+    Fleet,
+    FleetScenario,
+    Radio,
+    Router,
+    Wait,
+    check_one_fleet,
+)
 from fogwatch.cli.open_run import open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
@@ -17,6 +27,7 @@ from patrol.process.warmup import warm
 
 RECORD_EXAMPLES = [
     "fogwatch record runs/yards-20260101-120000 --out yards.mcap",
+    "fogwatch record --credentials yards-1/viewer",
     "fogwatch record --router tcp/192.168.1.10:7447 --fleet yards-1",
 ]
 RECORDING_EXAMPLES = ["fogwatch recording yards.mcap --repair repaired.mcap"]
@@ -33,6 +44,7 @@ def record(
             metavar="FILE", help="File to write (default: recording.mcap in the run's folder, or FLEET.mcap)."
         ),
     ] = None,
+    credentials: CredentialsOption = None,
     router: Router = None,
     fleet: Fleet = None,
     scenario: FleetScenario = None,
@@ -41,20 +53,26 @@ def record(
 ) -> int:
     """Write a recording: an MCAP file of ROS 2 messages for Foxglove, Lichtblick, Rerun or PlotJuggler.
 
-    Given the folder of a run, it holds the whole run so far. Given a running fleet (--router and --fleet), it holds
-    what happens from now on, until the run ends, its world is gone, or Ctrl-C is pressed.
+    Given the folder of a run, it holds the whole run so far. Given a running fleet (--credentials, or --router and
+    --fleet), it holds what happens from now on, until the run ends, its world is gone, or Ctrl-C is pressed.
     """
-    check_one_fleet("record", run, router, fleet)
+    check_one_fleet("record", run, credentials, router, fleet)
     if run is not None:
         if scenario is not None or radio is not None:
             raise BadInput("record: --scenario and --radio are for robots without a world; leave the folder out")
         _record_run(run, out)
-    elif router is not None and fleet is not None:
-        return _record_fleet(out or Path(f"{fleet}.mcap"), router, fleet, scenario, radio, wait)
-    return 0
+        return 0
+    from patrol.net.roles import Kind
+    from patrol.process.options import meeting
+
+    named = Namespace(credentials=credentials, router=router, fleet=fleet)
+    name = meeting(named, Kind.VIEWER, Kind.OPERATOR).keys.fleet
+    return _record_fleet(out or Path(f"{name}.mcap"), name, named, scenario, radio, wait)
 
 
-def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, radio: str | None, wait_s: float) -> int:
+def _record_fleet(
+    out: Path, fleet: str, named: Namespace, scenario: Path | None, radio: str | None, wait_s: float
+) -> int:
     """Record a fleet until its run ends or Ctrl-C is pressed, which is no failure; the exit code."""
     from monitor.replay.run_files import check_out
 
@@ -66,7 +84,7 @@ def _record_fleet(out: Path, router: str, fleet: str, scenario: Path | None, rad
     from monitor.live.attach import open_fleet
     from monitor.recording.live_recorder import record_live
 
-    source = open_fleet(ending, router=router, fleet=fleet, scenario=scenario, radio=radio, wait_s=wait_s)
+    source = open_fleet(ending, **vars(named), scenario=scenario, radio=radio, wait_s=wait_s)
     if source is None:
         return INTERRUPTED
 

@@ -20,9 +20,11 @@ from fogwatch.launch.child_control import ProcessControlServer
 from fogwatch.launch.children import Child, Children
 from fogwatch.launch.live_table import RunDisplay
 from fogwatch.launch.page_child import PAGE, PageChild
+from fogwatch.launch.private import Secrets
 from fogwatch.launch.runfolder import RunFolder
 from patrol.errors import BadInput
-from patrol.net.access import Access, write_access
+from patrol.net.access import write_pointer
+from patrol.net.credentials import read_credentials
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
@@ -84,10 +86,10 @@ class Launch:
     interrupted: bool = False
     children: Children = field(init=False)
     _control: ProcessControlServer | None = None
+    _secrets: Secrets | None = None
     _endpoint: str = ""
     _routers: int = 0
     _reported: set[str] = field(default_factory=set)
-    _token: str = field(default_factory=lambda: os.urandom(16).hex(), repr=False)
     _page_child: PageChild | None = None
 
     def __post_init__(self) -> None:
@@ -97,17 +99,18 @@ class Launch:
         """Start all processes. Agents and world wait for the static fields, should the caller still compute them.
 
         Raises:
-            BadInput: The port that was asked for is busy.
+            BadInput: The port that was asked for is busy, or there is nowhere to keep secrets.
             Failed: The router did not start.
         """
         self.folder.logs.mkdir(exist_ok=True)
+        secrets = self._secrets = Secrets(self.fleet, self.robots)
         self._start_router()
-        write_access(self.folder.access, Access(self.fleet, self._endpoint, self._token))
+        secrets.for_members(self._endpoint)
+        write_pointer(self.folder.access, self.fleet, self._endpoint, secrets.name)
         ours, theirs = socket.socketpair()
         with theirs:
-            own = ["--out", str(self.folder.path), "--control", str(self.folder.access)]
-            control = ["--process-control", str(theirs.fileno())]
-            arguments = [*self._common_arguments(), *own, *control]
+            own = ["--out", str(self.folder.path), "--process-control", str(theirs.fileno())]
+            arguments = [*self._common_arguments(secrets.of_world), *own]
             self.children.spawn(WORLD, "worldsim", arguments, self._log(WORLD), inherit=[theirs.fileno()])
         self._control = ProcessControlServer(ours, self)
         for name in self.robots:
@@ -126,7 +129,7 @@ class Launch:
             Failed: The router cannot be reached or keeps dying, or an agent ended before the run began.
         """
         try:
-            link = open_link(self._endpoint, ROUTER_S)
+            link = open_link(self._endpoint, ROUTER_S, credentials=read_credentials(self._of_run.of_viewer, "the run"))
         except LinkDown as down:
             raise Failed(str(down)) from None
         try:
@@ -153,6 +156,8 @@ class Launch:
         children.end([ROUTER] if ROUTER in children.by_name else [])
         children.close()
         self.folder.access.unlink(missing_ok=True)
+        if self._secrets is not None:
+            self._secrets.remove()
         # The page's exit code says nothing about the run.
         judged = [child for child in (*children.by_name.values(), *children.former) if child.name != PAGE]
         return {process_name(child.name, child.incarnation): child.code for child in judged}
@@ -234,17 +239,24 @@ class Launch:
         raise Failed("found no free port for the router")
 
     def _spawn_router(self) -> Child:
-        arguments = ["--listen", self._endpoint]
+        arguments = ["--fleet", str(self._of_run.for_router(self._endpoint))]
         return self.children.spawn(ROUTER, "fogwatch.router", arguments, self._log(ROUTER), reports_start=True)
 
-    def _common_arguments(self) -> list[str]:
-        """The arguments that world and agents share."""
-        common = ["--router", self._endpoint, "--fleet", self.fleet, "--scenario", str(self.folder.scenario)]
+    @property
+    def _of_run(self) -> Secrets:
+        """The run's secrets, which `start` has drawn."""
+        assert self._secrets is not None
+        return self._secrets
+
+    def _common_arguments(self, credentials: Path) -> list[str]:
+        """The arguments that world and agents share. The credentials say where the fleet meets, and are no secret."""
+        common = ["--credentials", str(credentials), "--scenario", str(self.folder.scenario)]
         return [*common, "--static", str(self.folder.static)]
 
     def _spawn_agent(self, name: str, incarnation: int) -> None:
-        arguments = [*self._common_arguments(), "--robot", name, "--incarnation", str(incarnation)]
-        seat = {SEAT: str(seat_of(self._token, self.fleet, name, incarnation))}
+        common = self._common_arguments(self._of_run.of_robot(name))
+        arguments = [*common, "--robot", name, "--incarnation", str(incarnation)]
+        seat = {SEAT: str(seat_of(self._of_run.token, self.fleet, name, incarnation))}
         agent = self.children.spawn(name, "agent", arguments, self._log(name), environment=seat)
         agent.incarnation = incarnation
 

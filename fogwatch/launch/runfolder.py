@@ -9,7 +9,7 @@
     recording.mcap the run for Foxglove, Lichtblick, Rerun and PlotJuggler
     report.html    what happened, on one page
     timeline.yaml  the scenario with all that operators did; it repeats the run with the same trace
-    control.json   address of a running fleet, with the token that controls it; removed when the run ends
+    control.json   address of a running fleet, and the name of its private folder; removed when the run ends
     logs/          output of each process, if there was more than one
 
 A run whose world was started by hand leaves the same files, except those that only the launcher makes: pictures,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +12,11 @@ from typing import TYPE_CHECKING
 from monitor.live.feed_client import ZenohFeedClient, first_answer
 from patrol.errors import BadInput
 from patrol.net.access import FILE, read_access
-from patrol.net.keys import WORLD, FleetKeys, check_locator, check_radio, fleet_keys, is_local
+from patrol.net.credentials import MEMBER
+from patrol.net.keys import WORLD, check_radio, fleet_keys, is_local
 from patrol.net.link import Link, LinkDown, open_link, open_links
+from patrol.net.roles import Kind
+from patrol.process.options import Meeting, meeting
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
@@ -40,7 +44,7 @@ def is_running(folder: Path) -> bool:
         access = read_access(folder, str(folder))
         if not is_local(access.router):
             return False
-        link = open_link(access.router, ANSWER_S)
+        link = open_link(access.router, ANSWER_S, credentials=access.credentials)
     except (BadInput, LinkDown):
         return False
     try:
@@ -53,6 +57,7 @@ def open_fleet(
     ending: Ending,
     *,
     access: Path | None = None,
+    credentials: Path | None = None,
     router: str | None = None,
     fleet: str | None = None,
     scenario: Path | None = None,
@@ -63,9 +68,11 @@ def open_fleet(
 
     Args:
         ending: Says when to stop waiting.
-        access: A run's folder or its control file, which gives the right to control the fleet.
-        router: The fleet's router, where there is no `access`.
-        fleet: The fleet's name, where there is no `access`.
+        access: A run's folder, its control file or an operator's credentials, which give the right to control the
+            fleet.
+        credentials: A viewer's or an operator's credentials, where there is no `access`.
+        router: The fleet's router, where neither says it.
+        fleet: The fleet's name, where neither says it.
         scenario: Scenario of robots without a world; only their positions are listened to.
         radio: Where robots without a world exchange positions; None for the router.
         wait_s: How long to wait for the fleet, s.
@@ -80,19 +87,28 @@ def open_fleet(
     if radio is not None and scenario is None:
         raise BadInput(f"--radio {radio}: applies only to robots without a world; give their --scenario FILE as well")
     if access is not None:
-        file = access / FILE if access.is_dir() else access
+        file = access / FILE if access.is_dir() and not (access / MEMBER).exists() else access
         if not ending.wait_for(file, wait_s):
             if ending:
                 return None
             raise BadInput(f"--access {access}: no such file; a run's {FILE} is removed when the run is over")
         found = read_access(file, "--access")
-        router, fleet, token = found.router, found.fleet, found.token
-    if router is None or fleet is None:
-        raise BadInput("no fleet named; give --router LOCATOR and --fleet NAME, or the control file of a running fleet")
-    router, keys = check_locator(router, "--router"), fleet_keys(fleet)
+        met = Meeting(found.router, fleet_keys(found.fleet), found.credentials)
+        token = found.token
+    else:
+        met = meeting(_Named(credentials, router, fleet), Kind.VIEWER, Kind.OPERATOR)
     if scenario is None:
-        return _of_a_world(router, keys, token, wait_s, ending, None if access is None else _own_scenario(access))
-    return _of_robots(router, keys, scenario, radio, wait_s, ending)
+        return _of_a_world(met, token, wait_s, ending, None if access is None else _own_scenario(access))
+    return _of_robots(met, scenario, radio, wait_s, ending)
+
+
+@dataclass(frozen=True, slots=True)
+class _Named:
+    """What names a fleet, as `patrol.process.options.meeting` takes it."""
+
+    credentials: Path | None
+    router: str | None
+    fleet: str | None
 
 
 def _own_scenario(access: Path) -> Scenario | None:
@@ -103,9 +119,7 @@ def _own_scenario(access: Path) -> Scenario | None:
     return load_scenario(file) if file.is_file() else None
 
 
-def _of_a_world(
-    router: str, keys: FleetKeys, token: str | None, wait_s: float, ending: Ending, own: Scenario | None
-) -> Source | None:
+def _of_a_world(met: Meeting, token: str | None, wait_s: float, ending: Ending, own: Scenario | None) -> Source | None:
     from monitor.live.feed_source import FeedSource
     from monitor.live.record_checks import is_run_of
     from patrol.radio.fleet_key import fleet_key
@@ -114,7 +128,8 @@ def _of_a_world(
     if own is not None:
         with suppress(BadInput):
             key = fleet_key(own.radio.key)
-    links = open_links(router, None, wait_s, _say, lambda: bool(ending))
+    router, keys = met.router, met.keys
+    links = open_links(router, None, wait_s, _say, lambda: bool(ending), met.credentials)
     if links is None:
         return None
     link: Link = links[0]
@@ -143,17 +158,15 @@ def _of_a_world(
     return source
 
 
-def _of_robots(
-    router: str, keys: FleetKeys, scenario: Path, radio: str | None, wait_s: float, ending: Ending
-) -> Source | None:
+def _of_robots(met: Meeting, scenario: Path, radio: str | None, wait_s: float, ending: Ending) -> Source | None:
     from monitor.live.positions_source import PositionsSource
     from patrol.prepare import prepare
     from patrol.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     on_air = check_radio(radio, "--radio", loaded.radio.via)
-    links = open_links(router, on_air, wait_s, _say, lambda: bool(ending))
-    return None if links is None else PositionsSource(keys, prepare(loaded), *links)
+    links = open_links(met.router, on_air, wait_s, _say, lambda: bool(ending), met.credentials)
+    return None if links is None else PositionsSource(met.keys, prepare(loaded), *links)
 
 
 def _say(line: str) -> None:

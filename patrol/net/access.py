@@ -1,23 +1,33 @@
-"""The file with the address of a running fleet and the token without which its world refuses every control.
+"""How to reach a running fleet, and the right to control it: `control.json`, or an operator's credentials.
 
-A launcher writes one into the run's folder, readable by its user alone, and removes it when the run is over. For
-processes that are started by hand it is made by hand: a JSON object with "fleet", "router" and "token".
+A launcher keeps the secrets of its run in a private folder of this machine, and writes the file into the run's folder.
+The file names the private folder, and holds no secret and no path: a run's folder may come from anybody, so
+only folders that are this user's own, where launchers make them, are looked into.
+
+For processes that are started by hand the file is made by hand: a JSON object with "fleet", "router" and "token". A
+fleet of several machines needs no such file, because each operator has credentials (`patrol.net.credentials`).
 """
 
 from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+import re
+import stat
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from patrol.errors import BadInput
+from patrol.net.credentials import MEMBER, SHORTEST_TOKEN, Credentials, read_credentials, read_object, write_private
 from patrol.net.keys import check_locator, fleet_keys
-from patrol.untrusted import ACCESS, read_untrusted
+from patrol.net.roles import OPERATOR, Role
 
 FILE = "control.json"
-LEAST = 16
-"""Characters of the shortest token."""
+_PRIVATE = re.compile(r"[0-9a-f]{16,64}")
+_FIELDS = ("fleet", "router", "token")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,18 +38,20 @@ class Access:
         fleet: its name.
         router: its locator.
         token: the right to control it.
+        credentials: prove to the router who this is; None for a router that asks nobody.
     """
 
     fleet: str
     router: str
     token: str
+    credentials: Credentials | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         return f"Access({self.fleet!r}, {self.router!r})"
 
 
 def write_access(path: Path, access: Access) -> None:
-    """Write a new file that nobody else may read.
+    """Write a new file, for a router that asks nobody, that no other user may read.
 
     Args:
         path: the new file.
@@ -48,34 +60,118 @@ def write_access(path: Path, access: Access) -> None:
     Raises:
         OSError: when the file cannot be written.
     """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        json.dump(asdict(access), file)
+    write_private(path, json.dumps({name: value for name, value in asdict(access).items() if name in _FIELDS}))
+
+
+def write_pointer(path: Path, fleet: str, router: str, private: str) -> None:
+    """Write a new file that names the private folder of a run.
+
+    Args:
+        path: the new file.
+        fleet: the fleet's name.
+        router: its locator.
+        private: name of the private folder.
+
+    Raises:
+        OSError: when the file cannot be written.
+    """
+    write_private(path, json.dumps({"fleet": fleet, "router": router, "private": private}))
 
 
 def read_access(path: Path, option: str) -> Access:
-    """Read the access file of a fleet.
+    """Read how to reach and control a fleet.
 
     Args:
-        path: the file, or the run's folder.
+        path: a run's folder or its file, or an operator's credentials.
         option: what errors call the path.
 
     Raises:
-        BadInput: when there is no such file or it holds something else.
+        BadInput: when there is no such file, or it gives no right to control the fleet.
     """
-    file = path / FILE if path.is_dir() else path
+    found = _read(path, option, OPERATOR)
+    if isinstance(found, Access):
+        return found
+    if found.token is None:
+        raise BadInput(f"{option}: {path}: a {found.role.kind}'s credentials give no right to control the fleet")
+    return Access(found.fleet, found.router, found.token, found)
+
+
+def credentials_at(path: Path, option: str, role: Role) -> Credentials:
+    """Read the credentials that a member has, or that a role has in a run of this machine.
+
+    Args:
+        path: the member's credentials, or a run's folder or file.
+        option: what errors call the path.
+        role: the role in the run.
+
+    Raises:
+        BadInput: when there are none.
+    """
+    found = _read(path, option, role)
+    if isinstance(found, Access):
+        raise BadInput(f"{option}: {path}: holds no credentials; its router asks nobody for any")
+    return found
+
+
+def _read(path: Path, option: str, role: Role) -> Access | Credentials:
+    file = path
+    if path.is_dir():
+        if (path / MEMBER).exists():
+            return read_credentials(path, option)
+        file = path / FILE
     try:
-        says = json.loads(read_untrusted(file, ACCESS))
-    except OSError as error:
-        gone = " (it is removed when the run is over)" if path.is_dir() else ""
-        raise BadInput(f"{option}: {file} cannot be read: {error.strerror}{gone}") from None
-    except (ValueError, RecursionError):
-        says = None
-    fields = [says.get(name) for name in ("fleet", "router", "token")] if isinstance(says, dict) else []
-    texts = [field for field in fields if isinstance(field, str)]
-    if len(texts) != 3:
+        says = read_object(file, option)
+    except BadInput as bad:
+        gone = " (it is removed when the run is over)" if path.is_dir() and not file.exists() else ""
+        raise BadInput(f"{bad}{gone}") from None
+    if "role" in says:
+        return read_credentials(file, option)
+    if "private" in says:
+        return _of_a_run(says, file, option, role)
+    fields = [says.get(name) for name in _FIELDS]
+    texts = [text for text in fields if isinstance(text, str)]
+    if len(texts) != len(_FIELDS):
         raise BadInput(f'{option}: {file}: expected a JSON object with "fleet", "router" and "token", all strings')
     fleet, router, token = texts
-    if len(token) < LEAST:
-        raise BadInput(f"{option}: {file}: the token has {len(token)} characters; give {LEAST} or more, random ones")
+    if len(token) < SHORTEST_TOKEN:
+        raise BadInput(
+            f"{option}: {file}: the token has {len(token)} characters; give {SHORTEST_TOKEN} or more, random ones"
+        )
     return Access(fleet_keys(fleet).fleet, check_locator(router, f"{option}: router"), token)
+
+
+def _of_a_run(says: Mapping[str, Any], file: Path, option: str, role: Role) -> Credentials:
+    """A role's credentials in a run of this machine, whose file says where they are."""
+    name = says["private"]
+    if not isinstance(name, str) or not _PRIVATE.fullmatch(name):
+        raise BadInput(f"{option}: {file}: private = {name!r}: expected 16 to 64 hex digits, the name of a folder")
+    folder = next((root / name for root in private_roots() if is_private(root) and is_private(root / name)), None)
+    if folder is None:
+        raise BadInput(
+            f"{option}: {file}: the secrets of its run are not here; the run is over, or another user's or machine's"
+        )
+    credentials = read_credentials(folder / f"{role.user}.json", option)
+    if (credentials.fleet, credentials.router) != (says.get("fleet"), says.get("router")):
+        raise BadInput(f"{option}: {file}: names the secrets of another run, of fleet {credentials.fleet}")
+    return credentials
+
+
+def private_roots() -> list[Path]:
+    """The folders in which launchers of this user make private folders, the first choice first."""
+    user = os.getuid()
+    runtime = os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user}"
+    last = Path.home() / ".cache" / "fogwatch" / "private"
+    return [Path(runtime) / "fogwatch", Path(tempfile.gettempdir()) / f"fogwatch-{user}", last]
+
+
+def is_private(folder: Path) -> bool:
+    """Whether a path is a folder of this user's own, and no link, that nobody else can look into.
+
+    Args:
+        folder: the path.
+    """
+    try:
+        status = folder.lstat()
+    except OSError:
+        return False
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077

@@ -31,11 +31,16 @@ class FleetKeys:
 
     fleet: str
 
+    @property
+    def anything(self) -> str:
+        """All keys of the fleet."""
+        return f"{ROOT}/{self.fleet}/**"
+
     def tick(self, robot: str) -> str:
         """Key of phases A and B, world to robot.
 
         Args:
-            robot: its name.
+            robot: its name, or ``*`` for all robots.
         """
         return f"{ROOT}/{self.fleet}/robot/{robot}/tick"
 

@@ -1,28 +1,30 @@
 """The one link to Zenoh: a client of a router, whose subscriptions fill mailboxes.
 
 Messages arrive on Zenoh's own thread, which puts them into a `patrol.net.mailbox.Mailbox`.
-
-Socket buffers are small: with the system's, a flood of a million tiny messages a second left 300 000 of them between a
-tick and its reader, which received the tick seconds late; with small ones the delay is a tenth of a second.
 """
 
 from __future__ import annotations
 
 import errno
 import json
+import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 
 from patrol.errors import BadInput
-from patrol.net.keys import is_group
+from patrol.net.keys import is_group, is_local
 from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
+from patrol.net.settings import client_settings, router_settings
 from patrol.net.zenoh_errors import first_line as _first_line
 from patrol.net.zenoh_errors import system_error as _system_error
+
+if TYPE_CHECKING:
+    from patrol.net.credentials import Credentials, RouterSecurity
 
 LEASE_S = 60.0
 """A client that is silent for so long is gone for the router; longer than a paused robot may take to answer."""
@@ -43,24 +45,24 @@ ECHO_S = 3600.0
 MOST_ANSWERS = 16
 """How long to wait for a router that does not answer; answers to one query that are looked at."""
 
-_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
-_SOCKET = 65536
-_QUEUE = 16
-"""Messages that may wait to be sent, the most that Zenoh allows. With its 2 a busy machine dropped, of what may be, one
-in seven from the third of a burst on: at a pace, only the first two robots of a fleet received every pose."""
 _OVER = ""
 """The key of the mailbox's message that no more answers come."""
-_DROP_US = 100
-"""How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
 
-_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
-_CLOSE_US = 1_000_000
-"""How long a router waits, of what must not be dropped, for one who does not read, and then closes its connection. All
-others wait as well: with Zenoh's 5 s, twice over, three that stopped one after the other cost a fleet its robots."""
+KNOCK_S = 1.0
+"""How long anything may take to accept a connection where no router has answered."""
+
+_ADMISSION = (
+    "its credentials are missing, wrong or expired, or the router hangs; give --credentials FOLDER, made by: fogwatch "
+    "fleet init (for a run of this machine, name the run's folder)"
+)
 
 
 class LinkDown(Exception):
     """No router answered in time, or none can be here; one line says which."""
+
+
+class Refused(LinkDown):
+    """A router is there, and does not let this process in."""
 
 
 class PortBusy(LinkDown):
@@ -286,7 +288,7 @@ class Link:
 def _answers(query: zenoh.Query, key: str) -> Post:
     def answer(payload: bytes) -> None:
         with query:
-            query.reply(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+            query.reply(key, payload)
 
     return answer
 
@@ -296,6 +298,7 @@ def open_link(
     wait_s: float,
     waiting: Callable[[float], None] = lambda _waited: None,
     stopped: Callable[[], bool] = lambda: False,
+    credentials: Credentials | None = None,
 ) -> Link:
     """Join a router.
 
@@ -304,15 +307,21 @@ def open_link(
         wait_s: how long to wait for it.
         waiting: called as `TELL_S` says, with the seconds waited, while no router answers.
         stopped: whether to give up.
+        credentials: prove who this is; None for a router that asks nobody.
 
     Raises:
         LinkDown: when no router has answered after `wait_s`, or `stopped` says so.
     """
-    return _open(client_config(router, LEASE_S), router, wait_s, waiting, stopped)
+    return _open(client_settings(router, LEASE_S, credentials), router, wait_s, waiting, stopped)
 
 
 def open_links(
-    router: str, radio: str | None, wait_s: float, say: Callable[[str], None], stopped: Callable[[], bool]
+    router: str,
+    radio: str | None,
+    wait_s: float,
+    say: Callable[[str], None],
+    stopped: Callable[[], bool],
+    credentials: Credentials | None = None,
 ) -> tuple[Link, Air] | None:
     """Open the link to the router and the one for positions.
 
@@ -322,6 +331,7 @@ def open_links(
         wait_s: how long to wait for each.
         say: takes a line now and then while the process waits.
         stopped: whether to give up.
+        credentials: prove who this is, at both routers; None for routers that ask nobody.
 
     Returns:
         both links, which may be the same; None when `stopped` says so.
@@ -330,23 +340,30 @@ def open_links(
         BadInput: when nobody has answered after `wait_s`.
     """
 
-    def waiting_for(what: str) -> Callable[[float], None]:
-        return lambda waited: say(f"waiting for {what} ({waited:.0f} s)")
+    def waiting_for(where: str) -> Callable[[float], None]:
+        def waiting(waited: float) -> None:
+            but = "; something listens there, but has not let this process in" if _listens(where) else ""
+            say(f"waiting for a router at {where} ({waited:.0f} s){but}")
+
+        return waiting
 
     try:
-        link = open_link(router, wait_s, waiting_for(f"a router at {router}"), stopped)
+        link = open_link(router, wait_s, waiting_for(router), stopped, credentials)
+    except Refused as refused:
+        raise BadInput(str(refused)) from None
     except LinkDown as down:
         if stopped():
             return None
-        raise BadInput(f"{down}; start one with: python -m fogwatch.router --listen {router}") from None
+        how = f"--listen {router}" if credentials is None and is_local(router) else "--fleet FOLDER"
+        raise BadInput(f"{down}; start one with: python -m fogwatch.router {how}") from None
     if radio is None:
         return link, link
     try:
         if is_group(radio):
             return link, open_group(radio)
         # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
-        config = client_config(radio, RADIO_LEASE_S)
-        return link, _open(config, radio, wait_s, waiting_for(f"a router at {radio}"), stopped)
+        settings = client_settings(radio, RADIO_LEASE_S, credentials)
+        return link, _open(settings, radio, wait_s, waiting_for(radio), stopped)
     except (LinkDown, GroupDown) as down:
         link.close()
         if stopped():
@@ -355,14 +372,18 @@ def open_links(
 
 
 def _open(
-    config: zenoh.Config, router: str, wait_s: float, waiting: Callable[[float], None], stopped: Callable[[], bool]
+    settings: Mapping[str, object],
+    router: str,
+    wait_s: float,
+    waiting: Callable[[float], None],
+    stopped: Callable[[], bool],
 ) -> Link:
     box: list[zenoh.Session | Exception] = []
     done = threading.Event()
 
     def join() -> None:
         try:
-            box.append(zenoh.open(config))
+            box.append(zenoh.open(_config(settings)))
         except zenoh.ZError as error:
             box.append(error)
         done.set()
@@ -373,6 +394,8 @@ def _open(
     while not done.wait(0.1):
         waited = time.monotonic() - began
         if stopped() or waited >= wait_s:
+            if not stopped() and _listens(router):
+                raise Refused(f"a router at {router} does not let this process in: {_ADMISSION}")
             raise LinkDown(f"no router answers at {router}")
         if waited >= tell_at:
             tell_at = waited + TELL_S[1]
@@ -383,63 +406,36 @@ def _open(
     return Link(opened)
 
 
-def open_router(listen: str) -> Link:
+def _listens(router: str) -> bool:
+    """Whether anything listens at a router's address, so that it must have refused us."""
+    host, _, port = router.partition("/")[2].rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), KNOCK_S).close()
+    except OSError:
+        return False
+    return True
+
+
+def open_router(listen: str, security: RouterSecurity | None = None) -> Link:
     """Be a router.
 
     Args:
         listen: the locator to listen at.
+        security: says who may connect and do what; None to let everybody do everything.
 
     Raises:
         LinkDown: in one line, when it cannot listen there.
     """
     try:
-        return Link(zenoh.open(router_config(listen)))
+        return Link(zenoh.open(_config(router_settings(listen, security))))
     except zenoh.ZError as error:
         if _system_error(error) == errno.EADDRINUSE:
             raise PortBusy(f"{listen}: the port is busy; choose another") from None
         raise LinkDown(f"{listen}: cannot listen there ({_first_line(error)})") from None
 
 
-def client_config(router: str, lease_s: float) -> zenoh.Config:
-    """A client of one router, which waits for it and reconnects to it.
-
-    Args:
-        router: its locator.
-        lease_s: how long the client may be silent before the router drops it.
-    """
-    return _config(
-        {
-            "mode": "client",
-            "connect/endpoints": [router],
-            "connect/timeout_ms": -1,
-            "connect/exit_on_failure": False,
-            "connect/retry": _RETRY,
-            "listen/endpoints": [],
-            "transport/link/tx/lease": round(lease_s * 1000),
-        }
-    )
-
-
-def router_config(listen: str) -> zenoh.Config:
-    """A router that listens at one locator.
-
-    Args:
-        listen: the locator.
-    """
-    return _config({"mode": "router", "listen/endpoints": [listen], "connect/endpoints": [], _CLOSE: _CLOSE_US})
-
-
-def _config(values: dict[str, object]) -> zenoh.Config:
+def _config(values: Mapping[str, object]) -> zenoh.Config:
     config = zenoh.Config()
-    quiet = {
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/shared_memory/enabled": False,
-        "transport/link/tcp/so_rcvbuf": _SOCKET,
-        "transport/link/tcp/so_sndbuf": _SOCKET,
-        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _DROP_US,
-        "transport/link/tx/queue/size/interactive_high": _QUEUE,
-    }
-    for key, value in {**quiet, **values}.items():
+    for key, value in values.items():
         config.insert_json5(key, json.dumps(value))
     return config

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -11,16 +12,26 @@ from patrol.errors import BadInput
 from patrol.process.lifeline import Ending
 
 if TYPE_CHECKING:
+    from patrol.net.credentials import Credentials
+    from patrol.net.keys import FleetKeys
+    from patrol.net.roles import Kind
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
 
-TOGETHER = """All processes are given the same scenario file and the same
-name for the fleet:
+TOGETHER = """All processes are given the same scenario file. Who they
+are, and where the router is, they know from a folder of their own:
 
-  python -m fogwatch.router --listen tcp/0.0.0.0:7447
-  python -m worldsim --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
-  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r1
-  python -m agent    --router tcp/192.168.1.10:7447 --fleet yards-1 --scenario yards.yaml --robot r2"""
+  fogwatch fleet init yards-1 --robots r1,r2 --host 192.168.1.10      # then copy each folder to its machine
+  python -m fogwatch.router --fleet yards-1/router
+  python -m worldsim --credentials yards-1/world --scenario yards.yaml --out runs/yards-1
+  python -m agent    --credentials yards-1/r1 --scenario yards.yaml
+  python -m agent    --credentials yards-1/r2 --scenario yards.yaml
+
+On one machine they may also meet at a router that asks nobody who they are:
+
+  python -m fogwatch.router
+  python -m worldsim --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
+  python -m agent    --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --robot r1"""
 """For the help of each: how a fleet is started by hand."""
 
 
@@ -40,14 +51,95 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> ar
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--router", required=True, metavar="tcp/HOST:PORT", help="the router that the fleet meets at")
-    add("--fleet", required=True, metavar="NAME", help="the fleet's name, the same for all its processes")
+    add("--credentials", type=Path, metavar="FOLDER", help="this member's, of a fleet made by: fogwatch fleet init")
+    add("--router", metavar="tcp/HOST:PORT", help="the router that the fleet meets at (default: the credentials')")
+    add("--fleet", metavar="NAME", help="the fleet's name, the same for all its processes (default: the credentials')")
     add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add("--radio", metavar="LOCATOR", help="direct radio: a multicast group or a router (default: the fleet's router)")
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--wait", type=float, default=60.0, metavar="S", help=f"how long to wait for {others} (%(default)g s)")
     add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
     return parser
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """Where a process meets its fleet.
+
+    Attributes:
+        router: The router's locator.
+        keys: The fleet's keys.
+        credentials: Prove to the router who this is; None for a router that asks nobody.
+    """
+
+    router: str
+    keys: FleetKeys
+    credentials: Credentials | None = None
+
+
+class MeetingOptions(Protocol):
+    """Those of the options that say where the fleet meets."""
+
+    @property
+    def credentials(self) -> Path | None:
+        """The member's credentials, or None."""
+        ...
+
+    @property
+    def router(self) -> str | None:
+        """The router's locator, or None for that of the credentials."""
+        ...
+
+    @property
+    def fleet(self) -> str | None:
+        """The fleet's name, or None for that of the credentials."""
+        ...
+
+
+def meeting(options: argparse.Namespace | MeetingOptions, *kinds: Kind) -> Meeting:
+    """Where the options say that the fleet meets.
+
+    Args:
+        options: from `fleet_parser`.
+        kinds: whose credentials fit; a run of this machine has those of the first.
+
+    Raises:
+        BadInput: when they do not say it, or the credentials are of another fleet or kind.
+    """
+    from patrol.net.access import credentials_at
+    from patrol.net.keys import check_locator, fleet_keys
+    from patrol.net.roles import Role
+
+    file: Path | None = options.credentials
+    if file is None:
+        if options.router is None or options.fleet is None:
+            raise BadInput("no fleet named; give --credentials FOLDER, or both --router LOCATOR and --fleet NAME")
+        return Meeting(check_locator(options.router, "--router"), fleet_keys(options.fleet))
+    found = credentials_at(file, "--credentials", Role(kinds[0]))
+    if found.role.kind not in kinds:
+        raise BadInput(f"--credentials {file}: of {found.role.user}; give those of a {' or '.join(kinds)}")
+    if options.fleet not in (None, found.fleet):
+        raise BadInput(f"--fleet {options.fleet}: the credentials are for fleet {found.fleet}; leave the option out")
+    router = found.router if options.router is None else check_locator(options.router, "--router")
+    return Meeting(router, fleet_keys(found.fleet), found)
+
+
+def robot_named(name: str | None, credentials: Credentials | None) -> str:
+    """The robot that a process is.
+
+    Args:
+        name: as an option says it, or None.
+        credentials: the process's, or None.
+
+    Raises:
+        BadInput: when neither says it, or each something else.
+    """
+    own = None if credentials is None else credentials.role.robot
+    if name is None and own is None:
+        raise BadInput("--robot: name the robot of the scenario that this process is")
+    if own is not None and name not in (None, own):
+        raise BadInput(f"--robot {name}: the credentials are {own}'s; leave the option out, or give {name}'s")
+    return name or own or ""
 
 
 class StaticOptions(Protocol):

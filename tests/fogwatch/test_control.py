@@ -38,7 +38,7 @@ class Operating:
         run.until((run.folder / FILE).exists)
         self.access = read_access(run.folder, "test")
         self.keys = fleet_keys(self.access.fleet)
-        self.link: Link = open_link(self.access.router, 30.0)
+        self.link: Link = open_link(self.access.router, 30.0, credentials=self.access.credentials)
         self.run.until(self.paused)
 
     def client(self, token: str) -> ControlClient:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import socket
-import threading
-from collections.abc import Callable
+import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -17,9 +16,7 @@ from patrol.net.mailbox import Payload
 from patrol.net.phases import Malformed, ReplyA, decode_to_world
 from patrol.radio.fleet_key import new_key
 from patrol.radio.message import MAX_FRAME
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.worldsim.test_fleet_by_hand import PATIENCE_S, Hand
 
 pytestmark = pytest.mark.processes
 
@@ -85,22 +82,33 @@ class Wire:
             self.frames[key, reply.k] = reply.frames
 
 
+@pytest.fixture
+def hand(tmp_path: Path) -> Iterator[Hand]:
+    """Starts router, world and robots one by one; its router asks nobody who they are."""
+    hand = Hand(tmp_path)
+    yield hand
+    hand.end()
+
+
 @pytest.mark.parametrize("keyed", [False, True], ids=["bare", "trail-and-tag"])
-def test_the_summarys_bytes_are_those_on_the_wire(start: Callable[..., Run], tmp_path: Path, keyed: bool) -> None:
+def test_the_summarys_bytes_are_those_on_the_wire(hand: Hand, tmp_path: Path, keyed: bool) -> None:
     new_key(tmp_path / "fleet.key")
     radio = {"trail": 4, "key": str(tmp_path / "fleet.key")} if keyed else {}
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    hand.write({**SCENARIO, "faults": FAULTS[:1], "radio": radio})
+    hand.start_router()
     wire = Wire()
-    run = start({**SCENARIO, "faults": FAULTS[:1], "radio": radio}, "--port", str(port))
-    link = open_link(f"tcp/127.0.0.1:{port}", 60.0, lambda _waited: None, threading.Event().is_set)
+    link = open_link(hand.router, PATIENCE_S)
     try:
         link.subscribe(f"{ROOT}/*/robot/*/reply", wire)  # type: ignore[arg-type]
-        assert run.end() == 0, run.errors
+        hand.start_world()
+        robots = ("r1", "r2", "r3")
+        for robot in robots:
+            hand.start_agent(robot)
+        assert [hand.code(name) for name in ("world", *robots)] == [0, 0, 0, 0], hand.said("world")
     finally:
         link.close()
-    messages = run.summary()["messages"]
+    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
+    messages = summary["messages"]
     sent = [frame for frames in wire.frames.values() for frame in frames]
     assert messages["frames"] == len(sent)
     assert messages["bytes"] == sum(map(len, sent))

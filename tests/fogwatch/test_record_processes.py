@@ -18,7 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 from monitor.recording.mcap_file import inspect_recording
 from patrol.errors import BadInput
 from patrol.journal import read_journal
-from patrol.net.access import FILE, read_access
+from patrol.net.access import FILE
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -47,9 +47,8 @@ class Recording:
     """A ``fogwatch record`` as a process."""
 
     def __init__(self, run: Run, out: Path, *arguments: str) -> None:
-        access = read_access(run.folder, "test")
         command = [sys.executable, "-P", "-m", "fogwatch", "record", "--out", str(out)]
-        command += ["--router", access.router, "--fleet", access.fleet, *arguments]
+        command += ["--credentials", str(run.folder), *arguments]
         self.out = out
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 

@@ -85,6 +85,11 @@ class Hand:
     def code(self, name: str) -> int:
         return self.processes[name].wait(PATIENCE_S)
 
+    def end(self) -> None:
+        for process in self.processes.values():
+            process.kill()
+            process.wait(PATIENCE_S)
+
     def until(self, what: Callable[[], bool]) -> None:
         end = time.monotonic() + PATIENCE_S
         while not what():
@@ -96,9 +101,7 @@ class Hand:
 def hand(tmp_path: Path) -> Iterator[Hand]:
     hand = Hand(tmp_path)
     yield hand
-    for process in hand.processes.values():
-        process.kill()
-        process.wait(PATIENCE_S)
+    hand.end()
 
 
 def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> None:

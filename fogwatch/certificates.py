@@ -1,0 +1,138 @@
+"""Certificates of a fleet, made and checked with the command ``openssl``, which nearly every Linux has."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import shutil
+import ssl
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from patrol.errors import BadInput
+from patrol.net.credentials import AUTHORITY, CERTIFICATE, KEY
+
+AUTHORITY_DAYS = 3650
+"""How long a fleet's authority is valid, in days."""
+_CURVE = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
+_UNKNOWN_NAME = "?"
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a certificate says.
+
+    Attributes:
+        common_name: Whose it is.
+        ends_s: When it expires, Unix time in s.
+    """
+
+    common_name: str
+    ends_s: int
+
+
+def make_authority(folder: Path, fleet: str) -> None:
+    """Make a fleet's authority, which signs the certificates of its members.
+
+    Args:
+        folder: A new folder for its key and its certificate; the key must stay there.
+        fleet: The fleet's name.
+
+    Raises:
+        BadInput: openssl is missing or fails.
+    """
+    folder.mkdir(mode=0o700)
+    subject = ("-subj", f"/O=fogwatch/CN={fleet[:50]} authority")
+    extensions = ("-addext", "basicConstraints=critical,CA:TRUE,pathlen:0", "-addext", "keyUsage=critical,keyCertSign")
+    files = ("-keyout", str(folder / KEY), "-out", str(folder / CERTIFICATE))
+    _openssl("req", "-x509", *_CURVE, *subject, *extensions, *files, "-days", str(AUTHORITY_DAYS))
+
+
+def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Sequence[str] = ()) -> None:
+    """Issue a certificate with a new key.
+
+    Args:
+        authority: The authority's folder.
+        folder: Where the certificate, its key and the authority's certificate go.
+        common_name: Whom the certificate is for.
+        days: How long it is valid.
+        hosts: Names and addresses of a router; none for a member, which can then not pass for a router.
+
+    Raises:
+        BadInput: openssl is missing or fails.
+    """
+    names = ",".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
+    usage = f"serverAuth\nsubjectAltName=critical,{names}" if hosts else "clientAuth"
+    extensions = f"basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage={usage}\n"
+    with tempfile.TemporaryDirectory(prefix="fogwatch-") as work:
+        wish, wanted = Path(work) / "wish.pem", Path(work) / "extensions"
+        wanted.write_text(extensions, encoding="ascii")
+        subject = ("-subj", f"/O=fogwatch/CN={common_name}")
+        _openssl("req", "-new", *_CURVE, *subject, "-keyout", str(folder / KEY), "-out", str(wish))
+        signed = ("-CA", str(authority / CERTIFICATE), "-CAkey", str(authority / KEY), "-extfile", str(wanted))
+        serial = ("-set_serial", f"0x{os.urandom(16).hex()}")
+        out = ("-out", str(folder / CERTIFICATE), "-days", str(days))
+        _openssl("x509", "-req", "-in", str(wish), *signed, *serial, *out)
+    shutil.copyfile(authority / CERTIFICATE, folder / AUTHORITY)
+
+
+def facts(certificate: Path) -> Facts:
+    """What a certificate says.
+
+    Args:
+        certificate: Its file.
+
+    Raises:
+        BadInput: It cannot be read, or openssl is missing.
+    """
+    said = _openssl("x509", "-noout", "-enddate", "-subject", "-nameopt", "multiline", "-in", str(certificate))
+    fields = {name.strip(): value.strip() for name, _, value in (line.partition("=") for line in said.splitlines())}
+    return Facts(fields.get("commonName", _UNKNOWN_NAME), ssl.cert_time_to_seconds(fields["notAfter"]))
+
+
+def problem(folder: Path, authority: Path) -> str:
+    """What is wrong with a certificate; when it expires does not matter here.
+
+    Args:
+        folder: Where the certificate and its key lie.
+        authority: The certificate of the fleet's authority.
+
+    Returns:
+        The problem in words; empty when there is none.
+
+    Raises:
+        BadInput: openssl is missing.
+    """
+    certificate, key = str(folder / CERTIFICATE), str(folder / KEY)
+    try:
+        _openssl("verify", "-no_check_time", "-CAfile", str(authority), certificate)
+    except BadInput:
+        return "is not signed by the fleet's authority"
+    if _openssl("x509", "-noout", "-pubkey", "-in", certificate) != _openssl("pkey", "-pubout", "-in", key):
+        return "does not belong to the key beside it"
+    return ""
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def _openssl(*words: str) -> str:
+    """Run openssl; what it prints. No secret is among its words, and only this user can read what it writes."""
+    try:
+        done = subprocess.run(["openssl", *words], capture_output=True, text=True, check=False, umask=0o077)
+    except FileNotFoundError:
+        raise BadInput(
+            "the command openssl is missing; install it (on Debian or Ubuntu: apt install openssl)"
+        ) from None
+    if done.returncode != 0:
+        said = [line for line in done.stderr.splitlines() if line.strip()]
+        raise BadInput(f"openssl {words[0]} failed: {said[-1].strip() if said else done.returncode}")
+    return done.stdout

@@ -1,0 +1,119 @@
+"""``fogwatch fleet``: the members of a fleet of several machines. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fogwatch.cli.command_help import command
+from patrol.errors import BadInput
+
+app = typer.Typer(help="Say who may join a fleet of several machines.", no_args_is_help=True)
+
+WRONG = 1
+DAYS = 365
+LONGEST_DAYS = 3650
+PORT = 7447
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the fleet.")]
+Days = Annotated[int, typer.Option(metavar="N", help="How long certificates are valid, in days.")]
+Hosts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--host", metavar="HOST", help="Name or address of the router's machine. Repeatable; members use the first."
+    ),
+]
+
+
+@command(app, examples=["fogwatch fleet init yards-1 --robots r1,r2,r3 --host 192.168.1.10"])
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not exist yet.")],
+    robots: Annotated[str, typer.Option(metavar="NAME,NAME", help="The robots' names, as in the scenario.")],
+    host: Hosts = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="The fleet's name (default: the folder's).")] = None,
+    port: Annotated[int, typer.Option(metavar="N", help="TCP port of the router.")] = PORT,
+    days: Days = DAYS,
+) -> None:
+    """Make a fleet's certificates and the rules of its router: one folder for each member, and one for the router.
+
+    Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: whoever
+    has it can make members. Without --host the router can be reached from this machine only.
+    """
+    from fogwatch.fleet_folder import make_fleet
+
+    _check_days(days)
+    made = make_fleet(folder, name or folder.name, [one.strip() for one in robots.split(",")], host or [], port, days)
+    members = ", ".join(
+        sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and entry.name != "authority")
+    )
+    typer.echo(f"{folder}: fleet {made.fleet}, router at {made.router}; copy each folder to its machine: {members}")
+
+
+@command(app, examples=["fogwatch fleet add yards-1 r4"])
+def add(
+    folder: Folder,
+    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer, operator, or router.")],
+    host: Hosts = None,
+    days: Days = DAYS,
+) -> None:
+    """Add a member, or one that was revoked anew. For the router: a new certificate.
+
+    The router knows new members after it has got its folder again and has been restarted.
+    """
+    from fogwatch.fleet_folder import THE_ROUTER, member_role, open_fleet_folder
+
+    _check_days(days)
+    fleet = open_fleet_folder(folder)
+    if member == THE_ROUTER:
+        fleet.renew_router(days, host or [])
+        typer.echo(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}")
+        return
+    if host:
+        raise BadInput(f"--host {host[0]}: is for the router; leave the option out")
+    role = member_role(member)
+    fleet.add(role, days)
+    typer.echo(f"{folder / role.name}: copy it to its machine; {_RESTART.format(folder / THE_ROUTER)}")
+
+
+@command(app, examples=["fogwatch fleet revoke yards-1 r2"])
+def revoke(
+    folder: Folder,
+    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer or operator.")],
+) -> None:
+    """Take a member's rights away, for example because its machine was lost.
+
+    Its certificate stays valid, but the router lets it do nothing any more after it has got its folder again and has
+    been restarted.
+    """
+    from fogwatch.fleet_folder import THE_ROUTER, member_role, open_fleet_folder
+    from patrol.net.roles import Kind
+
+    fleet = open_fleet_folder(folder)
+    role = member_role(member)
+    fleet.revoke(role)
+    other = {Kind.WORLD: "operator", Kind.OPERATOR: "world"}.get(role.kind)
+    also = f"; there is a new token, so copy {folder / other} to its machine again" if other else ""
+    typer.echo(f"{member}: revoked; {_RESTART.format(folder / THE_ROUTER)}{also}")
+
+
+@command(app, examples=["fogwatch fleet check yards-1"], exit_codes="0 all is well, 1 something is wrong, 2 bad input")
+def check(folder: Folder) -> int:
+    """Check the certificates of a fleet: whose they are, who signed them, when they expire, and who can read them."""
+    from fogwatch.fleet_folder import open_fleet_folder
+
+    fine = True
+    for name, well, says in open_fleet_folder(folder).check(time.time()):
+        fine &= well
+        typer.echo(f"{name}: {says}")
+    return 0 if fine else WRONG
+
+
+_RESTART = "copy {} to the router's machine, and restart the router"
+
+
+def _check_days(days: int) -> None:
+    if not 1 <= days <= LONGEST_DAYS:
+        raise BadInput(f"--days {days}: expected 1 to {LONGEST_DAYS}")

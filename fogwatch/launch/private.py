@@ -1,0 +1,158 @@
+"""The secrets of one run: a password for each role, and the operators' token, in a folder that only this user can see.
+
+    ROOT/NAME/lock          held by the launcher as long as it lives
+    ROOT/NAME/router/       what the router needs (`patrol.net.credentials.RouterSecurity`)
+    ROOT/NAME/ROLE.json     the credentials of a role
+
+The folder lies outside the run's folder, which people copy, keep and share. It goes when the run ends. What a launcher
+that was killed left behind goes when the next one starts.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from patrol.errors import BadInput
+from patrol.net.access import is_private, private_roots
+from patrol.net.credentials import ROUTER, USERS, Credentials, as_json, router_json, write_private
+from patrol.net.keys import fleet_keys
+from patrol.net.roles import OPERATOR, VIEWER, WORLD_ROLE, Role, robot_role, roles_of
+
+_LOCK = "lock"
+_PART = "part-"
+
+
+class Secrets:
+    """The secrets of one run.
+
+    Attributes:
+        path: The private folder.
+    """
+
+    def __init__(self, fleet: str, robots: Sequence[str]) -> None:
+        """Draw them, and make the folder.
+
+        Args:
+            fleet: The fleet's name.
+            robots: The names of all robots that may ever join.
+
+        Raises:
+            BadInput: There is nowhere to make it.
+        """
+        self._fleet = fleet
+        self._roles = {role.user: role for role in roles_of(robots)}
+        self._passwords = {user: os.urandom(16).hex() for user in self._roles}
+        self._token = os.urandom(16).hex()
+        root = _root()
+        _sweep(root)
+        name = os.urandom(16).hex()
+        part = root / f"{_PART}{name}"
+        part.mkdir(mode=0o700)
+        self._lock = os.open(part / _LOCK, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        self.path = part.rename(root / name)
+
+    @property
+    def name(self) -> str:
+        """The private folder's name."""
+        return self.path.name
+
+    def for_router(self, listen: str) -> Path:
+        """Write what the router needs.
+
+        Args:
+            listen: The locator that it is to listen on.
+
+        Returns:
+            The folder.
+        """
+        folder = self.path / "router"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        for file in (folder / USERS, folder / ROUTER):
+            file.unlink(missing_ok=True)
+        users = "".join(f"{user}:{password}\n" for user, password in self._passwords.items())
+        write_private(folder / USERS, users)
+        write_private(folder / ROUTER, router_json(fleet_keys(self._fleet), listen, self._roles))
+        return folder
+
+    def for_members(self, router: str) -> None:
+        """Write the credentials of all roles.
+
+        Args:
+            router: The router's locator.
+        """
+        for user, role in self._roles.items():
+            token = self._token if role in (WORLD_ROLE, OPERATOR) else None
+            credentials = Credentials(self._fleet, router, role, self._passwords[user], token)
+            write_private(self._file(role), as_json(credentials))
+
+    def of_robot(self, name: str) -> Path:
+        """The credentials of a robot.
+
+        Args:
+            name: The robot's name.
+        """
+        return self._file(robot_role(name))
+
+    @property
+    def token(self) -> str:
+        """The operators' token."""
+        return self._token
+
+    @property
+    def of_world(self) -> Path:
+        """The credentials of the world."""
+        return self._file(WORLD_ROLE)
+
+    @property
+    def of_viewer(self) -> Path:
+        """The credentials of those who only watch."""
+        return self._file(VIEWER)
+
+    def remove(self) -> None:
+        """Remove the folder; what has been removed stays so."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        with suppress(OSError):
+            os.close(self._lock)
+        self._lock = -1
+
+    def _file(self, role: Role) -> Path:
+        return self.path / f"{role.user}.json"
+
+
+def _root() -> Path:
+    """A folder that private folders can be made in; the first that this user may make or has made."""
+    tried = []
+    for root in private_roots():
+        with suppress(OSError):
+            root.mkdir(mode=0o700, parents=root.is_relative_to(Path.home()))
+        if is_private(root) and os.access(root, os.W_OK):
+            return root
+        tried.append(str(root))
+    raise BadInput(
+        f"the run's secrets need a folder that is yours alone, and neither {' nor '.join(tried)} is; remove one of them"
+    )
+
+
+def _sweep(root: Path) -> None:
+    """Remove the folders of launchers that are gone."""
+    for folder in root.iterdir():
+        if folder.name.startswith(_PART):
+            continue
+        try:
+            lock = os.open(folder / _LOCK, os.O_WRONLY | os.O_CLOEXEC)
+        except OSError:
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            pass
+        else:
+            shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            os.close(lock)

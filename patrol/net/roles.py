@@ -1,0 +1,230 @@
+"""Who may do what at a fleet's router: the roles, and the router's access rules that follow from them.
+
+    robot     the simulated body's phases, its own position and telemetry, nothing in another robot's name
+    world     phases to all robots, the truth, answers to viewers and operators
+    viewer    reads what is meant for observers, and asks the world for the fog so far
+    operator  a viewer that may also ask the world for something
+
+A router denies everything that no rule allows. A fleet's name and a robot's name hold none of the characters that mean
+something in a key expression (``*``, ``$``, ``#``, ``?``, ``/``), so a rule for one name never covers another.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from patrol.errors import BadInput
+from patrol.net.keys import WORLD, FleetKeys
+
+_ROBOT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
+"""A robot's name, as `patrol.values.types.RobotName` has it."""
+
+USERNAMES, COMMON_NAMES = "usernames", "cert_common_names"
+"""What a router knows a session by: the user of its password, or the common name of its certificate."""
+
+
+class Kind(StrEnum):
+    """The kinds of members that a fleet has."""
+
+    ROBOT = "robot"
+    WORLD = "world"
+    VIEWER = "viewer"
+    OPERATOR = "operator"
+
+
+RESERVED = frozenset({"authority", "router", *(kind for kind in Kind if kind is not Kind.ROBOT)})
+"""Names that stand for something else than a robot where robots and others are named side by side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """What a member of a fleet is.
+
+    Attributes:
+        kind: Its kind.
+        robot: The robot's name; empty for other kinds.
+    """
+
+    kind: Kind
+    robot: str = ""
+
+    @property
+    def user(self) -> str:
+        """The name that it is known by at the router; no two roles have the same."""
+        return f"{self.kind}-{self.robot}" if self.robot else str(self.kind)
+
+    @property
+    def name(self) -> str:
+        """What people call it: the robot's name, or its kind."""
+        return self.robot or str(self.kind)
+
+
+WORLD_ROLE, VIEWER, OPERATOR = Role(Kind.WORLD), Role(Kind.VIEWER), Role(Kind.OPERATOR)
+
+
+def robot_role(name: str) -> Role:
+    """The role of a robot.
+
+    Args:
+        name: Its name.
+
+    Raises:
+        BadInput: The name is none that a scenario could have.
+    """
+    if not _ROBOT.fullmatch(name):
+        raise BadInput(
+            f"robot {name!r}: not a robot's name; give at most 32 letters, digits, '_' and '-', the first a letter or "
+            "digit"
+        )
+    return Role(Kind.ROBOT, name)
+
+
+def role_of(user: str, where: str) -> Role:
+    """The role that is known by a name.
+
+    Args:
+        user: The name, as `Role.user` makes it.
+        where: What errors call the place that it stands in.
+
+    Raises:
+        BadInput: No role has that name.
+    """
+    kind, dash, name = user.partition("-")
+    if dash and kind == Kind.ROBOT:
+        return robot_role(name)
+    if dash or kind == Kind.ROBOT or kind not in list(Kind):
+        raise BadInput(f"{where}: {user!r}: no role of a fleet; expected world, viewer, operator or robot-NAME")
+    return Role(Kind(kind))
+
+
+def roles_of(robots: Sequence[str]) -> tuple[Role, ...]:
+    """The roles of a fleet: its robots', and one of each other kind.
+
+    Args:
+        robots: The names of all robots that may ever join.
+
+    Raises:
+        BadInput: A name is none that a scenario could have, or stands there twice.
+    """
+    twice = {name for name in robots if robots.count(name) > 1}
+    if twice:
+        raise BadInput(f"robot {min(twice)!r}: named twice; name each robot once")
+    return (*(robot_role(name) for name in robots), WORLD_ROLE, VIEWER, OPERATOR)
+
+
+@dataclass(frozen=True, slots=True)
+class Rights:
+    """The key expressions that a role may use.
+
+    Attributes:
+        publish: It may publish under.
+        hear: It may subscribe to, and is sent.
+        ask: It may query.
+        answer: It may answer queries of.
+        announce: Liveliness tokens that it may declare.
+        watch: Liveliness tokens that it may see.
+    """
+
+    publish: tuple[str, ...] = ()
+    hear: tuple[str, ...] = ()
+    ask: tuple[str, ...] = ()
+    answer: tuple[str, ...] = ()
+    announce: tuple[str, ...] = ()
+    watch: tuple[str, ...] = ()
+
+
+def rights_of(role: Role, keys: FleetKeys) -> Rights:
+    """What a role may do.
+
+    Args:
+        role: The role.
+        keys: The fleet's keys.
+
+    Returns:
+        Its rights; whatever they do not name is denied.
+    """
+    everyone = (keys.alive("*"),)
+    own = role.robot
+    match role.kind:
+        case Kind.ROBOT:
+            return Rights(
+                publish=(keys.reply(own), keys.position(own), keys.telemetry(own)),
+                hear=(keys.tick(own), keys.position("*")),
+                announce=(keys.alive(own),),
+                watch=(keys.alive(WORLD), keys.alive(own)),
+            )
+        case Kind.WORLD:
+            return Rights(
+                publish=(keys.tick("*"), keys.truth("*")),
+                hear=(keys.reply("*"), keys.position("*"), keys.telemetry("*"), keys.truth("*")),
+                answer=(keys.truth("*"), keys.control("*")),
+                announce=(keys.alive(WORLD),),
+                watch=everyone,
+            )
+        case Kind.VIEWER | Kind.OPERATOR:
+            return Rights(
+                hear=(keys.truth("*"), keys.position("*"), keys.telemetry("*")),
+                ask=(keys.truth("*"), *([keys.control("*")] if role.kind is Kind.OPERATOR else [])),
+                watch=everyone,
+            )
+
+
+def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) -> dict[str, Any]:
+    """A router's access rules, as Zenoh's configuration takes them (`access_control`).
+
+    Args:
+        keys: The fleet's keys.
+        members: Roles by the name that the router knows each member by.
+        known_by: `USERNAMES` or `COMMON_NAMES`.
+
+    Returns:
+        The configuration: deny everything, but for the rights of each member.
+    """
+    rules: list[dict[str, Any]] = []
+    policies: list[dict[str, Any]] = []
+    for name, role in members.items():
+        own = _rules(name, rights_of(role, keys), keys)
+        rules += own
+        policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": name, known_by: [name]} for name in members],
+        "policies": policies,
+    }
+
+
+def _rules(name: str, rights: Rights, keys: FleetKeys) -> list[dict[str, Any]]:
+    """The rules of one member. Ingress is what it sends to the router, egress what the router sends to it."""
+    anything = (keys.anything,)
+    wanted = (
+        ("publish", "ingress", ("put",), rights.publish),
+        ("subscribe", "ingress", ("declare_subscriber",), rights.hear),
+        ("hear", "egress", ("put",), rights.hear),
+        ("ask", "ingress", ("query",), rights.ask),
+        ("be-answered", "egress", ("reply",), rights.ask),
+        ("offer", "ingress", ("declare_queryable", "reply"), rights.answer),
+        ("be-asked", "egress", ("query",), rights.answer),
+        ("announce", "ingress", ("liveliness_token",), rights.announce),
+        ("watch", "ingress", ("declare_liveliness_subscriber", "liveliness_query"), rights.watch),
+        ("see", "egress", ("liveliness_token",), rights.watch),
+        # A sender drops what nobody wants, so it must know that somebody does; this says nothing of the content.
+        ("be-wanted", "egress", ("declare_subscriber",), anything if rights.publish else ()),
+        ("be-offered", "egress", ("declare_queryable",), anything if rights.ask else ()),
+    )
+    return [
+        {
+            "id": f"{name} {what}",
+            "permission": "allow",
+            "flows": [flow],
+            "messages": list(messages),
+            "key_exprs": list(expressions),
+        }
+        for what, flow, messages, expressions in wanted
+        if expressions
+    ]

@@ -1,0 +1,73 @@
+"""The settings of a Zenoh session, for clients and routers of a fleet, by the keys of Zenoh's configuration.
+
+Socket buffers are small: with the system's, a flood of a million tiny messages a second left 300 000 of them between a
+tick and its reader, which received the tick seconds late; with small ones the delay is a tenth of a second.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from patrol.net.credentials import Credentials, RouterSecurity
+
+_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
+_SOCKET = 65536
+_QUEUE = 16
+"""Messages that may wait to be sent, the most that Zenoh allows. With its 2 a busy machine dropped, of what may be, one
+in seven from the third of a burst on: at a pace, only the first two robots of a fleet received every pose."""
+_DROP_US = 100
+"""How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
+
+_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
+_CLOSE_US = 1_000_000
+"""How long a router waits, of what must not be dropped, for one who does not read, and then closes its connection. All
+others wait as well: with Zenoh's 5 s, twice over, three that stopped one after the other cost a fleet its robots."""
+
+_QUIET: dict[str, object] = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "transport/shared_memory/enabled": False,
+    "transport/link/tcp/so_rcvbuf": _SOCKET,
+    "transport/link/tcp/so_sndbuf": _SOCKET,
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _DROP_US,
+    "transport/link/tx/queue/size/interactive_high": _QUEUE,
+}
+
+
+def client_settings(router: str, lease_s: float, credentials: Credentials | None = None) -> dict[str, object]:
+    """Settings of a client of one router, which waits for it and reconnects to it.
+
+    Args:
+        router: Its locator.
+        lease_s: How long the client may be silent before the router drops it, s.
+        credentials: Prove who this is; None for a router that asks nobody.
+    """
+    return {
+        **_QUIET,
+        "mode": "client",
+        "connect/endpoints": [router],
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": _RETRY,
+        "listen/endpoints": [],
+        "transport/link/tx/lease": round(lease_s * 1000),
+        **({} if credentials is None else credentials.session()),
+    }
+
+
+def router_settings(listen: str, security: RouterSecurity | None = None) -> dict[str, object]:
+    """Settings of a router that listens at one locator.
+
+    Args:
+        listen: The locator.
+        security: Says who may connect and do what; None to let everybody do everything.
+    """
+    return {
+        **_QUIET,
+        "mode": "router",
+        "listen/endpoints": [listen],
+        "connect/endpoints": [],
+        _CLOSE: _CLOSE_US,
+        **({} if security is None else security.session()),
+    }

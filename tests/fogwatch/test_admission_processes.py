@@ -1,0 +1,241 @@
+"""A running fleet: who gets in, what can be read of its secrets, and fleets of several machines from start to end."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from patrol.net.access import FILE, credentials_at, private_roots, read_access
+from patrol.net.credentials import read_credentials
+from patrol.net.keys import WORLD, fleet_keys
+from patrol.net.link import Refused, open_link
+from patrol.net.roles import VIEWER
+from tests.routers import PATIENCE_S, free_endpoint
+
+if TYPE_CHECKING:
+    from tests.fogwatch.conftest import Run
+
+pytestmark = pytest.mark.processes
+
+COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
+SMALL: dict[str, Any] = {
+    **COARSE,
+    "name": "guarded",
+    "duration": 20,
+    "robots": [{"name": "anna", "model": "holonomic"}, {"name": "bert", "model": "car"}],
+}
+
+
+def private_folder(run: Path) -> Path:
+    """Where the secrets of a run are."""
+    name: str = json.loads((run / FILE).read_text(encoding="utf-8"))["private"]
+    return next(root / name for root in private_roots() if (root / name).is_dir())
+
+
+def secrets_in(folder: Path) -> set[str]:
+    """All passwords and tokens of a run."""
+    found = set()
+    for file in folder.glob("*.json"):
+        one = read_credentials(file, "test")
+        found |= {one.password, one.token}
+    return {secret for secret in found if secret}
+
+
+def what_others_see(pids: list[int]) -> str:
+    """Command lines and environments, as ``ps`` shows them."""
+    files = [Path("/proc", str(pid), name) for pid in pids for name in ("cmdline", "environ")]
+    return "\n".join(file.read_bytes().decode(errors="replace") for file in files)
+
+
+def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable[..., Run]) -> None:
+    run = start({**COARSE, "duration": 100_000, "robots": 3 * [{}]}, "--no-recording", "--no-report")
+    run.until(lambda: run.ticks() > 5)
+    folder = private_folder(run.folder)
+    secrets = secrets_in(folder)
+    assert len(secrets) == 3 + 3 + 1, "robots, world, viewer, operator, and the token"
+    children = run.children()
+    assert len(children) == 5
+    shown = what_others_see([run.process.pid, *children.values()])
+    held = "".join(path.read_bytes().decode(errors="replace") for path in run.folder.rglob("*") if path.is_file())
+    assert str(folder) in shown, "what is searched is what the processes were started with"
+    assert FILE in {path.name for path in run.folder.iterdir()}
+    for secret in secrets:
+        assert secret not in shown
+        assert secret not in held
+    access = read_access(run.folder, "test")
+    with pytest.raises(Refused):
+        open_link(access.router, 2.0)
+    viewer = open_link(access.router, PATIENCE_S, credentials=credentials_at(run.folder, "test", VIEWER))
+    assert any(viewer.sees(fleet_keys(access.fleet).alive(WORLD)) for _ in range(1000))
+    viewer.close()
+    command = [sys.executable, "-P", "-m", "fogwatch", "control", str(run.folder), "pause"]
+    paused = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert paused.returncode == 0, paused.stderr
+    assert "paused before tick" in paused.stdout
+    os.kill(run.process.pid, signal.SIGINT)
+    assert run.end() == 130, run.errors
+    assert run.summary()["verdict"]["outcome"] == "valid"
+    assert not folder.exists()
+    left = "".join(path.read_bytes().decode(errors="replace") for path in run.folder.rglob("*") if path.is_file())
+    for secret in secrets:
+        assert secret not in f"{left}{run.output}{run.errors}"
+
+
+def test_a_robot_that_joins_later_has_a_role_too(start: Callable[..., Run]) -> None:
+    faults = [{"kind": "join", "who": "r3", "at": 5}, {"kind": "restart", "who": "r1", "at": 8}]
+    robots = [{}, {}, {"spare": True}]
+    run = start({**COARSE, "duration": 20, "robots": robots, "faults": faults}, "--no-recording", "--no-report")
+    assert run.end() == 0, run.errors
+    assert run.summary()["verdict"]["valid"], run.summary()["verdict"]
+
+
+class Site:
+    """Processes of a fleet that was made with ``fogwatch fleet init``, each with its folder alone."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.fleet = folder / "guarded-1"
+        self.scenario = folder / "scenario.yaml"
+        self.scenario.write_text(json.dumps(SMALL), encoding="utf-8")
+        self.port = free_endpoint().rpartition(":")[2]
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-P", "-m", "fogwatch", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+
+    def start(self, name: str, module: str, *arguments: str) -> None:
+        command = [sys.executable, "-P", "-m", module, *arguments]
+        with (self.folder / f"{name}.log").open("ab") as output:
+            self.processes[name] = subprocess.Popen(command, stdout=output, stderr=output)
+
+    def start_agent(self, name: str, credentials: Path) -> None:
+        self.start(name, "agent", "--credentials", str(credentials), "--scenario", str(self.scenario), "--wait", "60")
+
+    def said(self, name: str) -> str:
+        return (self.folder / f"{name}.log").read_text(encoding="utf-8")
+
+    def code(self, name: str) -> int:
+        return self.processes[name].wait(PATIENCE_S)
+
+    def until(self, what: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while not what():
+            assert time.monotonic() < end, {name: self.said(name) for name in self.processes}
+            time.sleep(0.02)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    site = Site(tmp_path)
+    yield site
+    for process in site.processes.values():
+        process.kill()
+        process.wait(PATIENCE_S)
+
+
+def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
+    site.scenario.write_text(json.dumps({**SMALL, "duration": 100_000}), encoding="utf-8")
+    made = site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port)
+    assert made.returncode == 0, made.stderr
+    machines = {
+        name: tmp_path / f"machine-{name}" for name in ("router", "world", "anna", "bert", "viewer", "operator")
+    }
+    for name, machine in machines.items():
+        (site.fleet / name).rename(machine)
+    site.start("router", "fogwatch.router", "--fleet", str(machines["router"]))
+    out = tmp_path / "run"
+    world = ["--credentials", str(machines["world"]), "--scenario", str(site.scenario), "--out", str(out)]
+    site.start("world", "worldsim", *world)
+    for robot in ("anna", "bert"):
+        site.start_agent(robot, machines[robot])
+    site.until(lambda: (out / "ticks.csv").exists() and (out / "ticks.csv").read_text(encoding="ascii").count("\n") > 5)
+    paused = site.command("control", str(machines["operator"]), "pause")
+    assert (paused.returncode, paused.stdout[:18]) == (0, "paused before tick"), paused.stderr
+    refused = site.command("control", str(machines["viewer"]), "go")
+    assert refused.returncode == 2
+    assert "a viewer's credentials give no right to control the fleet" in refused.stderr
+    film = tmp_path / "film.mcap"
+    site.start("record", "fogwatch", "record", "--credentials", str(machines["viewer"]), "--out", str(film))
+    site.until(lambda: "recording fleet guarded-1" in site.said("record"))
+    site.processes["record"].send_signal(signal.SIGINT)
+    assert site.code("record") == 0, site.said("record")
+    assert film.stat().st_size > 0
+    site.processes["world"].terminate()
+    assert [site.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0], site.said("world")
+    assert json.loads((out / "summary.json").read_text(encoding="utf-8"))["verdict"]["outcome"] == "valid"
+    token = json.loads((machines["operator"] / "member.json").read_text(encoding="utf-8"))["token"]
+    assert token == json.loads((machines["world"] / "member.json").read_text(encoding="utf-8"))["token"]
+    left = "".join(path.read_bytes().decode(errors="replace") for path in out.rglob("*") if path.is_file())
+    assert token not in "".join([left, *(site.said(name) for name in site.processes)])
+
+
+def test_a_robot_that_was_revoked_does_not_take_part(site: Site, tmp_path: Path) -> None:
+    assert site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port).returncode == 0
+    stolen = Path(shutil.copytree(site.fleet / "bert", tmp_path / "stolen"))
+    revoked = site.command("fleet", "revoke", str(site.fleet), "bert")
+    assert revoked.returncode == 0, revoked.stderr
+    assert "restart the router" in revoked.stdout
+    assert site.command("fleet", "add", str(site.fleet), "bert").returncode == 0
+    site.start("router", "fogwatch.router", "--fleet", str(site.fleet))
+    world = [
+        "--credentials",
+        str(site.fleet / "world"),
+        "--scenario",
+        str(site.scenario),
+        "--out",
+        str(tmp_path / "run"),
+    ]
+    site.start("world", "worldsim", *world)
+    site.start_agent("anna", site.fleet / "anna")
+    site.start_agent("thief", stolen)
+    site.until(lambda: "waiting for bert" in site.said("world"))
+    site.until(lambda: "waiting for the world of fleet guarded-1" in site.said("thief"))
+    assert not (tmp_path / "run" / "journal").exists(), "the run has not begun"
+    site.start_agent("bert", site.fleet / "bert")
+    assert [site.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0], site.said("world")
+    site.processes["thief"].terminate()
+    assert site.code("thief") == 130
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["--listen", "tcp/0.0.0.0:1"], 2, "other machines could connect, and nobody would be asked who they are"),
+        (["--listen", "tcp/[::]:1"], 2, "(or --open, to let everybody do everything)"),
+        (["--listen", "tcp/localhost.example:1"], 2, "give --fleet FOLDER"),
+        (["--fleet", "none"], 2, "--fleet: none/router/router.json cannot be read"),
+        (["--fleet", "none", "--open"], 2, "--open: means that there is no --fleet"),
+    ],
+)
+def test_a_router_that_would_be_open_to_others_does_not_start(arguments: list[str], code: int, says: str) -> None:
+    command = [sys.executable, "-P", "-m", "fogwatch.router", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert done.returncode == code
+    assert done.stderr.count("\n") == 1
+    assert says in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [[], ["--open"]])
+def test_an_open_router_says_what_that_means(arguments: list[str]) -> None:
+    host = "0.0.0.0" if arguments else "127.0.0.1"
+    listen = f"tcp/{host}:{free_endpoint().rpartition(':')[2]}"
+    command = [sys.executable, "-P", "-m", "fogwatch.router", "--listen", listen, *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as router:
+        assert router.stdout is not None
+        said = router.stdout.readline()
+        router.terminate()
+    assert said == (
+        f"router ready at {listen}; it is open: anybody who can reach {listen} can read, send and forge everything, "
+        "positions and controls included\n"
+    )
