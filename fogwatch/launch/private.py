@@ -32,6 +32,7 @@ class Secrets:
 
     Attributes:
         path: The private folder.
+        token: The operators' token.
     """
 
     def __init__(self, fleet: str, robots: Sequence[str]) -> None:
@@ -47,7 +48,7 @@ class Secrets:
         self._fleet = fleet
         self._roles = {role.user: role for role in roles_of(robots)}
         self._passwords = {user: os.urandom(16).hex() for user in self._roles}
-        self._token = os.urandom(16).hex()
+        self.token = os.urandom(16).hex()
         root = _root()
         _sweep(root)
         name = os.urandom(16).hex()
@@ -87,7 +88,7 @@ class Secrets:
             router: The router's locator.
         """
         for user, role in self._roles.items():
-            token = self._token if role in (WORLD_ROLE, OPERATOR) else None
+            token = self.token if role in (WORLD_ROLE, OPERATOR) else None
             credentials = Credentials(self._fleet, router, role, self._passwords[user], token)
             write_private(self._file(role), as_json(credentials))
 
@@ -125,7 +126,7 @@ def _root() -> Path:
     tried = []
     for root in private_roots():
         with suppress(OSError):
-            root.mkdir(mode=0o700, parents=root.is_relative_to(Path.home()))
+            root.mkdir(mode=0o700)
         if is_private(root) and os.access(root, os.W_OK):
             return root
         tried.append(str(root))

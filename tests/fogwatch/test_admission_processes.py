@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from monitor.live.attach import open_fleet
 from patrol.net.access import FILE, credentials_at, private_roots, read_access
 from patrol.net.credentials import read_credentials
 from patrol.net.keys import WORLD, fleet_keys
 from patrol.net.link import Refused, open_link
 from patrol.net.roles import VIEWER
+from patrol.process.lifeline import Ending
 from tests.routers import PATIENCE_S, free_endpoint
 
 if TYPE_CHECKING:
@@ -165,6 +167,16 @@ def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     refused = site.command("control", str(machines["viewer"]), "go")
     assert refused.returncode == 2
     assert "a viewer's credentials give no right to control the fleet" in refused.stderr
+    page, onlooker = (
+        open_fleet(Ending(), access=machines["operator"]),
+        open_fleet(Ending(), credentials=machines["viewer"]),
+    )
+    assert page is not None
+    assert onlooker is not None
+    assert page.control({"do": "step", "ticks": 3}).done
+    assert not onlooker.control({"do": "go"}).done
+    page.close()
+    onlooker.close()
     film = tmp_path / "film.mcap"
     site.start("record", "fogwatch", "record", "--credentials", str(machines["viewer"]), "--out", str(film))
     site.until(lambda: "recording fleet guarded-1" in site.said("record"))

@@ -19,7 +19,7 @@ from patrol.net.credentials import Credentials, read_credentials
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import Link, Refused, open_link, open_links
 from patrol.net.mailbox import Mailbox, Presence, Question
-from patrol.net.roles import VIEWER, robot_role
+from patrol.net.roles import robot_role
 from tests.routers import (
     PATIENCE_S,
     Guarded,
@@ -317,7 +317,10 @@ def test_a_viewer_sees_what_observers_may_see(members: Members) -> None:
         assert await_honest(sender.publisher(key), mailbox)[0] == (key, HONEST)
     present = letters(keys.alive(WORLD))
     viewer.watch(keys.alive("*"), present)
-    members["world"].live(keys.alive(WORLD))
+    world = members["world"]
+    world.live(keys.alive(WORLD))
     assert present.get(PATIENCE_S) == (keys.alive(WORLD), Presence(True))
     assert any(viewer.sees(keys.alive(WORLD)) for _ in range(1000))
-    assert VIEWER.user in members.at.credentials
+    assert world.close(PATIENCE_S)
+    while (arrived := present.get(PATIENCE_S)) != (keys.alive(WORLD), Presence(False)):
+        assert arrived is not None, "nobody says that it has gone"
