@@ -22,7 +22,7 @@ from patrol.net.keys import WORLD, fleet_keys
 from patrol.net.link import Refused, open_link
 from patrol.net.roles import VIEWER
 from patrol.process.lifeline import Ending
-from tests.routers import PATIENCE_S, free_endpoint
+from tests.routers import PATIENCE_S, free_endpoint, needs_openssl
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -146,6 +146,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
         process.wait(PATIENCE_S)
 
 
+@needs_openssl
 def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     site.scenario.write_text(json.dumps({**SMALL, "duration": 100_000}), encoding="utf-8")
     made = site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port)
@@ -192,6 +193,7 @@ def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     assert token not in "".join([left, *(site.said(name) for name in site.processes)])
 
 
+@needs_openssl
 def test_a_robot_that_was_revoked_does_not_take_part(site: Site, tmp_path: Path) -> None:
     assert site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port).returncode == 0
     stolen = Path(shutil.copytree(site.fleet / "bert", tmp_path / "stolen"))

@@ -14,8 +14,9 @@ from fogwatch.certificates import facts, issue, make_authority
 from fogwatch.fleet_folder import open_fleet_folder
 from patrol.net.credentials import read_credentials, read_router
 from patrol.net.roles import Role, robot_role
+from tests.routers import needs_openssl
 
-pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
+pytestmark = needs_openssl
 
 Command = Callable[..., int]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -26,11 +25,10 @@ from tests.routers import (
     guarded_by_certificates,
     guarded_by_passwords,
     make_local_fleet,
+    needs_openssl,
 )
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("openssl") is None and not os.environ.get("CI"), reason="openssl is not installed"
-)
+pytestmark = needs_openssl
 
 ROBOTS = ("r1", "r2")
 REFUSED_S = 2.0
