@@ -172,10 +172,10 @@ def test_nobody_is_present_in_another_s_name(members: Members, who: str) -> None
 def test_only_operators_are_answered_to_controls_and_only_by_the_world(members: Members) -> None:
     keys, control = members.keys, members.keys.control("ask")
     fog = keys.truth("fog")
-    asked: Mailbox[Question] = Mailbox((control, fog), _unread, 100)
+    asked: Mailbox[Question] = Mailbox((control, fog, keys.anything), _unread, 100)
     for impostor in ("robot-r1", "viewer", "operator"):
         link = members[impostor]
-        for key in (control, fog):
+        for key in (control, fog, keys.anything):
             link.attend(key, 100, asked)
     operator, viewer, robot = members["operator"], members["viewer"], members["robot-r1"]
     assert operator.ask(control, b"token", REFUSED_S) is None, "an impostor was asked"
