@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 
 from monitor.replay.run import open_run
+from monitor.report.compare import names_of, rows_of
+from patrol.scenario import dump_scenario, load_scenario
 from tests.hostile.files.looks import MAP, looked_at, one_line
 from tests.hostile.files.strange_files import (
     add_event,
@@ -106,7 +108,6 @@ def test_the_honest_run_is_looked_at(strange: Path, fogwatch: Callable[..., int]
     """Or the rows below would show nothing."""
     looked_at(strange)
     assert fogwatch("report", str(strange)) == 0
-    assert fogwatch("compare", str(strange), str(strange)) == 0
     assert fogwatch("recording", str(strange / "recording.mcap")) == 0
 
 
@@ -130,16 +131,13 @@ def test_a_strange_run_folder_gives_one_line(
 
 def test_what_a_strange_scenario_names_is_not_opened(strange: Path, tmp_path: Path) -> None:
     """A key, a policy and a map of a stranger's scenario are paths on the victim's machine."""
-    opened: list[str] = []
     key, policy = tmp_path / "fleet.key", tmp_path / "mine.py"
     key.write_bytes(b"k" * 32)
     policy.write_text("", encoding="utf-8")
     path = strange / "scenario.yaml"
-    text = path.read_text(encoding="utf-8")
-    assert "  key: null" in text
-    assert "  policy: potential-field" in text
-    text = text.replace("  key: null", f"  key: {key}").replace("  policy: potential-field", f"  policy: {policy}:Mine")
-    path.write_text(text, encoding="utf-8")
+    named = {"radio.key": str(key), "patrol.policy": f"{policy}:Mine"}
+    path.write_text(dump_scenario(load_scenario(path, named, opens_policy=False)), encoding="utf-8")
+    opened: list[str] = []
 
     def note(event: str, arguments: tuple[Any, ...]) -> None:
         if watching and event == "open":
@@ -161,12 +159,18 @@ def test_escape_sequences_do_not_reach_the_terminal(
     strange: Path, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     rewrite_record(strange, "end", _put("reason", "\x1b]0;owned\x07\u202e"))
+    rewrite_summary(strange, _put("verdict.outcome", "\x1b[1A"))
     other = strange.rename(strange.with_name("\x1b[31mrun"))
-    assert fogwatch("report", str(other), "--out", "report.html") == 0
-    assert fogwatch("compare", str(other), str(other), "--out", "compare.html") == 0
+    assert fogwatch("record", str(other), "--out", "again.mcap") == 0
+    assert fogwatch("recording", "again.mcap") == 0
     assert fogwatch("report", str(other / "\x1b[2J")) == 2
     said = "".join(capsys.readouterr())
+    assert r"\x1b]0;owned\x07\u202e" in said
     assert not {"\x1b", "\x07", "\u202e"} & set(said)
+    runs = [open_run(other)] * 2
+    cells = [*names_of(runs), *(cell for row in rows_of(runs) for cell in row)]
+    assert r"\x1b[1A" in cells
+    assert not {"\x1b", "\x07", "\u202e"} & set("".join(cells))
 
 
 def test_a_journal_that_was_cut_off_anywhere_is_read(strange: Path) -> None:

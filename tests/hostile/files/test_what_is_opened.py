@@ -75,10 +75,13 @@ def digest_of_policy(path: Path) -> str:
 
 
 def folder_of(path: Path, name: str) -> Path:
-    """A run folder in the current folder whose file is moved to a place that is looked at."""
+    """The run folder in the current folder, with that path in the place of one of its files."""
     folder = Path("run").absolute()
     (folder / name).unlink()
-    (folder / name).symlink_to(path)
+    if path.is_fifo() or path.is_file():
+        path.rename(folder / name)
+    else:
+        (folder / name).symlink_to(path)
     return folder
 
 
