@@ -55,8 +55,6 @@ UNGREETED_S = 1.0
 _POLL_S = 0.2
 _PAUSE_S = 2.0
 _BACKLOG = 256
-_EARLY = 4
-"""How many ticks ahead of the newest phase A a phase B may be: at a pace, phases A may get lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +255,7 @@ class SimRobot:
             self._greet(message)
         elif not self._is_for_me(message):
             self._mailbox.refused["stranger"] += 1
-        elif isinstance(message, PhaseA) and not self._has_begun(message):
+        elif not isinstance(message, Stop) and not self._has_begun(message):
             self._mailbox.refused["ahead"] += 1
         else:
             self._hear_own_world()
@@ -269,7 +267,7 @@ class SimRobot:
         turned_away = self._run is None and isinstance(message, Stop)
         return turned_away or message.run == self._run
 
-    def _has_begun(self, message: PhaseA) -> bool:
+    def _has_begun(self, message: PhaseA | PhaseB) -> bool:
         return self._proofs is not None and self._proofs.accepts(message.k + 1, message.proof)
 
     def _obey(self, message: PhaseA | PhaseB | Stop) -> None:
@@ -288,9 +286,6 @@ class SimRobot:
 
     def _hear(self, message: PhaseB, newest: int) -> None:
         """Take in a phase B; the wait for that of the newest phase A goes on after one that came early."""
-        if message.k > newest + _EARLY:
-            self._mailbox.refused["ahead"] += 1
-            return
         if message.k > newest:
             self._early.add(message.k)
         else:

@@ -8,9 +8,9 @@
 
 Every message is one msgpack array ``[kind, incarnation, instance, k, run, ...]``. The incarnation counts a robot's
 processes (1 for the first). The instance is a random number of one process, which distinguishes it from a second
-process under the same name. k is the tick, and run a random number of the world's process. Phase A carries a proof that
-its tick has begun (`patrol.net.tick_chain`). Decoding is strict and pure: all bytes either give a message or raise
-`Malformed`.
+process under the same name. k is the tick, and run a random number of the world's process. Both phases carry a proof
+that their tick has begun (`patrol.net.tick_chain`). Decoding is strict and pure: all bytes either give a message or
+raise `Malformed`.
 """
 
 from __future__ import annotations
@@ -111,10 +111,12 @@ class PhaseB(Head):
 
     Attributes:
         frames: By sender and sequence.
+        proof: The proof that k + 1 ticks have begun.
         digest: Of the bytes that it was decoded from.
     """
 
     frames: tuple[bytes, ...]
+    proof: bytes
     digest: bytes = field(default=b"", compare=False, repr=False)
 
 
@@ -253,7 +255,7 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
         case ReplyA():
             kind, body = _PHASE_A, [list(message.frames)]
         case PhaseB():
-            kind, body = _PHASE_B, [list(message.frames)]
+            kind, body = _PHASE_B, [list(message.frames), message.proof]
         case ReplyB():
             reply = message.reply
             goal = None if reply.goal is None else [float(reply.goal[0]), float(reply.goal[1])]
@@ -325,7 +327,7 @@ def _phase_b(values: list[Any]) -> PhaseB:
     frames = values[4]
     if type(frames) is not list or any(type(frame) is not bytes or len(frame) > MAX_FRAME for frame in frames):
         raise Malformed(f"frames are an array of at most {MAX_FRAME} bytes each")
-    return PhaseB(*_head(values), tuple(frames), digest_of(values[-1]))
+    return PhaseB(*_head(values), tuple(frames), _bytes(values[5], PROOF, PROOF), digest_of(values[-1]))
 
 
 def _reply_b(values: list[Any]) -> ReplyB:
@@ -404,7 +406,7 @@ def _text(value: object, most: int) -> str:
 _TO_ROBOT: Mapping[int, tuple[int, Callable[[Any], ToRobot]]] = {
     _HELLO: (2, _hello),
     _PHASE_A: (7, _phase_a),
-    _PHASE_B: (1, _phase_b),
+    _PHASE_B: (2, _phase_b),
     _STOP: (2, lambda values: Stop(*_head(values), _flag(values[4]), _text(values[5], _MAX_REASON))),
 }
 _TO_WORLD: Mapping[int, tuple[int, Callable[[Any], ToWorld]]] = {

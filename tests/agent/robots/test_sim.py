@@ -117,7 +117,7 @@ def a(k: int, instance: int = 77, incarnation: int = 1) -> PhaseA:
 
 
 def b(k: int, frames: tuple[bytes, ...] = ()) -> PhaseB:
-    return PhaseB(1, 77, k, RUN, frames)
+    return PhaseB(1, 77, k, RUN, frames, CHAIN.proof(k + 1))
 
 
 def hello(run: int = RUN) -> Hello:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from patrol.exchange import Sensed
-from patrol.net.phases import ANYONE, NO_RUN, PhaseA, ReplyA, ReplyB, Report, Stop, decode_to_world, encode
+from patrol.net.phases import ANYONE, NO_RUN, PhaseA, PhaseB, ReplyA, ReplyB, Report, Stop, decode_to_world, encode
 from patrol.net.transcripts import LAST, LINES, Line, digest_of
 from patrol.pose import Velocity
 from tests.agent.robots.test_sim import CHAIN, POSE, RUN, Scene, a, b
@@ -61,9 +61,10 @@ def test_a_robot_that_was_paused_goes_on_with_whatever_tick_has_begun() -> None:
 def test_a_phase_b_far_ahead_is_refused_and_ends_no_wait() -> None:
     scene = Scene()
     scene.tick(2)
-    scene.tell(b(10**6, (b"forged",)), b(8, (b"forged",)))
+    for k in (4, 8, 10**6):
+        scene.tell(PhaseB(1, 77, k, RUN, (b"forged",), CHAIN.proof(3)), PhaseB(1, 77, k, RUN, (b"forged",), bytes(16)))
     assert scene.tick(3, (b"x",)) == [b"x"]
-    assert scene.mailbox.refused == {"ahead": 2}
+    assert scene.mailbox.refused == {"ahead": 6}
 
 
 def test_what_was_heard_in_a_tick_whose_phase_a_is_lost_is_heard_in_the_next() -> None:

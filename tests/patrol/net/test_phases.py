@@ -57,7 +57,7 @@ def phase_a(
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads, proofs, st.integers(1, 2**31 - 1)),
     st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, proofs),
-    st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple)),
+    st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple), proofs),
     st.builds(Stop, *heads, st.booleans(), words),
 )
 to_world: st.SearchStrategy[ToWorld] = st.one_of(
@@ -150,8 +150,8 @@ def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.D
         msgpack.packb({"kind": 1}),
         msgpack.packb([True, 1, 1, 0, 9, bytes(16), 1]),
         msgpack.packb([1, 1.0, 1, 0, 9, b""]),
-        msgpack.packb([2, 1, 1, 0, 9, [b"x" * 65]]),
-        msgpack.packb([2, 1, 1, 0, 9, ["text"]]),
+        msgpack.packb([2, 1, 1, 0, 9, [b"x" * 65], bytes(16)]),
+        msgpack.packb([2, 1, 1, 0, 9, ["text"], bytes(16)]),
         msgpack.packb([1, 1, 1, 0, 9, [b"x"] * (MAX_FRAMES + 1)]),
         msgpack.packb([1, 1, 1, 0, 9, b"frame"]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0], 0.0, bytes(16)]),
@@ -160,6 +160,7 @@ def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.D
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, []]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1), 0.0, bytes(16)]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [], 0.0, bytes(15)]),
+        msgpack.packb([2, 1, 1, 0, 9, [b"x"], bytes(15)]),
         msgpack.packb([0, 1, 1, 0, 9, bytes(17), 1]),
         msgpack.packb([0, 1, 1, 0, 9, bytes(16), 0]),
         msgpack.packb([0, 1, 1, 0, -9, bytes(16), 1]),
@@ -220,7 +221,7 @@ def test_the_longest_report_fits_into_a_message() -> None:
 def test_what_is_decoded_has_the_digest_of_its_bytes_and_is_equal_without() -> None:
     for message in (
         PhaseA(1, 2, 3, 4, Sensed(3, Pose(1.0, 2.0, 3.0)), bytes(PROOF)),
-        PhaseB(1, 2, 3, 4, (b"frame",)),
+        PhaseB(1, 2, 3, 4, (b"frame",), bytes(PROOF)),
         ReplyA(1, 2, 3, 4, (b"frame",)),
         ReplyB(1, 2, 3, 4, Reply(Drive(1.0, 0.0), "patrolling", None, 0.0, 0)),
     ):
