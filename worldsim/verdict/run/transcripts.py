@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from worldsim.lifecycle import process_name
@@ -33,30 +33,29 @@ class TranscriptsAgree(Check):
             return self._not_judged("the journal holds none; the run was in one process, or its version kept none")
         self._messages = 0
         self._left_out = []
-        problems = [problem for note in end.notes["transcripts"] for problem in self._compare(note)]
+        try:
+            problems = [problem for note in end.notes["transcripts"] for problem in self._compare(note)]
+        except (TypeError, KeyError, ValueError):
+            problems = ["what the journal holds cannot be read"]
         self._fail("; ".join(problems))
         return super().result()
 
-    def _compare(self, note: Mapping[str, Any]) -> Iterable[str]:
+    def _compare(self, note: Any) -> Iterator[str]:
         """The differences between the transcripts of one process and the world."""
-        robot, asked = note["robot"], note["asked"]
-        name = process_name(self._run.names.get(robot, str(robot)), note["incarnation"])
-        self._messages += note["messages"]
+        asked, messages = int(note["asked"]), int(note["messages"])
+        name = process_name(self._run.names.get(note["robot"], str(note["robot"])), int(note["incarnation"]))
+        self._messages += messages
         compared = -1
-        for first, last, heard, told, sent, acted_on in _in_order(note["spans"]):
-            compared = max(compared, last)
-            ticks = f"ticks {first} to {last}"
+        for first, last, heard, told, sent, acted_on in sorted(note["spans"]):
+            compared = max(compared, int(last))
+            ticks = f"{name}: in ticks {int(first)} to {int(last)}"
             if heard != told:
-                yield f"{name}: in {ticks} the robot acted on phases that the world had not sent"
+                yield f"{ticks} the robot acted on phases that the world had not sent"
             if sent != acted_on:
-                yield f"{name}: in {ticks} the world acted on replies that the robot had not sent"
+                yield f"{ticks} the world acted on replies that the robot had not sent"
         if compared < asked:
             self._left_out.append(f"{name} from tick {compared + 1}")
 
     def _good(self) -> str:
         left_out = f"; not compared: {', '.join(self._left_out)}" if self._left_out else ""
         return f"the same by the robots and the world, {self._messages} messages{left_out}"
-
-
-def _in_order(spans: Iterable[Any]) -> list[tuple[int, int, str, str, str, str]]:
-    return sorted((first, last, *hashes) for first, last, *hashes in spans)
