@@ -55,6 +55,8 @@ UNGREETED_S = 1.0
 _POLL_S = 0.2
 _PAUSE_S = 2.0
 _BACKLOG = 256
+_OFFERS = 8
+"""Worlds that a robot answers at most, until one of them has begun a tick: somebody else may greet it too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +131,7 @@ class SimRobot:
         self._own_news = now()
         self._last_news = self._last_said = self._checked = now()
         self._tell_at = now() + TELL_S[0]
-        self._proofs: TickProofs | None = None
+        self._offers: dict[int, TickProofs] = {}  # by run, until a phase of one of them has come
         self._transcript = RobotTranscript()
         self._k = -1
         self._heard_k = -1
@@ -264,11 +266,18 @@ class SimRobot:
     def _is_for_me(self, message: PhaseA | PhaseB | Stop) -> bool:
         if (message.incarnation, message.instance) != (self._identity.incarnation, self._identity.instance):
             return False
-        turned_away = self._run is None and isinstance(message, Stop)
-        return turned_away or message.run == self._run
+        turned_away = not self._offers and isinstance(message, Stop)
+        return turned_away or message.run in self._offers
 
     def _has_begun(self, message: PhaseA | PhaseB) -> bool:
-        return self._proofs is not None and self._proofs.accepts(message.k + 1, message.proof)
+        """Whether a message's tick has begun; the first run that proves one is this robot's own."""
+        proofs = self._offers[message.run]
+        if not proofs.accepts(message.k + 1, message.proof):
+            return False
+        if self._run is None and isinstance(message, PhaseA):
+            self._run = message.run
+            self._offers = {message.run: proofs}
+        return True
 
     def _obey(self, message: PhaseA | PhaseB | Stop) -> None:
         match message:
@@ -301,19 +310,21 @@ class SimRobot:
             else:
                 self._leave("another world has taken over this fleet", orderly=False)
             return
-        if self._run is None:
-            self._run = message.run
-            self._proofs = TickProofs(message.k, message.proof, message.stride, self._now)
+        if message.run not in self._offers:
+            self._offers[message.run] = TickProofs(message.k, message.proof, message.stride, self._now)
+        if len(self._offers) > _OFFERS:
+            del self._offers[next(iter(self._offers))]
         self._hear_own_world()
-        self._say_hello()
+        self._say_hello(message.run)
 
     def _hear_own_world(self) -> None:
         self._last_news = self._own_news = self._now()
         self._unbroken = True
 
-    def _say_hello(self) -> None:
+    def _say_hello(self, run: int) -> None:
         self._last_said = self._now()
-        self._post(encode(HelloReply(*self._head(max(self._k, 0)), self._identity.scenario)))
+        incarnation, instance, k, _ = self._head(max(self._k, 0))
+        self._post(encode(HelloReply(incarnation, instance, k, run, self._identity.scenario)))
 
     def _mind_the_silence(self) -> None:
         """After a silence, ask whether this robot still belongs to the run, or leave when the world is lost.
@@ -329,9 +340,9 @@ class SimRobot:
         silent_s = now - self._last_news
         if not self._world_present and silent_s > self._patience_s:
             self._leave(f"no world for {silent_s:.0f} s", orderly=False)
-        elif min(silent_s, now - self._last_said) > (UNGREETED_S if self._run is None else SILENCE_S):
-            self._say_hello()
-            if (self._run is None or not self._world_present) and now >= self._tell_at:
+        elif min(silent_s, now - self._last_said) > (SILENCE_S if self._offers else UNGREETED_S):
+            self._say_hello(NO_RUN if self._run is None else self._run)
+            if (not self._offers or not self._world_present) and now >= self._tell_at:
                 self._tell_at = now + TELL_S[1]
                 self._waiting(silent_s)
 
@@ -345,7 +356,8 @@ class SimRobot:
             self._answer = None
 
     def _head(self, k: int) -> tuple[int, int, int, int]:
-        return self._identity.incarnation, self._identity.instance, k, NO_RUN if self._run is None else self._run
+        run = next(reversed(self._offers), NO_RUN) if self._run is None else self._run
+        return self._identity.incarnation, self._identity.instance, k, run
 
     def _report(self, until: int) -> None:
         """Report to the world what was sent and acted on, complete up to a tick."""

@@ -8,9 +8,10 @@ import pytest
 
 from patrol.exchange import Sensed
 from patrol.net.phases import ANYONE, NO_RUN, PhaseA, PhaseB, ReplyA, ReplyB, Report, Stop, decode_to_world, encode
+from patrol.net.tick_chain import TickChain
 from patrol.net.transcripts import LAST, LINES, Line, digest_of
 from patrol.pose import Velocity
-from tests.agent.robots.test_sim import CHAIN, POSE, RUN, Scene, a, b
+from tests.agent.robots.test_sim import CHAIN, POSE, RUN, Scene, a, b, hello
 
 
 def test_messages_of_another_run_are_counted_and_ignored() -> None:
@@ -38,6 +39,29 @@ def test_who_was_not_greeted_can_be_turned_away() -> None:
     assert scene.robot.sense() is None
     assert scene.robot.farewell == "another process is r1 already"
     assert scene.mailbox.refused == {"stranger": 1}
+
+
+def test_a_forged_greeting_does_not_keep_a_robot_from_its_own_world() -> None:
+    """Whoever greets it is answered, and the first who begins a tick has it."""
+    scene = Scene(greeted=False)
+    forged = TickChain(b"another", 100)
+    scene.tell(replace(hello(6), proof=forged.proof(0)), hello(RUN), replace(hello(7), proof=forged.proof(0)))
+    scene.tell(replace(a(0), run=6), replace(a(0), run=7))  # proofs of the other run
+    assert scene.tick(0, (b"x",)) == [b"x"]
+    assert [message.run for message in scene.sent[:3]] == [6, RUN, 7]
+    assert scene.mailbox.refused == {"ahead": 2}
+    scene.world(present=True)
+    scene.tell(hello(6), replace(a(1), run=6, proof=forged.proof(2)))
+    assert scene.tick(1, (b"x",)) == [b"x"]
+    assert scene.mailbox.refused == {"ahead": 2, "stranger": 2}
+
+
+def test_greetings_without_end_take_a_bounded_memory() -> None:
+    scene = Scene(greeted=False)
+    for run in range(100, 200):
+        scene.tell(hello(run))
+    scene.tell(hello(RUN))
+    assert scene.tick(0, (b"x",)) == [b"x"]
 
 
 @pytest.mark.parametrize("ahead", [1, 50, 10**6, 2**31 - 4])
