@@ -22,6 +22,7 @@ from patrol.errors import BadInput
 from patrol.net.keys import is_group
 from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
+from patrol.net.queries import all_answers
 
 LEASE_S = 60.0
 """A client that is silent for so long is gone for the router; longer than a paused robot may take to answer."""
@@ -43,8 +44,6 @@ _SOCKET = 65536
 _QUEUE = 16
 """Messages that may wait to be sent, the most that Zenoh allows. With its 2 a busy machine dropped, of what may be, one
 in seven from the third of a burst on: at a pace, only the first two robots of a fleet received every pose."""
-_OVER = ""
-"""The key of the mailbox's message that no more answers come."""
 _DROP_US = 100
 """How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
 
@@ -190,39 +189,8 @@ class Link:
         return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
 
     def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
-        """The answers of all who answer a query, as they come.
-
-        A query goes by itself to whoever seems nearest, who need not be whom it is for. So this one goes to all, and
-        the caller has to know a right answer from others.
-
-        Args:
-            key: to query.
-            payload: of the query.
-            longest: bytes of the longest answer that is wanted; longer ones are dropped.
-            wait_s: how long to wait for answers.
-        """
-        waiting: Mailbox[bytes] = Mailbox([key, _OVER], bytes, longest)
-
-        def receive(reply: zenoh.Reply) -> None:
-            if reply.ok is not None:
-                waiting.deliver(key, reply.ok.payload)
-
-        self._session.get(
-            key,
-            zenoh.handlers.Callback(receive, lambda: waiting.put(_OVER, b""), indirect=False),
-            payload=payload,
-            timeout=wait_s,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            priority=zenoh.Priority.DATA_HIGH,
-        )
-        until = time.monotonic() + wait_s
-        over = False
-        while (arrived := waiting.get(0.0 if over else max(until - time.monotonic(), 0.0))) is not None:
-            if arrived[0] == _OVER:
-                over = True
-            else:
-                yield arrived[1]
+        """All answers to a query (`patrol.net.queries.all_answers`)."""
+        return all_answers(self._session, key, payload, longest, wait_s)
 
     def live(self, key: str) -> None:
         """Declare a liveliness token, which ends with this process or its link.
