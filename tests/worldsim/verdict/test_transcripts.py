@@ -36,11 +36,14 @@ def note(robot: int, *spans: list[Any], incarnation: int = 1, asked: int = TICKS
     return {"robot": robot, "incarnation": incarnation, "asked": asked, "messages": 48, "spans": list(spans)}
 
 
-def test_a_run_without_processes_has_none(result: Result) -> None:
+def test_only_runs_of_processes_have_some(result: Result) -> None:
     world, journal = result
-    check = result_of(TranscriptsAgree, world.prepared, journal)
+    assert not [check for check in judge(journal, {}, world.prepared).checks if check.name == "transcripts"]
+    (check,) = (
+        check for check in judge(journal, {"the world": 0}, world.prepared).checks if check.name == "transcripts"
+    )
     assert (check.ok, check.judged) == (True, False)
-    assert check.detail == "the journal holds none; the run was in one process, or its version kept none"
+    assert check.detail == "not judged: the journal holds none, as those of earlier versions"
 
 
 def test_two_that_agree_are_good(result: Result) -> None:

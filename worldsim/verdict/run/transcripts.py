@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from worldsim.lifecycle import process_name
@@ -10,6 +10,8 @@ from worldsim.verdict.common.check import Check, CheckResult
 
 if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
+
+_NOTE = "transcripts"
 
 
 class TranscriptsAgree(Check):
@@ -26,15 +28,20 @@ class TranscriptsAgree(Check):
         self._messages = 0
         self._left_out: list[str] = []
 
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where the robots were processes."""
+        return run.processes or _NOTE in _notes(run)
+
     def result(self) -> CheckResult:
         """The result, once all ticks are in and the journal has ended."""
-        end = self._run.journal.end
-        if end is None or "transcripts" not in end.notes:
-            return self._not_judged("the journal holds none; the run was in one process, or its version kept none")
+        notes = _notes(self._run)
+        if _NOTE not in notes:
+            return self._not_judged("not judged: the journal holds none, as those of earlier versions")
         self._messages = 0
         self._left_out = []
         try:
-            problems = [problem for note in end.notes["transcripts"] for problem in self._compare(note)]
+            problems = [problem for note in notes[_NOTE] for problem in self._compare(note)]
         except (TypeError, KeyError, ValueError):
             problems = ["what the journal holds cannot be read"]
         self._fail("; ".join(problems))
@@ -59,3 +66,7 @@ class TranscriptsAgree(Check):
     def _good(self) -> str:
         left_out = f"; not compared: {', '.join(self._left_out)}" if self._left_out else ""
         return f"the same by the robots and the world, {self._messages} messages{left_out}"
+
+
+def _notes(run: JudgedRun) -> Mapping[str, Any]:
+    return {} if run.journal.end is None else run.journal.end.notes
