@@ -153,7 +153,7 @@ class SimRobot:
             if (arrived := self._mailbox.get()) is None:
                 break
             self._take(arrived[1])
-        if self._transcript.due:
+        if self._transcript.due and self._k >= 0:
             self._report(self._k)
         phase, self._next = self._next, None
         self._transcript.note(phase.k, PHASE_A, phase.digest)
@@ -361,8 +361,8 @@ class SimRobot:
 
     def _report(self, until: int) -> None:
         """Report to the world what was sent and acted on, complete up to a tick."""
-        for complete, lines in self._transcript.report(until):
-            self._post(encode(Report(*self._head(max(complete, 0)), lines)))
+        for first, last, lines in self._transcript.report(until):
+            self._post(encode(Report(*self._head(last), first, lines)))
 
     def _leave(self, reason: str, *, orderly: bool) -> None:
         if not self.farewell:

@@ -188,9 +188,11 @@ class Report(Head):
     """What the robot has sent and acted on since its last report, complete up to tick k.
 
     Attributes:
+        since: The first tick for which it is complete.
         lines: By tick.
     """
 
+    since: int
     lines: tuple[Line, ...]
 
 
@@ -266,7 +268,7 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
         case Failed():
             kind, body = _FAILED, [message.reason[:_MAX_REASON]]
         case Report():
-            kind, body = _REPORT, [[[line.k, *line.digests] for line in message.lines]]
+            kind, body = _REPORT, [message.since, [[line.k, *line.digests] for line in message.lines]]
     return kind, body
 
 
@@ -353,10 +355,10 @@ def _command_in(model: object, first: float, second: float) -> Command:
 
 
 def _report(values: list[Any]) -> Report:
-    lines = values[4]
+    lines = values[5]
     if type(lines) is not list or len(lines) > MAX_LINES:
         raise Malformed(f"lines are an array of at most {MAX_LINES}")
-    return Report(*_head(values), tuple(map(_line, lines)))
+    return Report(*_head(values), _whole(values[4], _MAX_COUNT), tuple(map(_line, lines)))
 
 
 def _line(values: object) -> Line:
@@ -414,5 +416,5 @@ _TO_WORLD: Mapping[int, tuple[int, Callable[[Any], ToWorld]]] = {
     _PHASE_A: (1, _reply_a),
     _PHASE_B: (7, _reply_b),
     _FAILED: (1, lambda values: Failed(*_head(values), _text(values[4], _MAX_REASON))),
-    _REPORT: (1, _report),
+    _REPORT: (2, _report),
 }

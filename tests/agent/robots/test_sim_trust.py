@@ -115,7 +115,7 @@ def test_it_reports_what_it_has_sent_and_acted_on_every_few_ticks_and_when_it_le
     messages = [decode_to_world(payload) for payload in payloads]
     first, last = (message for message in messages if isinstance(message, Report))
     assert [line.k for line in (*first.lines, *last.lines)] == list(range(LINES + 3))
-    assert (first.k, last.k) == (first.lines[-1].k, LAST)
+    assert (first.since, first.k, last.since, last.k) == (0, first.lines[-1].k, first.k + 1, LAST)
     assert LINES - 1 <= len(first.lines) <= LINES
     sent = {(type(message), message.k): payload for message, payload in zip(messages, payloads, strict=True)}
     told_a, told_b = digest_of(encode(a(3))), digest_of(encode(b(3, (b"3",))))

@@ -76,7 +76,7 @@ to_world: st.SearchStrategy[ToWorld] = st.one_of(
         ),
     ),
     st.builds(Failed, *heads, words),
-    st.builds(Report, *heads, st.lists(lines, max_size=MAX_LINES).map(tuple)),
+    st.builds(Report, *heads, counts, st.lists(lines, max_size=MAX_LINES).map(tuple)),
 )
 junk = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=80) | st.text(),
@@ -165,11 +165,11 @@ def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.D
         msgpack.packb([0, 1, 1, 0, 9, bytes(16), 0]),
         msgpack.packb([0, 1, 1, 0, -9, bytes(16), 1]),
         msgpack.packb([3, 1, 1, 0, 9, True, "\x1b[2J"]),
-        msgpack.packb([4, 1, 1, 0, 9, [[0, b"", b"", b""]]]),
-        msgpack.packb([4, 1, 1, 0, 9, [[-1, b"", b"", b"", b""]]]),
-        msgpack.packb([4, 1, 1, 0, 9, [[0, b"", b"", b"", b"x" * (MAX_DIGESTS * DIGEST + 1)]]]),
-        msgpack.packb([4, 1, 1, 0, 9, [[0, b"", b"", b"", b""]] * (MAX_LINES + 1)]),
-        msgpack.packb([4, 1, 1, 0, 9, {"lines": []}]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b""]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[-1, b"", b"", b"", b""]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b"", b"x" * (MAX_DIGESTS * DIGEST + 1)]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b"", b""]] * (MAX_LINES + 1)]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, {"lines": []}]),
     ],
 )
 def test_hostile_bytes_are_malformed(payload: bytes) -> None:
@@ -214,7 +214,7 @@ def test_a_phase_a_says_one_tick_only() -> None:
 def test_the_longest_report_fits_into_a_message() -> None:
     digest = bytes(MAX_DIGESTS * DIGEST)
     line = Line(2**31 - 1, (digest, digest, digest, digest))
-    report = Report(2**31 - 1, 2**63 - 1, 2**31 - 1, 2**63 - 1, (line,) * MAX_LINES)
+    report = Report(2**31 - 1, 2**63 - 1, 2**31 - 1, 2**63 - 1, 2**31 - 1, (line,) * MAX_LINES)
     assert len(encode(report)) <= MAX_REPLY
 
 

@@ -107,7 +107,7 @@ def reported(net: Net, number: int) -> None:
             me = (1, 70 + number, message.k, RUN)
             own = Reply(Velocity(float(message.k), 0.0), "patrolling", None, 2.0, 0)
             line[2 + b] = digest_of(encode(ReplyB(*me, own) if b else ReplyA(*me, (b"frame",))))
-    report = Report(1, 70 + number, LAST, RUN, tuple(Line(k, (a, b, c, d)) for k, (a, b, c, d) in lines.items()))
+    report = Report(1, 70 + number, LAST, RUN, 0, tuple(Line(k, (a, b, c, d)) for k, (a, b, c, d) in lines.items()))
     net.deliver(number, report)
 
 
@@ -148,7 +148,7 @@ def test_a_report_of_a_stranger_is_refused() -> None:
     fleet = fleet_of(net)
     fleet.phase_a(0, sensed(0))
     for head in ((1, 5, 0, RUN), (2, 71, 0, RUN), (1, 71, 0, RUN + 1)):
-        net.deliver(1, Report(*head, ()))
+        net.deliver(1, Report(*head, 0, ()))
         net.sessions.take(0.0)
     assert net.refused == {"stranger": 3}
 
@@ -158,7 +158,7 @@ def test_the_world_waits_a_little_for_the_last_reports_and_no_longer() -> None:
     fleet = fleet_of(net)
     fleet.phase_a(0, sensed(0))
     for number in NAMES:
-        net.deliver(number, Report(1, 70 + number, LAST, RUN, ()), 0.2)
+        net.deliver(number, Report(1, 70 + number, LAST, RUN, 0, ()), 0.2)
     fleet.finish(1)
     assert [len(found) for found in spans(net).values()] == [1, 1, 1]
     assert not net.letters

@@ -32,8 +32,9 @@ def noted(result: Result, transcripts: Any) -> CheckResult:
     return result_of(TranscriptsAgree, world.prepared, journal)
 
 
-def note(robot: int, *spans: list[Any], incarnation: int = 1, asked: int = TICKS - 1) -> dict[str, Any]:
-    return {"robot": robot, "incarnation": incarnation, "asked": asked, "messages": 48, "spans": list(spans)}
+def note(robot: int, *spans: list[Any], incarnation: int = 1, missed: int = 0) -> dict[str, Any]:
+    counts = {"asked": TICKS - 1, "messages": 48, "missed": missed}
+    return {"robot": robot, "incarnation": incarnation, **counts, "spans": list(spans)}
 
 
 def test_only_runs_of_processes_have_some(result: Result) -> None:
@@ -53,9 +54,10 @@ def test_two_that_agree_are_good(result: Result) -> None:
 
 
 def test_what_was_not_compared_is_said(result: Result) -> None:
-    check = noted(result, [note(1, [0, 7, *SAME]), note(2), note(2, [4, 11, *SAME], incarnation=2)])
+    check = noted(result, [note(1, [0, 7, *SAME]), note(2), note(2, [4, 11, *SAME], incarnation=2, missed=3)])
     assert check.ok
-    assert check.detail.endswith("; not compared: r1 from tick 8, r2 from tick 0")
+    left_out = "r1 from tick 8, r2 from tick 0, 3 replies of r2 (2), whose reports were lost"
+    assert check.detail.endswith(f"; not compared: {left_out}")
 
 
 @pytest.mark.parametrize(

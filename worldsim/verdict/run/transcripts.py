@@ -49,7 +49,7 @@ class TranscriptsAgree(Check):
 
     def _compare(self, note: Any) -> Iterator[str]:
         """The differences between the transcripts of one process and the world."""
-        asked, messages = int(note["asked"]), int(note["messages"])
+        asked, messages, missed = int(note["asked"]), int(note["messages"]), int(note["missed"])
         name = process_name(self._run.names.get(note["robot"], str(note["robot"])), int(note["incarnation"]))
         self._messages += messages
         compared = -1
@@ -60,6 +60,8 @@ class TranscriptsAgree(Check):
                 yield f"{ticks} the robot acted on phases that the world had not sent"
             if sent != acted_on:
                 yield f"{ticks} the world acted on replies that the robot had not sent"
+        if missed:
+            self._left_out.append(f"{missed} replies of {name}, whose reports were lost")
         if compared < asked:
             self._left_out.append(f"{name} from tick {compared + 1}")
 
