@@ -95,11 +95,6 @@ class Secrets:
         return self._file(robot_role(name))
 
     @property
-    def token(self) -> str:
-        """The operators' token."""
-        return self._token
-
-    @property
     def of_world(self) -> Path:
         """The credentials of the world."""
         return self._file(WORLD_ROLE)
