@@ -37,7 +37,8 @@ from tests.hostile.files.strange_files import (
 SWEEP = "base: {terrain: {builtin: open}, point: 2, duration: 10}\ngrid: {robots.count: [1, 2]}\nseeds: [1, 2]\n"
 
 fuzz = partial(settings, deadline=None, suppress_health_check=list(HealthCheck))
-often = pytest.mark.parametrize("examples", [100, pytest.param(5000, marks=pytest.mark.accept)])
+LONG = (pytest.mark.accept, pytest.mark.timeout(7200))
+often = pytest.mark.parametrize("examples", [100, pytest.param(2000, marks=LONG)])
 
 
 @often
