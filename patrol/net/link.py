@@ -261,7 +261,7 @@ class Link:
 def _answers(query: zenoh.Query, key: str) -> Post:
     def answer(payload: bytes) -> None:
         with query:
-            query.reply(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+            query.reply(key, payload)
 
     return answer
 
