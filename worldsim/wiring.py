@@ -33,6 +33,7 @@ from worldsim.output.feed_publisher import MOST_ASKING, Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
 from worldsim.requests import ControlMailbox, keep_timeline
+from worldsim.run_record import recording
 from worldsim.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -202,8 +203,9 @@ class Wiring:
         to_metrics, to_events = (self.outward.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
 
         def on_tick(record: TickRecord) -> None:
-            recorder.tick(record)
-            table.tick(record)
+            with recording(self.options.out):
+                recorder.tick(record)
+                table.tick(record)
             metrics, notices = progress.tick(record)
             for notice in notices:
                 to_events(pack_view(notice))
@@ -213,7 +215,8 @@ class Wiring:
             between()
 
         def on_event(event: Event) -> None:
-            recorder.event(event)
+            with recording(self.options.out):
+                recorder.event(event)
             notice = progress.event(event)
             to_events(pack_view(notice))
             self.say(
