@@ -351,7 +351,10 @@ def _result(
     from worldsim.run_record import INTERRUPTED
 
     asked = options.stop()
-    folder.write_summary(summary)
+    try:
+        folder.write_summary(summary)
+    except OSError as error:
+        options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     step = prepared.scenario.step
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
     if options.draw and len(mfow_s) and not options.urgent():
