@@ -246,7 +246,6 @@ OWN_FILES = {
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
     "fogwatch/certificates.py": "the certificate of the authority that it has made",
-    "fogwatch/cli/app.py": "the null device",
     "fogwatch/launch/children.py": "logs of its own children",
     "fogwatch/launch/launcher.py": "the kernel's facts about its own children",
     "monitor/report/html.py": "data of the package",
