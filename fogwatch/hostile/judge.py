@@ -48,9 +48,9 @@ class Seen:
 def problems(spell: Spell, seen: Seen) -> list[str]:
     """What is wrong, one line each; nothing where the fleet has held out.
 
-    A stranger with no secret, or with a viewer's credentials, changes nothing: the verdict is valid, and in lockstep the
-    trace is that of the run without it. One with a robot's credentials may speak for that robot. Then the verdict names
-    the robot and no other, or it is valid and the trace in lockstep is the same.
+    A stranger with no secret, or with a viewer's credentials, changes nothing: the verdict is valid, and in lockstep
+    the trace is that of the run without it. One with a robot's credentials may speak for that robot. Then the verdict
+    names the robot and no other, or it is valid and the trace in lockstep is the same.
 
     Args:
         spell: The spell.

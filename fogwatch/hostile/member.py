@@ -154,9 +154,8 @@ class Member:
 
     def pretend(self, dice: Draws) -> Counter[str]:
         """Declare and withdraw the liveliness tokens of everybody."""
-        tokens: list[Any] = []
-        for name in dice.shuffled([WORLD, *self.door.robots]) * 3:
-            tokens.append(self._session.liveliness().declare_token(self.door.keys.alive(name)))
+        names = dice.shuffled([WORLD, *self.door.robots]) * 3
+        tokens: list[Any] = [self._session.liveliness().declare_token(self.door.keys.alive(name)) for name in names]
         time.sleep(FOR_S / 2)
         for token in tokens:
             token.undeclare()
@@ -184,7 +183,10 @@ class Member:
         def receive(sample: zenoh.Sample) -> None:
             match self._note(sample.payload.to_bytes()):
                 case PhaseA(incarnation, instance, k, run) as a:
-                    answers: list[ReplyA | ReplyB] = [ReplyA(incarnation, instance, k, run, ()), forged_command(a, drive)]
+                    answers: list[ReplyA | ReplyB] = [
+                        ReplyA(incarnation, instance, k, run, ()),
+                        forged_command(a, drive),
+                    ]
                 case PhaseB() as b:
                     answers = [forged_command(b, drive)]
                 case _:

@@ -1,4 +1,4 @@
-"""What a stranger sends: noise, changed copies of genuine messages, and messages that are right but for what they say."""
+"""What a stranger sends: noise, changed copies of genuine messages, and well-formed messages that lie."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _EXTREMES = (
     b"\x91" * 400,
     b"\xc7\x01\x05\x00",
 )
-"""Pieces of msgpack that decoders have met badly: endless arrays, maps and bytes, no numbers, deep nesting, extensions."""
+"""Hard pieces of msgpack: endless arrays, maps and bytes, no numbers, deep nesting, extensions."""
 _CLEAR = "\x1b[2J"
 _LEAPS = (0, 1, 7, 10**6, 2**31 - 1)
 _MANY = 2000
@@ -101,36 +101,32 @@ def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA |
     pose = Pose(dice.between(-50.0, 50.0), dice.between(-50.0, 50.0), 0.0)
     frame = noise(dice, 60)
     drive = Velocity(dice.between(-1.0, 1.0), dice.between(-1.0, 1.0))
-    match dice.whole(0, 10):
-        case 0:
-            sensed = Sensed(k, pose, False, (), k * 0.5)
-            return keys.tick(name), encode(PhaseA(incarnation, instance, k, run, sensed, proof))
-        case 1:
-            return keys.tick(name), encode(PhaseB(incarnation, instance, k, run, (frame,)))
-        case 2:
-            stop = Stop(incarnation, dice.choice(ANYONE, instance), k, run, dice.choice(True, False), "go home")
-            return keys.tick(name), encode(stop)
-        case 3:
-            hashed = dice.choice("a", "d") * 64
-            reply = HelloReply(dice.whole(1, 3), dice.whole(0, 2**62), k, dice.choice(0, run), hashed)
-            return keys.reply(name), encode(reply)
-        case 4:
-            return keys.reply(name), encode(ReplyA(incarnation, instance, k, run, (frame,)))
-        case 5:
-            return keys.reply(name), encode(forged_command(ReplyA(*head, ()), drive))
-        case 6:
-            return keys.reply(name), encode(Failed(incarnation, instance, k, run, "I cannot go on"))
-        case 7:
-            rows = tuple(RobotView(f"{_CLEAR}{name}", int(Status.DEAD), "", math.nan, 1e308, 0.0) for name in robots)
-            metrics = Metrics(dice.choice(0, 1), 1, 0.0, 0.0, 0.0, 0.0, 2.0, 5e-324, rows)
-            return keys.truth(METRICS), pack_view(metrics)
-        case 8:
-            return keys.truth(EVENTS), pack_view(Notice(2**62, "lost", name, f"{_CLEAR}{name} is lost"))
-        case 9:
-            records = (msgpack.packb([1, 2**62, {}]), b"\x80" * dice.whole(1, _MANY))
-            return keys.truth(TICKS), batch_bytes(Batch(dice.whole(0, 2**52), records, True, math.inf))
-        case _:
-            return keys.position(name), frame
+    sensed = Sensed(k, pose, False, (), k * 0.5)
+    stop = Stop(incarnation, dice.choice(ANYONE, instance), k, run, dice.choice(True, False), "go home")
+    seat = HelloReply(dice.whole(1, 3), dice.whole(0, 2**62), k, dice.choice(0, run), dice.choice("a", "d") * 64)
+    rows = tuple(RobotView(f"{_CLEAR}{robot}", int(Status.DEAD), "", math.nan, 1e308, 0.0) for robot in robots)
+    metrics = Metrics(dice.choice(0, 1), 1, 0.0, 0.0, 0.0, 0.0, 2.0, 5e-324, rows)
+    records = (msgpack.packb([1, 2**62, {}]), b"\x80" * dice.whole(1, _MANY))
+    batch = Batch(dice.whole(0, 2**52), records, True, math.inf)
+    to_robot = (
+        PhaseA(incarnation, instance, k, run, sensed, proof),
+        PhaseB(incarnation, instance, k, run, (frame,)),
+        stop,
+    )
+    to_world = (
+        seat,
+        ReplyA(incarnation, instance, k, run, (frame,)),
+        forged_command(ReplyA(*head, ()), drive),
+        Failed(incarnation, instance, k, run, "I cannot go on"),
+    )
+    return dice.choice(
+        *((keys.tick(name), encode(message)) for message in to_robot),
+        *((keys.reply(name), encode(message)) for message in to_world),
+        (keys.truth(METRICS), pack_view(metrics)),
+        (keys.truth(EVENTS), pack_view(Notice(2**62, "lost", name, f"{_CLEAR}{name} is lost"))),
+        (keys.truth(TICKS), batch_bytes(batch)),
+        (keys.position(name), frame),
+    )
 
 
 def forged_command(head: ReplyA | PhaseA | PhaseB, drive: Velocity) -> ReplyB:
@@ -142,4 +138,3 @@ def forged_command(head: ReplyA | PhaseA | PhaseB, drive: Velocity) -> ReplyB:
     """
     reply = Reply(drive, "patrolling", None, 1.0, 0)
     return ReplyB(head.incarnation, head.instance, head.k, head.run, reply)
-
