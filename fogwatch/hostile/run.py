@@ -60,6 +60,8 @@ class Stranger:
         command = [sys.executable, "-P", "-m", "fogwatch.hostile.stranger", "--run", str(self._run)]
         command += ["--robots", robots, "--holds", self._spell.holds.name, "--victim", self._spell.victim]
         command += ["--seed", str(self._spell.seed), "--lifeline", str(self._lifeline[0])]
+        for attack in self._spell.only:
+            command += ["--only", attack]
         with self._log.open("wb") as output:
             self._process = subprocess.Popen(
                 command,

@@ -10,7 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -111,7 +111,8 @@ class HostileSession:
         kept = self._folder / folder.name
         self._folder.mkdir(parents=True, exist_ok=True)
         shutil.move(folder, kept)
-        (kept / REPORT).write_text(f"{json.dumps(asdict(seen), indent=2)}\n", encoding="utf-8")
+        says = asdict(replace(seen, counts=dict(seen.counts)))  # asdict cannot copy a Counter
+        (kept / REPORT).write_text(f"{json.dumps(says, indent=2)}\n", encoding="utf-8")
         return kept
 
     def _sum_up(self) -> None:

@@ -41,6 +41,7 @@ class Spell:
         victim: The robot whose credentials the stranger holds, or whose name it uses first.
         page: Whether the run has a page.
         scenario: The fleet's scenario.
+        only: Names of the attacks that the stranger makes; empty for all that it can.
     """
 
     seed: int
@@ -48,6 +49,7 @@ class Spell:
     victim: str
     page: bool
     scenario: Scenario
+    only: tuple[str, ...] = ()
 
     @property
     def lockstep(self) -> bool:

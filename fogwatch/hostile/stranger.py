@@ -18,7 +18,7 @@ from pathlib import Path
 from fogwatch.hostile.door import Door, begin_well, knock, say_nothing, send_noise
 from fogwatch.hostile.member import Member
 from fogwatch.hostile.spell import ATTACKS, Holds, role_of_stranger
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean
 from patrol.net.access import FILE, credentials_at
 from patrol.net.credentials import read_object
 from patrol.net.keys import fleet_keys
@@ -44,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ending = heed(options.lifeline)
     try:
         attacks = _attacks(options.run, tuple(options.robots.split(",")), Holds[options.holds], options.victim)
+        attacks = _chosen(attacks, options.only)
     except BadInput as bad:
         print(f"stranger: {bad}", file=sys.stderr)
         return 2
@@ -87,6 +88,13 @@ def _attacks(run: Path, robots: tuple[str, ...], holds: Holds, victim: str) -> M
     return attacks | ({"false answers": member.impersonate} if role.robot else {})
 
 
+def _chosen(attacks: Mapping[str, Attack], only: Sequence[str]) -> Mapping[str, Attack]:
+    for name in only:
+        if name not in attacks:
+            raise BadInput(f"--only {name}: {did_you_mean(name, list(attacks))}")
+    return {name: attack for name, attack in attacks.items() if not only or name in only}
+
+
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m fogwatch.hostile.stranger", description="Attack a running fleet (see fogwatch chaos --hostile)."
@@ -96,6 +104,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--holds", required=True, choices=[holds.name for holds in Holds], help="what it holds")
     parser.add_argument("--victim", required=True, metavar="NAME", help="the robot whose credentials it holds")
     parser.add_argument("--seed", type=int, required=True, help="decides the attacks")
+    parser.add_argument("--only", action="append", default=[], metavar="NAME", help="make this attack; may be repeated")
     parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
     return parser.parse_args(arguments)
 

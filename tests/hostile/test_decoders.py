@@ -33,6 +33,7 @@ from patrol.net.feed import (
     Ground,
     SoFar,
     batch_bytes,
+    longest_record,
     read_batch,
     read_so_far,
     so_far_bytes,
@@ -178,7 +179,9 @@ DECODERS: Mapping[str, Decoder] = {
     ),
     "batches": Decoder(read_batch, Garbled, MAX_BATCH, (batch_bytes(Batch(3, (b"one", b"two"), True, 2.0)),)),
     "answers to viewers": Decoder(read_so_far, Garbled, MAX_SO_FAR, (answer_so_far(),)),
-    "records": Decoder(unpack, ValueError, 1 << 18, (pack(Event(3, "dead", 1, "killed")), pack(Event(4, "x", None)))),
+    "records": Decoder(
+        unpack, ValueError, longest_record(ROBOTS), (pack(Event(3, "dead", 1, "killed")), pack(Event(4, "x", None)))
+    ),
     "metrics": Decoder(read_metrics, Unreadable, longest_metrics(ROBOTS), (pack_view(METRICS),)),
     "notices": Decoder(read_notice, Unreadable, MAX_NOTICE, (pack_view(Notice(3, "lost", "r1", "it is gone")),)),
     "telemetry": Decoder(read_telemetry, Unreadable, MAX_NOTICE, (pack_view(TELEMETRY),)),
