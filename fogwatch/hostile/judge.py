@@ -30,6 +30,8 @@ class Seen:
         crashes: Names of logs with a traceback.
         growth_mb: The most memory that each process took beyond that of its start, MB.
         counts: What the stranger did, and what came of it.
+        ticks: Ticks done.
+        longest_s: The longest wall time between two ticks, s.
         stranger: What the stranger itself said when it could not go on; empty where it could.
     """
 
@@ -42,6 +44,8 @@ class Seen:
     crashes: Sequence[str] = ()
     growth_mb: Mapping[str, float] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=Counter)
+    ticks: int = 0
+    longest_s: float = 0.0
     stranger: str = ""
 
 

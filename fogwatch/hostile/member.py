@@ -14,7 +14,7 @@ from typing import Any
 import zenoh
 
 from fogwatch.hostile.door import Door
-from fogwatch.hostile.payloads import all_keys, changed, forged, forged_command, noise
+from fogwatch.hostile.payloads import all_keys, changed, forged, forged_command, forged_farewell, noise
 from patrol.net.control_auth import ASK, CHALLENGE
 from patrol.net.keys import ROOT, WORLD
 from patrol.net.phases import Malformed, PhaseA, PhaseB, ReplyA, ReplyB, decode_to_robot, encode
@@ -200,6 +200,12 @@ class Member:
             time.sleep(FOR_S)
         reply.undeclare()
         return counts
+
+    def farewell(self, dice: Draws) -> Counter[str]:
+        """Say in the robot's name that it cannot go on."""
+        if self._newest is None:
+            return self.listen(dice)
+        return self._send([(self.door.keys.reply(self.role.robot), encode(forged_farewell(self._newest)))])
 
     # --- how ---------------------------------------------------------------------------------------------------------
 

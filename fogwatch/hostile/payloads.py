@@ -117,7 +117,6 @@ def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA |
         seat,
         ReplyA(incarnation, instance, k, run, (frame,)),
         forged_command(ReplyA(*head, ()), drive),
-        Failed(incarnation, instance, k, run, "I cannot go on"),
     )
     return dice.choice(
         *((keys.tick(name), encode(message)) for message in to_robot),
@@ -138,3 +137,12 @@ def forged_command(head: ReplyA | PhaseA | PhaseB, drive: Velocity) -> ReplyB:
     """
     reply = Reply(drive, "patrolling", None, 1.0, 0)
     return ReplyB(head.incarnation, head.instance, head.k, head.run, reply)
+
+
+def forged_farewell(newest: PhaseA) -> Failed:
+    """A robot's message that its mind cannot go on, after which it is lost.
+
+    Args:
+        newest: A phase A that the stranger has heard.
+    """
+    return Failed(newest.incarnation, newest.instance, newest.k, newest.run, "I cannot go on")

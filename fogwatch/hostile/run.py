@@ -130,7 +130,7 @@ def read_log(log: Path) -> tuple[Counter[str], Counter[str], str]:
     return attacks, counts, rest
 
 
-def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[Seen, Counter[str], int]:
+def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[Seen, Counter[str]]:
     """Run a spell.
 
     Args:
@@ -139,7 +139,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
         over: Asked all the time whether to end early.
 
     Returns:
-        What was seen, the stranger's attacks by name, and the ticks done.
+        What was seen, and the stranger's attacks by name.
 
     Raises:
         KeyboardInterrupt: It was ended early.
@@ -188,9 +188,11 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
         crashes=crashes,
         growth_mb=memory.growth_mb,
         counts=counts,
+        ticks=progress.ticks,
+        longest_s=progress.longest_s,
         stranger=why,
     )
-    return seen, attacks, progress.ticks
+    return seen, attacks
 
 
 def honest_trace(spell: Spell) -> str:

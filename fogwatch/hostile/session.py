@@ -88,12 +88,13 @@ class HostileSession:
     def _spell(self, spell: Spell) -> None:
         begun = time.monotonic()
         folder = Path(self._part.name) / f"seed-{spell.seed}"
-        seen, attacks, ticks = run_spell(spell, folder, self._over)
+        seen, attacks = run_spell(spell, folder, self._over)
         self._attacks += attacks
         found = problems(spell, seen)
         manner = "in lockstep" if spell.lockstep else f"at {spell.scenario.pace:g} times real time"
         took = duration(time.monotonic() - begun)
-        self._say(f"seed {spell.seed}: {spell.who}; {ticks} ticks {manner}, in {took}: {'broke' if found else 'held'}")
+        how = f"{seen.ticks} ticks {manner}, in {took}, the longest {seen.longest_s:.1f} s"
+        self._say(f"seed {spell.seed}: {spell.who}; {how}: {'broke' if found else 'held'}")
         self._say(f"  tried: {_listed(attacks) or 'nothing'}")
         self._say(f"  counts: {_listed(seen.counts) or 'none'}")
         if not found and seen.failed:

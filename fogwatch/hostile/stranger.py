@@ -85,7 +85,9 @@ def _attacks(run: Path, robots: tuple[str, ...], holds: Holds, victim: str) -> M
         "false tokens": member.pretend,
         "stopped readers": member.stop_reading,
     }
-    return attacks | ({"false answers": member.impersonate} if role.robot else {})
+    if role.robot:
+        attacks |= {"false answers": member.impersonate, "false farewells": member.farewell}
+    return attacks
 
 
 def _chosen(attacks: Mapping[str, Attack], only: Sequence[str]) -> Mapping[str, Attack]:

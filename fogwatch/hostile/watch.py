@@ -8,7 +8,7 @@ from pathlib import Path
 
 from patrol.net.telemetry import Metrics, Notice
 
-HUNG_S = 90.0
+HUNG_S = 60.0
 """Wall time without a tick after which a run hangs; a busy machine takes seconds."""
 START_S = 300.0
 """The same until the first tick."""
@@ -26,6 +26,7 @@ class Progress:
 
     Attributes:
         ticks: Ticks done.
+        longest_s: The longest wall time between two ticks, s, as far as it was shown.
         lines: What it was told in words.
     """
 
@@ -36,6 +37,7 @@ class Progress:
             now: Monotonic clock, s.
         """
         self.ticks = 0
+        self.longest_s = 0.0
         self.lines: list[str] = []
         self._now = now
         self._moved = now()
@@ -47,6 +49,8 @@ class Progress:
     def metrics(self, metrics: Metrics) -> None:
         """Keep how far the run has come."""
         if metrics.k > self.ticks:
+            if self.ticks:
+                self.longest_s = max(self.longest_s, self.stalled_s)
             self.ticks = metrics.k
             self._moved = self._now()
 

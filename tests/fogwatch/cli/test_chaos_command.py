@@ -173,16 +173,16 @@ def test_options_of_hostile_that_do_not_go_together(
     assert says in capsys.readouterr().err
 
 
-def seen_of(spell: Spell, outcome: str) -> tuple[Seen, Counter[str], int]:
+def seen_of(spell: Spell, outcome: str) -> tuple[Seen, Counter[str]]:
     failed = {} if outcome == "valid" else {"fog": "tick 3: 7 points differ"}
-    seen = Seen(COMPLETED, outcome, failed, "a", "a" if spell.lockstep else "", counts=Counter(messages=7))
-    return seen, Counter(floods=2), 500
+    seen = Seen(COMPLETED, outcome, failed, "a", "a" if spell.lockstep else "", counts=Counter(messages=7), ticks=500)
+    return seen, Counter(floods=2)
 
 
 def test_fleets_that_hold_leave_nothing_behind(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def held(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[Seen, Counter[str], int]:
+    def held(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[Seen, Counter[str]]:
         assert not over()
         (folder / "run").mkdir(parents=True)
         return seen_of(spell, "valid")
@@ -208,7 +208,7 @@ def test_without_time_one_fleet_is_attacked(
 def test_a_fleet_that_breaks_is_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broke(spell: Spell, folder: Path, _over: object) -> tuple[Seen, Counter[str], int]:
+    def broke(spell: Spell, folder: Path, _over: object) -> tuple[Seen, Counter[str]]:
         (folder / "run").mkdir(parents=True)
         return seen_of(spell, "invalid" if spell.seed == 8 else "valid")
 

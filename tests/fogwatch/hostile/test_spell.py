@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from fogwatch.hostile.payloads import all_keys, changed, forged, noise
+from fogwatch.hostile.payloads import all_keys, changed, forged, forged_farewell, noise
 from fogwatch.hostile.spell import Holds, draw_spell, role_of_stranger
 from patrol.exchange import Sensed
 from patrol.net.keys import fleet_keys
@@ -18,6 +18,7 @@ from patrol.net.phases import (
     Stop,
     decode_to_robot,
     decode_to_world,
+    encode,
 )
 from patrol.net.roles import VIEWER
 from patrol.pose import Pose
@@ -68,7 +69,8 @@ def test_forgeries_are_messages_that_decoders_take() -> None:
             kinds[message if isinstance(message, str) else type(message)] += 1
             if heard is not None and isinstance(message, ReplyB):
                 assert (message.incarnation, message.instance, message.run) == (1, 77, 9)
-    assert {PhaseA, PhaseB, Stop, HelloReply, ReplyA, ReplyB, Failed, "metrics", "events", "ticks"} <= set(kinds)
+    assert {PhaseA, PhaseB, Stop, HelloReply, ReplyA, ReplyB, "metrics", "events", "ticks"} <= set(kinds)
+    assert isinstance(decode_to_world(encode(forged_farewell(newest))), Failed)
 
 
 def test_changed_messages_differ_and_noise_is_bounded() -> None:

@@ -40,6 +40,8 @@ def test_a_run_hangs_when_no_tick_comes() -> None:
     clock.now += 1.0
     assert progress.hung
     assert (progress.ticks, progress.stalled_s) == (2, HUNG_S + 1.0)
+    progress.metrics(done(3))
+    assert progress.longest_s == HUNG_S + 1.0
 
 
 def test_a_run_that_never_begins_hangs() -> None:
