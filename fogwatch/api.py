@@ -174,7 +174,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
         return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt) as error:
-        if not folder.journal.exists():  # the ticks of a run that has begun are kept
+        if folder.path.exists() and not folder.journal.exists():  # the ticks of a run that has begun are kept
             folder.discard()
             if isinstance(error, BadInput):
                 raise BadInput(folder.naming_the_given_map(str(error), scenario)) from None
@@ -235,6 +235,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
     from fogwatch.launch.launcher import WORLD, Failed, Launch
+    from fogwatch.launch.moved_folder import found_again
     from patrol.prepare import prepare
     from worldsim.timeline import Timeline
 
@@ -243,6 +244,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     prepared = prepare(scenario) if len(names) > EAGER else None
     fleet = f"{scenario.name}-{os.urandom(4).hex()}"
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
+    handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
     launch = Launch(
         folder, fleet, names, options.display, options.stop, options.port, options.urgent, absent, options.page
     )
@@ -259,6 +261,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         raise
     finally:
         exit_codes = _finish(launch)
+        folder = found_again(folder, handle, options.display.say)
         for static in (folder.static, _unfinished(folder.static)):
             shutil.rmtree(static, ignore_errors=True)
 
@@ -348,7 +351,10 @@ def _result(
     from worldsim.run_record import INTERRUPTED
 
     asked = options.stop()
-    folder.write_summary(summary)
+    try:
+        folder.write_summary(summary)
+    except OSError as error:
+        options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     step = prepared.scenario.step
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
     if options.draw and len(mfow_s) and not options.urgent():

@@ -222,6 +222,7 @@ def make_fleet(
         raise BadInput(f"{path}: cannot be made ({error.strerror}); choose another folder") from None
     made.path = part
     try:
+        write_private(part / ".gitignore", "*\n")  # keys belong into no repository
         make_authority(part / _AUTHORITY, fleet)
         made.renew_router(days)
         for role in roles:

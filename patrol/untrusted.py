@@ -134,4 +134,4 @@ def leads_out(folder: Path, path: Path) -> bool:
         folder: the folder.
         path: the file, which need not exist.
     """
-    return not path.resolve().is_relative_to(folder.resolve())
+    return not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import socket
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+
+import pytest
 
 from fogwatch.fleet_folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
@@ -16,6 +20,11 @@ from patrol.net.link import open_link, open_router
 from patrol.net.roles import role_of
 
 PATIENCE_S = 120.0
+
+needs_openssl = pytest.mark.skipif(
+    shutil.which("openssl") is None and not os.environ.get("CI"), reason="the command openssl is not installed"
+)
+"""Tests of certificates; in CI they fail without it."""
 
 
 def free_endpoint() -> str:

@@ -245,7 +245,7 @@ OWN_FILES = {
     "agent/build.py": "fields that its launcher prepared",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
-    "fogwatch/cli/app.py": "the null device",
+    "fogwatch/certificates.py": "the certificate of the authority that it has made",
     "fogwatch/launch/children.py": "logs of its own children",
     "fogwatch/launch/launcher.py": "the kernel's facts about its own children",
     "monitor/report/html.py": "data of the package",
@@ -256,9 +256,10 @@ OWN_FILES = {
     "patrol/regions/split.py": "fields that the launcher prepared",
     "patrol/untrusted.py": "the one place that opens files of others",
 }
+WRITING = ("'x", "'w", "'a", "O_EXCL", "O_APPEND", "O_WRONLY", "O_DIRECTORY")
 READERS = {"read_text", "read_bytes", "fromfile", "loadtxt", "genfromtxt", "memmap", "imread", "copyfile"}
 LOADERS = {"np", "json", "pickle", "marshal", "mpl"}
-OTHER_OPENERS = {"Image", "webbrowser", "zenoh"}
+OTHER_OPENERS = {"Image", "_gate", "webbrowser", "zenoh"}
 """What has a method `open` that opens no file by its path; of an image it is given an open file."""
 
 
@@ -269,12 +270,12 @@ def readings(path: Path) -> Iterator[str]:
             continue
         called = node.func
         name = called.attr if isinstance(called, ast.Attribute) else called.id if isinstance(called, ast.Name) else ""
-        owner = called.value.id if isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name) else ""
+        owner = ast.unparse(called.value).rpartition(".")[2] if isinstance(called, ast.Attribute) else ""
         if name == "read_text" and not isinstance(called, ast.Attribute):
             continue  # `patrol.yaml_text.read_text`, which reads by `patrol.untrusted`
         if name in {"open", "fdopen"} and owner not in OTHER_OPENERS:
             told = ast.unparse(node)
-            if not any(mode in told for mode in ("'x", "'w", "'a", "O_EXCL", "O_APPEND")):
+            if not any(mode in told for mode in WRITING):
                 yield f"{name} in line {node.lineno}"
         elif name in READERS or (name == "load" and owner in LOADERS):
             yield f"{name} in line {node.lineno}"

@@ -93,7 +93,7 @@ class Operator:
     """Does what operators ask for, between the ticks of a world.
 
     Attributes:
-        rest: Called again and again while no tick is due.
+        rest: Called again and again while no tick is due, and after what was asked for.
     """
 
     def __init__(
@@ -145,12 +145,14 @@ class Operator:
         Yields:
             What was done, as events for the journal.
         """
+        asked = False
         while not stop():
             while self._done:
                 yield self._done.popleft()
             wait_s = self._wait_s()
             request = self._deferred.popleft() if self._deferred else self._requests.get(min(wait_s, POLL_S))
             if request is not None:
+                asked = True
                 yield from self._do(request, self._world.tick)
             elif wait_s <= 0.0:
                 break
@@ -158,6 +160,8 @@ class Operator:
                 if self._held:
                     self._fleet.rest()
                 self.rest()
+        if asked:
+            self.rest()  # the next tick may be a long one
         if self._held:
             self._steps -= 1
         elif self._pace is not None:

@@ -17,6 +17,7 @@ from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
 from patrol.process.options import meeting, prepared_as_told
 from worldsim.options import WorldOptions, parse_options
+from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
@@ -44,6 +45,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BadInput as bad:
         print(f"world: {bad}", file=sys.stderr)
         return 2
+    except Unwritten as unwritten:
+        _say(str(unwritten))
+        return UNKNOWN
     finally:
         if options.launched and options.static is not None and ending:
             for static in (options.static, options.static.with_suffix(".part")):  # its launcher may be gone
@@ -121,7 +125,7 @@ def _record(
     from worldsim.output.folder import keep
     from worldsim.output.record import Recorder, header_of
     from worldsim.output.ticks_table import TicksTable
-    from worldsim.run_record import INTERRUPTED
+    from worldsim.run_record import INTERRUPTED, recording
     from worldsim.world import World
 
     scenario, options = prepared.scenario, wiring.options
@@ -151,7 +155,8 @@ def _record(
         finally:
             wall_s = time.monotonic() - began
             said = {"refused": dict(sessions.refused), "transcripts": sessions.transcripts()}
-            recorder.end(reason, {"wall_s": wall_s, **said, **fleet.notes()})
+            with recording(options.out):
+                recorder.end(reason, {"wall_s": wall_s, **said, **fleet.notes()})
             feed.flush()
     return wall_s
 

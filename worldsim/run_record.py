@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Protocol
 
 from patrol.journal import End, Event, Header, Record, TickRecord
@@ -11,6 +13,29 @@ COMPLETED = "completed"
 INTERRUPTED = "interrupted"
 DESERTED = "nobody is living any more"
 """Why a run ended, as journals have it: all ticks are done, it was asked to stop, or no robot is left."""
+
+
+class Unwritten(Exception):
+    """What happens cannot be recorded any more; one line says where and why."""
+
+
+@contextmanager
+def recording(folder: Path) -> Iterator[None]:
+    """Turn the failure to write a run's files into one line.
+
+    Args:
+        folder: The run's folder.
+
+    Raises:
+        Unwritten: A file cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise Unwritten(
+            f"{folder}: the run cannot be recorded any more ({error.strerror}), so it ends here; make room, and run it "
+            "again"
+        ) from None
 
 
 class Writer(Protocol):

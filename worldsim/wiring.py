@@ -36,6 +36,7 @@ from worldsim.output.feed_publisher import MOST_ASKING, Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
 from worldsim.requests import ControlMailbox, answer_challenge, keep_timeline
+from worldsim.run_record import recording
 from worldsim.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -237,8 +238,9 @@ class Wiring:
         to_metrics, to_events = (self.outward.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
 
         def on_tick(record: TickRecord) -> None:
-            recorder.tick(record)
-            table.tick(record)
+            with recording(self.options.out):
+                recorder.tick(record)
+                table.tick(record)
             metrics, notices = progress.tick(record)
             for notice in notices:
                 to_events(pack_view(notice))
@@ -248,7 +250,8 @@ class Wiring:
             between()
 
         def on_event(event: Event) -> None:
-            recorder.event(event)
+            with recording(self.options.out):
+                recorder.event(event)
             notice = progress.event(event)
             to_events(pack_view(notice))
             self.say(

@@ -55,8 +55,8 @@ UNGREETED_S = 1.0
 _POLL_S = 0.2
 _PAUSE_S = 2.0
 _BACKLOG = 256
-_EARLY = 4
-"""How many ticks ahead of the newest phase A a phase B may be: at a pace, phases A may get lost."""
+_OFFERS = 8
+"""Worlds that a robot answers at most, until one of them has begun a tick: somebody else may greet it too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ class SimRobot:
         self._own_news = now()
         self._last_news = self._last_said = self._checked = now()
         self._tell_at = now() + TELL_S[0]
-        self._proofs: TickProofs | None = None
+        self._offers: dict[int, TickProofs] = {}  # by run, until a phase of one of them has come
         self._transcript = RobotTranscript()
         self._k = -1
         self._heard_k = -1
@@ -153,7 +153,7 @@ class SimRobot:
             if (arrived := self._mailbox.get()) is None:
                 break
             self._take(arrived[1])
-        if self._transcript.due:
+        if self._transcript.due and self._k >= 0:
             self._report(self._k)
         phase, self._next = self._next, None
         self._transcript.note(phase.k, PHASE_A, phase.digest)
@@ -257,7 +257,7 @@ class SimRobot:
             self._greet(message)
         elif not self._is_for_me(message):
             self._mailbox.refused["stranger"] += 1
-        elif isinstance(message, PhaseA) and not self._has_begun(message):
+        elif not isinstance(message, Stop) and not self._has_begun(message):
             self._mailbox.refused["ahead"] += 1
         else:
             self._hear_own_world()
@@ -266,11 +266,18 @@ class SimRobot:
     def _is_for_me(self, message: PhaseA | PhaseB | Stop) -> bool:
         if (message.incarnation, message.instance) != (self._identity.incarnation, self._identity.instance):
             return False
-        turned_away = self._run is None and isinstance(message, Stop)
-        return turned_away or message.run == self._run
+        turned_away = not self._offers and isinstance(message, Stop)
+        return turned_away or message.run in self._offers
 
-    def _has_begun(self, message: PhaseA) -> bool:
-        return self._proofs is not None and self._proofs.accepts(message.k + 1, message.proof)
+    def _has_begun(self, message: PhaseA | PhaseB) -> bool:
+        """Whether a message's tick has begun; the first run that proves one is this robot's own."""
+        proofs = self._offers[message.run]
+        if not proofs.accepts(message.k + 1, message.proof):
+            return False
+        if self._run is None and isinstance(message, PhaseA):
+            self._run = message.run
+            self._offers = {message.run: proofs}
+        return True
 
     def _obey(self, message: PhaseA | PhaseB | Stop) -> None:
         match message:
@@ -288,9 +295,6 @@ class SimRobot:
 
     def _hear(self, message: PhaseB, newest: int) -> None:
         """Take in a phase B; the wait for that of the newest phase A goes on after one that came early."""
-        if message.k > newest + _EARLY:
-            self._mailbox.refused["ahead"] += 1
-            return
         if message.k > newest:
             self._early.add(message.k)
         else:
@@ -306,19 +310,21 @@ class SimRobot:
             else:
                 self._leave("another world has taken over this fleet", orderly=False)
             return
-        if self._run is None:
-            self._run = message.run
-            self._proofs = TickProofs(message.k, message.proof, message.stride, self._now)
+        if message.run not in self._offers:
+            self._offers[message.run] = TickProofs(message.k, message.proof, message.stride, self._now)
+        if len(self._offers) > _OFFERS:
+            del self._offers[next(iter(self._offers))]
         self._hear_own_world()
-        self._say_hello()
+        self._say_hello(message.run)
 
     def _hear_own_world(self) -> None:
         self._last_news = self._own_news = self._now()
         self._unbroken = True
 
-    def _say_hello(self) -> None:
+    def _say_hello(self, run: int) -> None:
         self._last_said = self._now()
-        self._post(encode(HelloReply(*self._head(max(self._k, 0)), self._identity.scenario)))
+        incarnation, instance, k, _ = self._head(max(self._k, 0))
+        self._post(encode(HelloReply(incarnation, instance, k, run, self._identity.scenario)))
 
     def _mind_the_silence(self) -> None:
         """After a silence, ask whether this robot still belongs to the run, or leave when the world is lost.
@@ -334,9 +340,9 @@ class SimRobot:
         silent_s = now - self._last_news
         if not self._world_present and silent_s > self._patience_s:
             self._leave(f"no world for {silent_s:.0f} s", orderly=False)
-        elif min(silent_s, now - self._last_said) > (UNGREETED_S if self._run is None else SILENCE_S):
-            self._say_hello()
-            if (self._run is None or not self._world_present) and now >= self._tell_at:
+        elif min(silent_s, now - self._last_said) > (SILENCE_S if self._offers else UNGREETED_S):
+            self._say_hello(NO_RUN if self._run is None else self._run)
+            if (not self._offers or not self._world_present) and now >= self._tell_at:
                 self._tell_at = now + TELL_S[1]
                 self._waiting(silent_s)
 
@@ -350,12 +356,13 @@ class SimRobot:
             self._answer = None
 
     def _head(self, k: int) -> tuple[int, int, int, int]:
-        return self._identity.incarnation, self._identity.instance, k, NO_RUN if self._run is None else self._run
+        run = next(reversed(self._offers), NO_RUN) if self._run is None else self._run
+        return self._identity.incarnation, self._identity.instance, k, run
 
     def _report(self, until: int) -> None:
         """Report to the world what was sent and acted on, complete up to a tick."""
-        for complete, lines in self._transcript.report(until):
-            self._post(encode(Report(*self._head(max(complete, 0)), lines)))
+        for first, last, lines in self._transcript.report(until):
+            self._post(encode(Report(*self._head(last), first, lines)))
 
     def _leave(self, reason: str, *, orderly: bool) -> None:
         if not self.farewell:

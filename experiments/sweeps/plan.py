@@ -176,8 +176,8 @@ def read_plan(path: Path, seeds: int | None = None) -> Plan:
             raise BadInput(f"{path}: {key}: unknown key; {did_you_mean(str(key), _KEYS)}")
     base = _base(raw["base"], path)
     name = raw.get("name", path.stem)
-    if not isinstance(name, str) or not name:
-        raise BadInput(f"{path}: name = {quoted(name)}: expected text")
+    if not isinstance(name, str) or not name or not name.isprintable():
+        raise BadInput(f"{path}: name = {quoted(name)}: expected text without control characters")
     numbers = count_of_seeds(seeds, "--seeds") if seeds is not None else _seeds(raw.get("seeds"), base, path)
     against = raw.get("against")
     if not (
@@ -295,6 +295,8 @@ def _names_differ(cases: Sequence[Case], called: str) -> None:
     for name, count in Counter(case.name for case in cases).items():
         if count > 1:
             raise BadInput(f"{called}: case {name}: occurs {count} times; give each case another name and value")
+        if not name.isprintable():
+            raise BadInput(f"{called}: case {name}: has a control character; give it another name or value")
 
 
 def _short_names(fields: Sequence[str]) -> dict[str, str]:

@@ -10,6 +10,7 @@ import typer
 
 from patrol.printable import printable
 from patrol.process.warmup import warm
+from patrol.untrusted import leads_out
 
 if TYPE_CHECKING:
     from monitor.replay.run import Run
@@ -68,7 +69,7 @@ def _may_go_on(run: Run) -> bool:
         return True
     from patrol.net.access import FILE
 
-    if not (run.folder / FILE).is_file():
+    if not (run.folder / FILE).is_file() or leads_out(run.folder, run.folder / FILE):
         return False
     from monitor.live.attach import is_running
 

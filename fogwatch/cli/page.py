@@ -27,7 +27,8 @@ from patrol.errors import BadInput
 REPLAY_EXAMPLES = ["fogwatch replay runs/yards-20260101-120000 --browser"]
 MONITOR_EXAMPLES = [
     "fogwatch monitor runs/yards-20260101-120000",
-    "fogwatch monitor --router tcp/192.168.1.10:7447 --fleet yards-1",
+    "fogwatch monitor --credentials yards-1/viewer",
+    "fogwatch monitor yards-1/operator",
 ]
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"

@@ -66,8 +66,11 @@ def derive(
         say("no recording and no report: cancelled; make them with `fogwatch record` and `fogwatch report`")
     except ImportError as error:
         say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
-    except (BadInput, OSError) as error:
+    except BadInput as error:
         say(f"no recording or no report: {error}")
+    except OSError as error:
+        again = f"`fogwatch record {journal.path.parent}` and `fogwatch report {journal.path.parent}`"
+        say(f"no recording or no report: cannot be written ({error.strerror}); make room, then: {again}")
 
 
 def _derive(

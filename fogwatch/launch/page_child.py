@@ -49,7 +49,7 @@ class PageChild:
         self._spawn([])
 
     def check(self) -> None:
-        """Show the address of a page that is ready; start one that has died again, where it was and with the same key."""
+        """Show the address of a page that is ready; start one that has died again, at its address and with its key."""
         page = self._children.by_name.get(PAGE)
         if page is None or page.start is None or self._over:
             return

@@ -5,7 +5,8 @@
     ROOT/NAME/ROLE.json     the credentials of a role
 
 The folder lies outside the run's folder, which people copy, keep and share. It goes when the run ends. What a launcher
-that was killed left behind goes when the next one starts.
+that was killed left behind goes when the next one starts. A system may clear such folders while a run goes on, for
+example when its user logs out; the launcher then makes the folder anew, under the same name, when it needs it.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -31,7 +33,9 @@ class Secrets:
     """The secrets of one run.
 
     Attributes:
+        name: The private folder's name.
         path: The private folder.
+        token: The operators' token.
     """
 
     def __init__(self, fleet: str, robots: Sequence[str]) -> None:
@@ -47,20 +51,12 @@ class Secrets:
         self._fleet = fleet
         self._roles = {role.user: role for role in roles_of(robots)}
         self._passwords = {user: os.urandom(16).hex() for user in self._roles}
-        self._token = os.urandom(16).hex()
-        root = _root()
-        _sweep(root)
-        name = os.urandom(16).hex()
-        part = root / f"{_PART}{name}"
-        part.mkdir(mode=0o700)
-        self._lock = os.open(part / _LOCK, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
-        self.path = part.rename(root / name)
-
-    @property
-    def name(self) -> str:
-        """The private folder's name."""
-        return self.path.name
+        self.token = os.urandom(16).hex()
+        self.name = os.urandom(16).hex()
+        self._router = ""
+        self._lock = -1
+        self._keeping = threading.Lock()  # robots are started again on a thread of its own
+        self.path = self._make()
 
     def for_router(self, listen: str) -> Path:
         """Write what the router needs.
@@ -71,6 +67,7 @@ class Secrets:
         Returns:
             The folder.
         """
+        self._keep()
         folder = self.path / "router"
         folder.mkdir(mode=0o700, exist_ok=True)
         for file in (folder / USERS, folder / ROUTER):
@@ -81,15 +78,13 @@ class Secrets:
         return folder
 
     def for_members(self, router: str) -> None:
-        """Write the credentials of all roles.
+        """Write the credentials of all roles; called once.
 
         Args:
             router: The router's locator.
         """
-        for user, role in self._roles.items():
-            token = self._token if role in (WORLD_ROLE, OPERATOR) else None
-            credentials = Credentials(self._fleet, router, role, self._passwords[user], token)
-            write_private(self._file(role), as_json(credentials))
+        self._router = router
+        self._keep()
 
     def of_robot(self, name: str) -> Path:
         """The credentials of a robot.
@@ -98,11 +93,6 @@ class Secrets:
             name: The robot's name.
         """
         return self._file(robot_role(name))
-
-    @property
-    def token(self) -> str:
-        """The operators' token."""
-        return self._token
 
     @property
     def of_world(self) -> Path:
@@ -117,12 +107,40 @@ class Secrets:
     def remove(self) -> None:
         """Remove the folder; what has been removed stays so."""
         shutil.rmtree(self.path, ignore_errors=True)
-        with suppress(OSError):
-            os.close(self._lock)
-        self._lock = -1
+        self._unlock()
 
     def _file(self, role: Role) -> Path:
+        self._keep()
         return self.path / f"{role.user}.json"
+
+    def _keep(self) -> None:
+        """Make the folder anew if it has been cleared, and write the credentials that are missing in it."""
+        with self._keeping:
+            if not (self.path / _LOCK).exists():
+                shutil.rmtree(self.path, ignore_errors=True)
+                self._unlock()
+                self.path = self._make()
+            for user, role in self._roles.items() if self._router else ():
+                file = self.path / f"{user}.json"
+                if not file.exists():
+                    token = self.token if role in (WORLD_ROLE, OPERATOR) else None
+                    credentials = Credentials(self._fleet, self._router, role, self._passwords[user], token)
+                    write_private(file, as_json(credentials))
+
+    def _make(self) -> Path:
+        """The new folder, locked as long as this process lives. It gets its name last, so no sweep finds it open."""
+        root = _root()
+        _sweep(root)
+        part = root / f"{_PART}{self.name}"
+        part.mkdir(mode=0o700)
+        self._lock = os.open(part / _LOCK, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        return part.rename(root / self.name)
+
+    def _unlock(self) -> None:
+        if self._lock >= 0:
+            os.close(self._lock)
+        self._lock = -1
 
 
 def _root() -> Path:
@@ -130,7 +148,7 @@ def _root() -> Path:
     tried = []
     for root in private_roots():
         with suppress(OSError):
-            root.mkdir(mode=0o700, parents=root.is_relative_to(Path.home()))
+            root.mkdir(mode=0o700)
         if is_private(root) and os.access(root, os.W_OK):
             return root
         tried.append(str(root))

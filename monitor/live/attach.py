@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -134,12 +135,10 @@ def _of_a_world(met: Meeting, token: str | None, wait_s: float, ending: Ending, 
         return None
     link: Link = links[0]
     client = ZenohFeedClient(link, keys, token)
-    waited = 0.0
+    until = time.monotonic() + wait_s
 
     def waits(pause_s: float) -> bool:
-        nonlocal waited
-        waited += pause_s
-        if waited >= wait_s:
+        if time.monotonic() >= until:
             raise BadInput(
                 f"--fleet {keys.fleet}: no world of this fleet answers at {router}; check both, or give --scenario "
                 "FILE for robots without a world"

@@ -7,7 +7,6 @@ positions are computed on demand from the ticks kept in memory.
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from array import array
@@ -35,7 +34,7 @@ from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.net.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
-from patrol.scenario.controls import CONTROLS, OPERATOR, amended, in_force, read_control
+from patrol.scenario.controls import CONTROLS, OPERATOR, amended, control_in, in_force, read_control
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -330,8 +329,8 @@ class FeedSource:
     def _apply_control(self, event: Event) -> None:
         if event.kind == OPERATOR:
             try:
-                self._scenario, _ = amended(self._scenario, event.k, read_control(json.loads(event.detail)))
-            except (BadInput, ValueError, RecursionError):
+                self._scenario, _ = amended(self._scenario, event.k, control_in(event))
+            except BadInput:
                 return  # from another version, perhaps; the page then lacks an intruder
 
     # --- beliefs -----------------------------------------------------------------------------------------------------

@@ -44,6 +44,7 @@ HEADERS = {
 }
 
 MAX_VIEWERS = 32
+"""Pages with the key that are open at a time, and as many without it, so that these keep nobody out who has it."""
 MAX_MESSAGE = 4096
 """Characters of the longest message that a page may send."""
 FULL = 4001
@@ -74,7 +75,7 @@ class Server:
         """
         self._hub = hub
         self._authorisation = authorisation
-        self._viewers = 0
+        self._viewers = {True: 0, False: 0}
         folder = Path(str(files("monitor.page").joinpath("static")))
         self._files = {path.name: path for path in sorted(folder.iterdir()) if path.suffix in _TYPES}
         self._files["plotly.min.js"] = plotly_file()
@@ -113,10 +114,10 @@ class Server:
         if not ours or not (authorisation.view_without_key or may_control):
             await socket.close(1008)  # before the connection is accepted, so the browser gets a 403
             return
-        self._viewers += 1
+        self._viewers[may_control] += 1
         try:
             await socket.accept()
-            if self._viewers > MAX_VIEWERS:
+            if self._viewers[may_control] > MAX_VIEWERS:
                 await socket.close(FULL)
                 return
             viewer = Viewer(asyncio.get_running_loop())
@@ -132,7 +133,7 @@ class Server:
         except (WebSocketDisconnect, RuntimeError):
             pass  # the page was closed
         finally:
-            self._viewers -= 1
+            self._viewers[may_control] -= 1
 
     async def _read(self, socket: WebSocket, viewer: Viewer, may_control: bool) -> None:
         while True:

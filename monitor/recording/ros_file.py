@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -133,5 +134,6 @@ class RosFile:
         self._file.close()
 
     def drop(self) -> None:
-        """Close the file without an index."""
-        self._file.close()
+        """Close the file without an index; what cannot be written any more is lost."""
+        with suppress(OSError):
+            self._file.close()

@@ -20,6 +20,7 @@ from patrol.ground.builtins import builtin_terrain
 from patrol.ground.map_cells import free_cells, image_size, suspicious
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
+from patrol.printable import printable
 from patrol.untrusted import MAP, leads_out
 from patrol.yaml_text import parse_yaml, read_text
 
@@ -135,7 +136,7 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
         if why := suspicious(says):
             raise BadInput(f"{where}: {why}")
         raise BadInput(f"{where}; the free space is too narrow, choose a smaller point")
-    return Terrain(path.stem, passable, point, says.origin, source=path)
+    return Terrain(printable(path.stem), passable, point, says.origin, source=path)
 
 
 def suspicious_reading(terrain: Terrain) -> str:

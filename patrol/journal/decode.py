@@ -50,6 +50,7 @@ _MOST_COUNT = 2**63 - 1
 _MAX_ROBOT = 0xFFFF
 _MAX_SEQUENCE = 2**64 - 1
 _NAME = 64
+_PATH = 4096
 _TICK = b"\xa4type\xa4tick"
 
 
@@ -327,7 +328,7 @@ def _header(value: dict[str, Any]) -> Header:
         if _text(robot.model, "robots.model") not in MODELS:
             raise Malformed(f"robots.model: expected one of {', '.join(MODELS)}")
         _positive(robot.radius, "robots.radius")
-    _text(facts.name, "terrain.name", 4 * _NAME)
+    _text(facts.name, "terrain.name", _PATH)
     for name in ("width", "height"):
         _whole(getattr(facts, name), f"terrain.{name}", 1, MOST_POINTS)
     if facts.width * facts.height > MOST_POINTS:

@@ -160,8 +160,9 @@ def private_roots() -> list[Path]:
     """The folders in which launchers of this user make private folders, the first choice first."""
     user = os.getuid()
     runtime = os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user}"
-    last = Path.home() / ".cache" / "fogwatch" / "private"
-    return [Path(runtime) / "fogwatch", Path(tempfile.gettempdir()) / f"fogwatch-{user}", last]
+    roots = [Path(runtime) / "fogwatch", Path(tempfile.gettempdir()) / f"fogwatch-{user}"]
+    home = os.environ.get("HOME")  # another user may have taken the name among the temporary files
+    return [*roots, Path(home) / ".fogwatch"] if home else roots
 
 
 def is_private(folder: Path) -> bool:

@@ -19,6 +19,7 @@ from patrol.errors import BadInput
 from patrol.net.keys import is_group, is_local
 from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
+from patrol.net.queries import all_answers
 from patrol.net.settings import client_settings, router_settings
 from patrol.net.zenoh_errors import first_line as _first_line
 from patrol.net.zenoh_errors import system_error as _system_error
@@ -42,11 +43,7 @@ RADIO_LEASE_S = 2.0
 """The same for a link that carries nothing but positions."""
 
 ECHO_S = 3600.0
-MOST_ANSWERS = 16
-"""How long to wait for a router that does not answer; answers to one query that are looked at."""
-
-_OVER = ""
-"""The key of the mailbox's message that no more answers come."""
+"""How long to wait for a router that does not answer."""
 
 KNOCK_S = 1.0
 """How long anything may take to accept a connection where no router has answered."""
@@ -202,43 +199,8 @@ class Link:
         return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
 
     def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
-        """The answers of all who answer a query, as they come.
-
-        A query goes by itself to whoever seems nearest, who need not be whom it is for. So this one goes to all, and
-        the caller has to know a right answer from others.
-
-        Args:
-            key: to query.
-            payload: of the query.
-            longest: bytes of the longest answer that is wanted; longer ones are dropped, as is what follows
-                `MOST_ANSWERS`.
-            wait_s: how long to wait for answers.
-        """
-        waiting: Mailbox[bytes] = Mailbox([key, _OVER], bytes, longest)
-
-        def receive(reply: zenoh.Reply) -> None:
-            if reply.ok is not None:
-                waiting.deliver(key, reply.ok.payload)
-
-        self._session.get(
-            key,
-            zenoh.handlers.Callback(receive, lambda: waiting.put(_OVER, b""), indirect=False),
-            payload=payload,
-            timeout=wait_s,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            priority=zenoh.Priority.DATA_HIGH,
-        )
-        until = time.monotonic() + wait_s
-        over, count = False, 0
-        while (arrived := waiting.get(0.0 if over else max(until - time.monotonic(), 0.0))) is not None:
-            if arrived[0] == _OVER:
-                over = True
-                continue
-            yield arrived[1]
-            count += 1
-            if count == MOST_ANSWERS:
-                return
+        """All answers to a query (`patrol.net.queries.all_answers`)."""
+        return all_answers(self._session, key, payload, longest, wait_s)
 
     def echo(self, key: str) -> Callable[[], bool]:
         """Ask the router for a liveliness token, whoever holds it; its answer shows that the router is at work.

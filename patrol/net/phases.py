@@ -8,9 +8,9 @@
 
 Every message is one msgpack array ``[kind, incarnation, instance, k, run, ...]``. The incarnation counts a robot's
 processes (1 for the first). The instance is a random number of one process, which distinguishes it from a second
-process under the same name. k is the tick, and run a random number of the world's process. Phase A carries a proof that
-its tick has begun (`patrol.net.tick_chain`). Decoding is strict and pure: all bytes either give a message or raise
-`Malformed`.
+process under the same name. k is the tick, and run a random number of the world's process. Both phases carry a proof
+that their tick has begun (`patrol.net.tick_chain`). Decoding is strict and pure: all bytes either give a message or
+raise `Malformed`.
 """
 
 from __future__ import annotations
@@ -111,10 +111,12 @@ class PhaseB(Head):
 
     Attributes:
         frames: By sender and sequence.
+        proof: The proof that k + 1 ticks have begun.
         digest: Of the bytes that it was decoded from.
     """
 
     frames: tuple[bytes, ...]
+    proof: bytes
     digest: bytes = field(default=b"", compare=False, repr=False)
 
 
@@ -186,9 +188,11 @@ class Report(Head):
     """What the robot has sent and acted on since its last report, complete up to tick k.
 
     Attributes:
+        since: The first tick for which it is complete.
         lines: By tick.
     """
 
+    since: int
     lines: tuple[Line, ...]
 
 
@@ -253,7 +257,7 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
         case ReplyA():
             kind, body = _PHASE_A, [list(message.frames)]
         case PhaseB():
-            kind, body = _PHASE_B, [list(message.frames)]
+            kind, body = _PHASE_B, [list(message.frames), message.proof]
         case ReplyB():
             reply = message.reply
             goal = None if reply.goal is None else [float(reply.goal[0]), float(reply.goal[1])]
@@ -264,7 +268,7 @@ def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
         case Failed():
             kind, body = _FAILED, [message.reason[:_MAX_REASON]]
         case Report():
-            kind, body = _REPORT, [[[line.k, *line.digests] for line in message.lines]]
+            kind, body = _REPORT, [message.since, [[line.k, *line.digests] for line in message.lines]]
     return kind, body
 
 
@@ -325,7 +329,7 @@ def _phase_b(values: list[Any]) -> PhaseB:
     frames = values[4]
     if type(frames) is not list or any(type(frame) is not bytes or len(frame) > MAX_FRAME for frame in frames):
         raise Malformed(f"frames are an array of at most {MAX_FRAME} bytes each")
-    return PhaseB(*_head(values), tuple(frames), digest_of(values[-1]))
+    return PhaseB(*_head(values), tuple(frames), _bytes(values[5], PROOF, PROOF), digest_of(values[-1]))
 
 
 def _reply_b(values: list[Any]) -> ReplyB:
@@ -351,10 +355,10 @@ def _command_in(model: object, first: float, second: float) -> Command:
 
 
 def _report(values: list[Any]) -> Report:
-    lines = values[4]
+    lines = values[5]
     if type(lines) is not list or len(lines) > MAX_LINES:
         raise Malformed(f"lines are an array of at most {MAX_LINES}")
-    return Report(*_head(values), tuple(map(_line, lines)))
+    return Report(*_head(values), _whole(values[4], _MAX_COUNT), tuple(map(_line, lines)))
 
 
 def _line(values: object) -> Line:
@@ -404,7 +408,7 @@ def _text(value: object, most: int) -> str:
 _TO_ROBOT: Mapping[int, tuple[int, Callable[[Any], ToRobot]]] = {
     _HELLO: (2, _hello),
     _PHASE_A: (7, _phase_a),
-    _PHASE_B: (1, _phase_b),
+    _PHASE_B: (2, _phase_b),
     _STOP: (2, lambda values: Stop(*_head(values), _flag(values[4]), _text(values[5], _MAX_REASON))),
 }
 _TO_WORLD: Mapping[int, tuple[int, Callable[[Any], ToWorld]]] = {
@@ -412,5 +416,5 @@ _TO_WORLD: Mapping[int, tuple[int, Callable[[Any], ToWorld]]] = {
     _PHASE_A: (1, _reply_a),
     _PHASE_B: (7, _reply_b),
     _FAILED: (1, lambda values: Failed(*_head(values), _text(values[4], _MAX_REASON))),
-    _REPORT: (1, _report),
+    _REPORT: (2, _report),
 }

@@ -80,19 +80,22 @@ class TickProofs:
         """
         place = begun // self._stride
         hashes = place - self._place
-        if not 0 <= hashes <= LONGEST:
+        if abs(hashes) > LONGEST or not self._affords(abs(hashes)):
             return False
-        if hashes > CHEAP:
-            now = self._now()
-            if now < self._costly_at:
-                return False
-            self._costly_at = now + COSTLY_S
-        link = proof
-        for _ in range(hashes):
-            link = _before(link)
-        if link != self._proof:
+        if hashes < 0:
+            return _hashed(self._proof, -hashes) == proof
+        if _hashed(proof, hashes) != self._proof:
             return False
         self._place, self._proof = place, proof
+        return True
+
+    def _affords(self, hashes: int) -> bool:
+        if hashes <= CHEAP:
+            return True
+        now = self._now()
+        if now < self._costly_at:
+            return False
+        self._costly_at = now + COSTLY_S
         return True
 
 
@@ -103,6 +106,12 @@ def stride_of(ticks: int) -> int:
         ticks: Number of ticks of the run.
     """
     return ticks // LONGEST + 1
+
+
+def _hashed(link: bytes, times: int) -> bytes:
+    for _ in range(times):
+        link = _before(link)
+    return link
 
 
 def _before(link: bytes) -> bytes:

@@ -56,6 +56,7 @@ class RobotTranscript:
 
     def __init__(self) -> None:
         self._lines: dict[int, list[bytes]] = {}
+        self._since = 0
 
     def note(self, k: int, place: int, digest: bytes) -> None:
         """Write down that a message was sent or acted on.
@@ -72,25 +73,32 @@ class RobotTranscript:
         """Whether there is enough for a report."""
         return len(self._lines) >= LINES
 
-    def report(self, until: int) -> list[tuple[int, tuple[Line, ...]]]:
+    def report(self, until: int) -> list[tuple[int, int, tuple[Line, ...]]]:
         """Everything up to a tick since the last report, in pieces that fit into a message; forgotten here.
 
         Args:
             until: The newest tick in which the robot has sent a reply.
 
         Returns:
-            For each piece the tick up to which it and all before it are complete, and its lines.
+            For each piece the first and the last tick for which it is complete, and its lines.
         """
         lines = [Line(k, (a, b, c, d)) for k, (a, b, c, d) in sorted(self._lines.items()) if k <= until]
         self._lines = {k: digests for k, digests in self._lines.items() if k > until}
         pieces = [tuple(lines[first : first + MAX_LINES]) for first in range(0, len(lines), MAX_LINES)] or [()]
-        return [(min(until, piece[-1].k), piece) for piece in pieces[:-1]] + [(until, pieces[-1])]
+        reports = []
+        for place, piece in enumerate(pieces, 1):
+            last = until if place == len(pieces) else piece[-1].k
+            reports.append((self._since, last, piece))
+            self._since = max(self._since, min(last + 1, LAST))
+        return reports
 
 
 # --- the world -------------------------------------------------------------------------------------------------------
 
-MAX_TICKS = 2048
-"""Ticks of which the world keeps digests for a robot that does not report."""
+MAX_TICKS = 256
+"""Ticks of which the world keeps the digests: a robot's report has to come by then."""
+MAX_REPLIES = 8
+"""Different replies to one phase of which the world keeps the digests; a robot sends `MAX_DIGESTS` at most."""
 MAX_SPANS = 16
 """Spans of one process; what follows the last is added to it."""
 
@@ -130,6 +138,9 @@ class Span:
 class WorldTranscript:
     """The world's transcript of its exchange with one process, and what has been compared of it.
 
+    Digests are kept for a while after they have been compared. So a forged report that agrees with forged replies hides
+    nothing: the robot's own report of the same ticks is compared as well.
+
     Attributes:
         spans: What has been compared, in the order of the reports.
         messages: Number of messages compared.
@@ -141,9 +152,17 @@ class WorldTranscript:
     messages: int = 0
     asked: int = -1
     closed: bool = False
-    _sent: dict[int, list[bytes]] = field(default_factory=dict)
-    _acted_on: dict[int, list[list[bytes]]] = field(default_factory=dict)
+    _missed: int = 0
+    _until: int = -1
     _forgotten: int = -1
+    _sent: dict[int, list[bytes]] = field(default_factory=dict)
+    _acted_on: dict[int, list[dict[bytes, bool]]] = field(default_factory=dict)
+    """By tick and place: the digests, and whether a report has covered them."""
+
+    @property
+    def missed(self) -> int:
+        """Number of replies that the world acted on and that no report covers, because reports were lost."""
+        return self._missed + sum(_uncovered(self._acted_on[k]) for k in self._acted_on if k <= self._until)
 
     def sent(self, k: int, place: int, digest: bytes) -> None:
         """Write down that the robot was sent a phase.
@@ -166,43 +185,50 @@ class WorldTranscript:
             place: `REPLY_A` or `REPLY_B`.
             digest: Its digest.
         """
-        known = self._acted_on.setdefault(k, [[], []])[place - REPLY_A]
-        if digest not in known:
-            known.append(digest)
+        if k <= self._forgotten:
+            return
+        digests = self._acted_on.setdefault(k, [{}, {}])[place - REPLY_A]
+        if len(digests) < MAX_REPLIES:
+            digests.setdefault(digest, False)
+        if len(self._acted_on) > MAX_TICKS:
+            self._missed += _uncovered(self._acted_on.pop(next(iter(self._acted_on))))
 
-    def compare(self, until: int, lines: Iterable[Line]) -> None:
+    def compare(self, since: int, until: int, lines: Iterable[Line]) -> None:
         """Compare a report of the robot with what the world has written down.
 
         Args:
-            until: The robot has sent no reply up to this tick beside those that it reports now or has reported before.
+            since: The first tick for which the report is complete; earlier ones were in earlier reports, which may have
+                been lost while the router was down.
+            until: The last tick for which it is complete.
             lines: Of the report.
         """
         self.closed = self.closed or until == LAST
+        self._until = max(self._until, until)
         by_tick = {line.k: line.digests for line in lines}
-        replied = [k for k in self._acted_on if k <= until or k in by_tick]
         phases: list[tuple[bytes, bytes]] = []
         replies: list[tuple[bytes, bytes]] = []
-        for k in sorted({*by_tick, *replied}):
+        ticks = sorted({*by_tick, *(k for k in self._acted_on if since <= k <= until)})
+        for k in ticks:
             says = by_tick.get(k, (b"",) * PLACES)
             ours = self._sent.get(k, [b"", b""])
             for place in (PHASE_A, PHASE_B):
                 if says[place] and k > self._forgotten:
                     phases.append((says[place], ours[place]))
                     ours[place] = b""  # nobody acts on a phase twice
-            for place, digests in enumerate(self._acted_on.pop(k, ()), REPLY_A):
+            for place, digests in enumerate(self._acted_on.get(k, ()), REPLY_A):
                 given = _apart(says[place])
-                replies += [(digest if digest in given else says[place], digest) for digest in digests]
-        ticks = [*by_tick, *replied]
-        for k in [k for k in self._sent if k <= until - MAX_LINES]:
-            del self._sent[k]  # what is left of it the robot has not acted on
-        if ticks:
+                for digest in digests:
+                    if digest in given or k >= since:
+                        digests[digest] = True
+                        replies.append((digest if digest in given else says[place], digest))
+        if phases or replies:
             self.messages += len(phases) + len(replies)
-            self._add(Span(min(ticks), max(ticks), _hashed(phases), _hashed(replies)))
+            self._add(Span(ticks[0], ticks[-1], _hashed(phases), _hashed(replies)))
 
     def _forget(self, k: int) -> None:
         self._forgotten = max(self._forgotten, k)
-        self._sent.pop(k, None)
-        self._acted_on.pop(k, None)
+        del self._sent[k]
+        self._missed += _uncovered(self._acted_on.pop(k, ()))
 
     def _add(self, span: Span) -> None:
         if self.spans and (self.spans[-1].agrees == span.agrees or len(self.spans) == MAX_SPANS):
@@ -223,10 +249,15 @@ def as_notes(transcripts: Mapping[tuple[int, int], WorldTranscript]) -> list[dic
             "incarnation": incarnation,
             "asked": one.asked,
             "messages": one.messages,
+            "missed": one.missed,
             "spans": [[span.first, span.last, *span.phases, *span.replies] for span in one.spans],
         }
         for (robot, incarnation), one in sorted(transcripts.items())
     ]
+
+
+def _uncovered(places: Iterable[Mapping[bytes, bool]]) -> int:
+    return sum(not covered for digests in places for covered in digests.values())
 
 
 def _apart(digests: bytes) -> list[bytes]:

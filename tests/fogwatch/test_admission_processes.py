@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from monitor.live.attach import open_fleet
 from patrol.net.access import FILE, credentials_at, private_roots, read_access
 from patrol.net.credentials import read_credentials
 from patrol.net.keys import WORLD, fleet_keys
 from patrol.net.link import Refused, open_link
 from patrol.net.roles import VIEWER
-from tests.routers import PATIENCE_S, free_endpoint
+from patrol.process.lifeline import Ending
+from tests.routers import PATIENCE_S, free_endpoint, needs_openssl
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -144,6 +146,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
         process.wait(PATIENCE_S)
 
 
+@needs_openssl
 def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     site.scenario.write_text(json.dumps({**SMALL, "duration": 100_000}), encoding="utf-8")
     made = site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port)
@@ -165,6 +168,16 @@ def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     refused = site.command("control", str(machines["viewer"]), "go")
     assert refused.returncode == 2
     assert "a viewer's credentials give no right to control the fleet" in refused.stderr
+    page, onlooker = (
+        open_fleet(Ending(), access=machines["operator"]),
+        open_fleet(Ending(), credentials=machines["viewer"]),
+    )
+    assert page is not None
+    assert onlooker is not None
+    assert page.control({"do": "step", "ticks": 3}).done
+    assert not onlooker.control({"do": "go"}).done
+    page.close()
+    onlooker.close()
     film = tmp_path / "film.mcap"
     site.start("record", "fogwatch", "record", "--credentials", str(machines["viewer"]), "--out", str(film))
     site.until(lambda: "recording fleet guarded-1" in site.said("record"))
@@ -180,6 +193,7 @@ def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     assert token not in "".join([left, *(site.said(name) for name in site.processes)])
 
 
+@needs_openssl
 def test_a_robot_that_was_revoked_does_not_take_part(site: Site, tmp_path: Path) -> None:
     assert site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port).returncode == 0
     stolen = Path(shutil.copytree(site.fleet / "bert", tmp_path / "stolen"))

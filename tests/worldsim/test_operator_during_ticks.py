@@ -99,6 +99,21 @@ def test_a_long_tick_ends_when_it_is_made_short() -> None:
     assert fleet.slipped_s == 0.0
 
 
+def test_a_tick_under_way_is_never_made_longer() -> None:
+    net = Net()
+    net.gather()
+    fleet = PacedFleet(net.sessions, 0.5)
+    began = net.time
+    fleet.phase_a(0, sensed(0))
+    fleet.set_step(500.0)
+    fleet.phase_b(0, heard())
+    assert net.time - began == pytest.approx(0.5)
+    fleet.phase_a(1, sensed(1))
+    fleet.phase_b(1, heard())
+    assert net.time - began == pytest.approx(500.5)
+    assert fleet.slipped_s == 0.0
+
+
 def test_the_world_serves_others_while_it_waits_for_a_robot() -> None:
     net = Net()
     net.gather()

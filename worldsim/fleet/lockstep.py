@@ -170,4 +170,4 @@ def tell(k: int, sensed: Sensed) -> Make:
 
 def pass_on(k: int, frames: list[bytes]) -> Make:
     """Build phase B of tick k for one robot."""
-    return lambda to: PhaseB(to.incarnation, to.instance, k, to.run, tuple(frames))
+    return lambda to: PhaseB(to.incarnation, to.instance, k, to.run, tuple(frames), to.proof(k + 1))

@@ -58,7 +58,7 @@ class PacedFleet:
         self._sessions = sessions
         self._listener = listener
         self._router = router
-        self._step_s = step_s
+        self._step_s = self._tick_s = step_s
         self._k = 0
         self._closed = False  # no frame of this tick is taken any more
         self._begins: float | None = None
@@ -111,9 +111,10 @@ class PacedFleet:
         self._begins = None
 
     def set_step(self, step_s: float) -> None:
-        """Set the wall time of the steps from now on, that of a tick under way included, s."""
+        """Set the wall time of the steps from now on, s; it makes a tick that is under way shorter, but not longer."""
         self._step_s = step_s
-        if self._begins is not None:
+        if self._begins is not None and step_s < self._tick_s:
+            self._tick_s = step_s
             self._begins = max(self._begins, self._sessions.now - step_s)
 
     def finish(self, k: int) -> None:
@@ -134,7 +135,8 @@ class PacedFleet:
     def _begin(self) -> None:
         """Set when this tick begins: a step after the last one, or now when that is more than a step ago."""
         now = self._sessions.now
-        due = now if self._begins is None else self._begins + self._step_s
+        due = now if self._begins is None else self._begins + self._tick_s
+        self._tick_s = self._step_s
         if now > due + self._step_s:
             self.slipped_s += now - due
             due = now
@@ -144,7 +146,7 @@ class PacedFleet:
         """Take what has come, and what comes until a share of the step is over."""
         assert self._begins is not None
         while True:
-            left = self._begins + share * self._step_s - self._sessions.now
+            left = self._begins + share * self._tick_s - self._sessions.now
             arrived = self._sessions.take(min(max(left, 0.0), POLL_S))
             if arrived is not None:
                 self._note(*arrived, frames)

@@ -322,7 +322,7 @@ class Sessions:
         if transcript is None or message.run != self._run.number:
             self._connection.mailbox.refused["stranger"] += 1
         else:
-            transcript.compare(message.k, message.lines)
+            transcript.compare(message.since, message.k, message.lines)
 
     def _all_reported(self, numbers: Iterable[int]) -> bool:
         """Whether the processes of these robots have sent their last reports."""

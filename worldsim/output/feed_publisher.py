@@ -130,7 +130,7 @@ class Feed:
         """Send what there is while no tick is due, so that viewers need not wait for it."""
         if self._waiting or self._run_state() != self._said:
             self.flush()
-        self._answer(self._so_far)
+        self.between()
 
     def _keep(self) -> None:
         pace = self._run_state().pace

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 from patrol.journal import Status, TickRecord
@@ -50,5 +51,6 @@ class TicksTable:
         self._file.write(f"{','.join(map(str, numbers))}\n")
 
     def close(self) -> None:
-        """Close the file; closing twice is fine."""
-        self._file.close()
+        """Close the file; closing twice is fine. A line that could not be written was reported by `tick`."""
+        with suppress(OSError):
+            self._file.close()

@@ -117,7 +117,7 @@ def a(k: int, instance: int = 77, incarnation: int = 1) -> PhaseA:
 
 
 def b(k: int, frames: tuple[bytes, ...] = ()) -> PhaseB:
-    return PhaseB(1, 77, k, RUN, frames)
+    return PhaseB(1, 77, k, RUN, frames, CHAIN.proof(k + 1))
 
 
 def hello(run: int = RUN) -> Hello:
@@ -334,7 +334,7 @@ def test_a_mind_that_cannot_go_on_says_at_which_tick_and_why() -> None:
     scene.tell(a(5))
     assert scene.robot.sense() is not None
     scene.robot.stop("its policy failed")
-    assert scene.sent[:2] == [Report(1, 77, LAST, RUN, ()), Failed(1, 77, 0, RUN, "too early")]
+    assert scene.sent[:2] == [Report(1, 77, LAST, RUN, 0, ()), Failed(1, 77, 0, RUN, "too early")]
     assert scene.last(1) == [Failed(1, 77, 5, RUN, "its policy failed")]
 
 

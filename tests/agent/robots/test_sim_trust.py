@@ -7,10 +7,11 @@ from dataclasses import replace
 import pytest
 
 from patrol.exchange import Sensed
-from patrol.net.phases import ANYONE, NO_RUN, PhaseA, ReplyA, ReplyB, Report, Stop, decode_to_world, encode
+from patrol.net.phases import ANYONE, NO_RUN, PhaseA, PhaseB, ReplyA, ReplyB, Report, Stop, decode_to_world, encode
+from patrol.net.tick_chain import TickChain
 from patrol.net.transcripts import LAST, LINES, Line, digest_of
 from patrol.pose import Velocity
-from tests.agent.robots.test_sim import CHAIN, POSE, RUN, Scene, a, b
+from tests.agent.robots.test_sim import CHAIN, POSE, RUN, Scene, a, b, hello
 
 
 def test_messages_of_another_run_are_counted_and_ignored() -> None:
@@ -40,6 +41,29 @@ def test_who_was_not_greeted_can_be_turned_away() -> None:
     assert scene.mailbox.refused == {"stranger": 1}
 
 
+def test_a_forged_greeting_does_not_keep_a_robot_from_its_own_world() -> None:
+    """Whoever greets it is answered, and the first who begins a tick has it."""
+    scene = Scene(greeted=False)
+    forged = TickChain(b"another", 100)
+    scene.tell(replace(hello(6), proof=forged.proof(0)), hello(RUN), replace(hello(7), proof=forged.proof(0)))
+    scene.tell(replace(a(0), run=6), replace(a(0), run=7))  # proofs of the other run
+    assert scene.tick(0, (b"x",)) == [b"x"]
+    assert [message.run for message in scene.sent[:3]] == [6, RUN, 7]
+    assert scene.mailbox.refused == {"ahead": 2}
+    scene.world(present=True)
+    scene.tell(hello(6), replace(a(1), run=6, proof=forged.proof(2)))
+    assert scene.tick(1, (b"x",)) == [b"x"]
+    assert scene.mailbox.refused == {"ahead": 2, "stranger": 2}
+
+
+def test_greetings_without_end_take_a_bounded_memory() -> None:
+    scene = Scene(greeted=False)
+    for run in range(100, 200):
+        scene.tell(hello(run))
+    scene.tell(hello(RUN))
+    assert scene.tick(0, (b"x",)) == [b"x"]
+
+
 @pytest.mark.parametrize("ahead", [1, 50, 10**6, 2**31 - 4])
 def test_a_tick_that_has_not_begun_is_refused_and_deafens_nobody(ahead: int) -> None:
     scene = Scene()
@@ -61,9 +85,10 @@ def test_a_robot_that_was_paused_goes_on_with_whatever_tick_has_begun() -> None:
 def test_a_phase_b_far_ahead_is_refused_and_ends_no_wait() -> None:
     scene = Scene()
     scene.tick(2)
-    scene.tell(b(10**6, (b"forged",)), b(8, (b"forged",)))
+    for k in (4, 8, 10**6):
+        scene.tell(PhaseB(1, 77, k, RUN, (b"forged",), CHAIN.proof(3)), PhaseB(1, 77, k, RUN, (b"forged",), bytes(16)))
     assert scene.tick(3, (b"x",)) == [b"x"]
-    assert scene.mailbox.refused == {"ahead": 2}
+    assert scene.mailbox.refused == {"ahead": 6}
 
 
 def test_what_was_heard_in_a_tick_whose_phase_a_is_lost_is_heard_in_the_next() -> None:
@@ -90,7 +115,7 @@ def test_it_reports_what_it_has_sent_and_acted_on_every_few_ticks_and_when_it_le
     messages = [decode_to_world(payload) for payload in payloads]
     first, last = (message for message in messages if isinstance(message, Report))
     assert [line.k for line in (*first.lines, *last.lines)] == list(range(LINES + 3))
-    assert (first.k, last.k) == (first.lines[-1].k, LAST)
+    assert (first.since, first.k, last.since, last.k) == (0, first.lines[-1].k, first.k + 1, LAST)
     assert LINES - 1 <= len(first.lines) <= LINES
     sent = {(type(message), message.k): payload for message, payload in zip(messages, payloads, strict=True)}
     told_a, told_b = digest_of(encode(a(3))), digest_of(encode(b(3, (b"3",))))

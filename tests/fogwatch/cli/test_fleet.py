@@ -14,8 +14,9 @@ from fogwatch.certificates import facts, issue, make_authority
 from fogwatch.fleet_folder import open_fleet_folder
 from patrol.net.credentials import read_credentials, read_router
 from patrol.net.roles import Role, robot_role
+from tests.routers import needs_openssl
 
-pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
+pytestmark = needs_openssl
 
 Command = Callable[..., int]
 
@@ -45,6 +46,7 @@ def test_a_fleet_has_a_folder_for_each_member_that_its_owner_alone_can_read(
     folder = Path("yards-1")
     for path in (folder, *(path for path in folder.rglob("*") if path.name != "authority.pem")):
         assert not stat.S_IMODE(path.stat().st_mode) & 0o077, path
+    assert (folder / ".gitignore").read_text(encoding="utf-8") == "*\n"
     token = json.loads((folder / "fleet.json").read_text(encoding="utf-8"))["token"]
     for name in ("r1", "r2", "world", "viewer", "operator"):
         credentials = read_credentials(folder / name, "test")

@@ -187,6 +187,10 @@ def test_who_finds_no_room_is_told_so(open_page: ServedPage, monkeypatch: pytest
             second.recv(timeout=PATIENCE_S)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == FULL
+        with look(open_page, key=open_page.key) as owner:  # who has the key has a place of its own
+            said(owner, "state")
+            with look(open_page, key=open_page.key) as another, pytest.raises(ConnectionClosed):
+                another.recv(timeout=PATIENCE_S)
 
 
 def test_whatever_the_jumps_a_page_has_the_whole_trail(open_page: ServedPage, quiet: Seen) -> None:

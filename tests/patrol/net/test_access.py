@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -83,6 +84,23 @@ def test_the_secrets_of_a_run_that_is_over_are_not_there(secrets: Secrets, run: 
     secrets.remove()
     with pytest.raises(BadInput, match="the secrets of its run are not here; the run is over"):
         read_access(run, "test")
+
+
+def test_what_the_system_clears_while_a_run_goes_on_comes_back(secrets: Secrets, run: Path, roots: Path) -> None:
+    before = read_credentials(secrets.of_robot("r1"), "test")
+    secrets.of_world.unlink()
+    assert read_credentials(secrets.of_world, "test").role == WORLD_ROLE
+    shutil.rmtree(roots)
+    assert read_credentials(secrets.of_robot("r1"), "test") == before
+    assert (secrets.for_router(ROUTER) / "users.txt").is_file()
+    shutil.rmtree(roots.parent)  # as when its user logs out
+    try:
+        assert read_credentials(secrets.of_robot("r1"), "test") == before
+        assert not secrets.path.is_relative_to(roots)
+        assert read_access(run, "test").token == secrets.token
+        assert not [part for part in secrets.path.parent.iterdir() if part.name.startswith("part-")]
+    finally:
+        secrets.remove()
 
 
 def test_what_a_launcher_left_behind_goes_with_the_next_and_what_lives_stays(secrets: Secrets) -> None:

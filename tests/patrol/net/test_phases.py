@@ -57,7 +57,7 @@ def phase_a(
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads, proofs, st.integers(1, 2**31 - 1)),
     st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, proofs),
-    st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple)),
+    st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple), proofs),
     st.builds(Stop, *heads, st.booleans(), words),
 )
 to_world: st.SearchStrategy[ToWorld] = st.one_of(
@@ -76,7 +76,7 @@ to_world: st.SearchStrategy[ToWorld] = st.one_of(
         ),
     ),
     st.builds(Failed, *heads, words),
-    st.builds(Report, *heads, st.lists(lines, max_size=MAX_LINES).map(tuple)),
+    st.builds(Report, *heads, counts, st.lists(lines, max_size=MAX_LINES).map(tuple)),
 )
 junk = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=80) | st.text(),
@@ -150,8 +150,8 @@ def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.D
         msgpack.packb({"kind": 1}),
         msgpack.packb([True, 1, 1, 0, 9, bytes(16), 1]),
         msgpack.packb([1, 1.0, 1, 0, 9, b""]),
-        msgpack.packb([2, 1, 1, 0, 9, [b"x" * 65]]),
-        msgpack.packb([2, 1, 1, 0, 9, ["text"]]),
+        msgpack.packb([2, 1, 1, 0, 9, [b"x" * 65], bytes(16)]),
+        msgpack.packb([2, 1, 1, 0, 9, ["text"], bytes(16)]),
         msgpack.packb([1, 1, 1, 0, 9, [b"x"] * (MAX_FRAMES + 1)]),
         msgpack.packb([1, 1, 1, 0, 9, b"frame"]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0], 0.0, bytes(16)]),
@@ -160,15 +160,16 @@ def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.D
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, []]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1), 0.0, bytes(16)]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [], 0.0, bytes(15)]),
+        msgpack.packb([2, 1, 1, 0, 9, [b"x"], bytes(15)]),
         msgpack.packb([0, 1, 1, 0, 9, bytes(17), 1]),
         msgpack.packb([0, 1, 1, 0, 9, bytes(16), 0]),
         msgpack.packb([0, 1, 1, 0, -9, bytes(16), 1]),
         msgpack.packb([3, 1, 1, 0, 9, True, "\x1b[2J"]),
-        msgpack.packb([4, 1, 1, 0, 9, [[0, b"", b"", b""]]]),
-        msgpack.packb([4, 1, 1, 0, 9, [[-1, b"", b"", b"", b""]]]),
-        msgpack.packb([4, 1, 1, 0, 9, [[0, b"", b"", b"", b"x" * (MAX_DIGESTS * DIGEST + 1)]]]),
-        msgpack.packb([4, 1, 1, 0, 9, [[0, b"", b"", b"", b""]] * (MAX_LINES + 1)]),
-        msgpack.packb([4, 1, 1, 0, 9, {"lines": []}]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b""]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[-1, b"", b"", b"", b""]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b"", b"x" * (MAX_DIGESTS * DIGEST + 1)]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b"", b""]] * (MAX_LINES + 1)]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, {"lines": []}]),
     ],
 )
 def test_hostile_bytes_are_malformed(payload: bytes) -> None:
@@ -213,14 +214,14 @@ def test_a_phase_a_says_one_tick_only() -> None:
 def test_the_longest_report_fits_into_a_message() -> None:
     digest = bytes(MAX_DIGESTS * DIGEST)
     line = Line(2**31 - 1, (digest, digest, digest, digest))
-    report = Report(2**31 - 1, 2**63 - 1, 2**31 - 1, 2**63 - 1, (line,) * MAX_LINES)
+    report = Report(2**31 - 1, 2**63 - 1, 2**31 - 1, 2**63 - 1, 2**31 - 1, (line,) * MAX_LINES)
     assert len(encode(report)) <= MAX_REPLY
 
 
 def test_what_is_decoded_has_the_digest_of_its_bytes_and_is_equal_without() -> None:
     for message in (
         PhaseA(1, 2, 3, 4, Sensed(3, Pose(1.0, 2.0, 3.0)), bytes(PROOF)),
-        PhaseB(1, 2, 3, 4, (b"frame",)),
+        PhaseB(1, 2, 3, 4, (b"frame",), bytes(PROOF)),
         ReplyA(1, 2, 3, 4, (b"frame",)),
         ReplyB(1, 2, 3, 4, Reply(Drive(1.0, 0.0), "patrolling", None, 0.0, 0)),
     ):

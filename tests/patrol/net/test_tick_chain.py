@@ -45,11 +45,14 @@ def test_a_guess_proves_nothing(begun: int, proof: bytes) -> None:
     assert not proofs_from(5).accepts(begun, proof)
 
 
-def test_what_has_been_passed_is_proved_no_more() -> None:
+def test_what_has_been_passed_still_needs_its_own_proof() -> None:
     proofs = proofs_from(5)
     assert proofs.accepts(9, CHAIN.proof(9))
     assert proofs.accepts(9, CHAIN.proof(9))
-    assert not proofs.accepts(8, CHAIN.proof(8))
+    assert proofs.accepts(7, CHAIN.proof(7))
+    assert not proofs.accepts(7, CHAIN.proof(6))
+    assert not proofs.accepts(9, CHAIN.proof(8))
+    assert not proofs.accepts(10, CHAIN.proof(9))
 
 
 def test_another_run_has_other_proofs() -> None:

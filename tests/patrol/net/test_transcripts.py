@@ -9,6 +9,7 @@ from patrol.net.transcripts import (
     LAST,
     LINES,
     MAX_LINES,
+    MAX_REPLIES,
     MAX_SPANS,
     MAX_TICKS,
     PHASE_A,
@@ -58,8 +59,8 @@ class Exchange:
                 self.world.acted_on(k, place, digest(k, place))
 
     def report(self, until: int) -> None:
-        for complete, lines in self.robot.report(until):
-            self.world.compare(complete, lines)
+        for since, complete, lines in self.robot.report(until):
+            self.world.compare(since, complete, lines)
 
     @property
     def apart(self) -> list[tuple[int, int]]:
@@ -150,13 +151,20 @@ def test_a_command_that_was_withdrawn_later_agrees_too() -> None:
     assert exchange.apart == []
 
 
-def test_a_forged_report_hides_nothing_because_the_robots_own_comes_too() -> None:
+@pytest.mark.parametrize("until", [4, 5, LAST])
+@pytest.mark.parametrize("phases", [(b"", b""), (digest(4, PHASE_A), digest(4, PHASE_B))])
+@pytest.mark.parametrize("first", ["robot", "forger"])
+def test_a_forged_report_hides_nothing_because_the_robots_own_comes_too(
+    until: int, phases: tuple[bytes, bytes], first: str
+) -> None:
     exchange = Exchange()
     exchange.tick(4, forged_to_world=REPLY_B)
-    phases = digest(4, PHASE_A), digest(4, PHASE_B)
-    exchange.world.compare(LAST, [Line(4, (*phases, digest(4, REPLY_A), digest(4, REPLY_B, "forged")))])
-    assert exchange.apart == []
-    exchange.report(LAST)
+    if first == "robot":
+        exchange.report(LAST)
+    exchange.world.compare(0, until, [Line(4, (*phases, digest(4, REPLY_A), digest(4, REPLY_B, "forged")))])
+    if first == "forger":
+        assert exchange.apart == []
+        exchange.report(LAST)
     assert exchange.apart == [(4, 4)]
 
 
@@ -168,13 +176,28 @@ def test_a_robot_that_never_reports_takes_a_bounded_memory() -> None:
     assert len(exchange.world._acted_on) <= MAX_TICKS
 
 
-def test_what_the_world_has_forgotten_is_not_compared() -> None:
+def test_forged_replies_without_end_take_a_bounded_memory_and_are_found() -> None:
+    exchange = Exchange()
+    exchange.tick(0)
+    for k in range(3 * MAX_TICKS):
+        for number in range(20):
+            exchange.world.acted_on(k, REPLY_B, digest(k, REPLY_B, f"forged {number}"))
+    assert len(exchange.world._acted_on) <= MAX_TICKS
+    assert all(len(digests) <= MAX_REPLIES for places in exchange.world._acted_on.values() for digests in places)
+    exchange.report(LAST)
+    (span,) = exchange.world.spans
+    assert not span.agrees
+    assert span.last == 3 * MAX_TICKS - 1
+
+
+def test_what_the_world_has_forgotten_is_not_compared_but_counted() -> None:
     exchange = Exchange()
     for k in range(MAX_TICKS + 8):
         exchange.tick(k)
     exchange.report(LAST)
     assert exchange.apart == []
     assert exchange.world.messages == 4 * MAX_TICKS
+    assert exchange.world.missed == 2 * 8
 
 
 def test_there_are_only_so_many_spans_and_each_difference_stays_one() -> None:
@@ -189,14 +212,33 @@ def test_there_are_only_so_many_spans_and_each_difference_stays_one() -> None:
     assert (spans[-1].first, spans[-1].last) == (LINES * (MAX_SPANS - 1), 4 * LINES * MAX_SPANS - 1)
 
 
+def test_a_report_that_is_lost_makes_no_difference_but_is_counted() -> None:
+    exchange = Exchange()
+    for k in range(30):
+        exchange.tick(k)
+        if k == 9:
+            exchange.report(k)
+        if k == 19:
+            assert exchange.robot.report(k)  # posted while the router was down
+    exchange.robot.note(19, REPLY_B, digest(19, REPLY_B, "still"))
+    exchange.world.acted_on(19, REPLY_B, digest(19, REPLY_B, "still"))
+    exchange.report(LAST)
+    assert exchange.apart == []
+    assert exchange.world.missed == 2 * 10
+    assert exchange.world.messages == 4 * 20 + 1
+
+
 def test_a_long_report_comes_in_pieces_each_complete_as_far_as_it_says() -> None:
     exchange = Exchange()
     for k in range(60):
         exchange.tick(k)
     pieces = exchange.robot.report(59)
-    assert [complete for complete, _ in pieces] == [MAX_LINES - 1, 2 * MAX_LINES - 1, 59]
-    for complete, lines in pieces:
-        exchange.world.compare(complete, lines)
+    ends = [MAX_LINES - 1, 2 * MAX_LINES - 1, 59]
+    assert [(since, complete) for since, complete, _ in pieces] == list(
+        zip([0, *(e + 1 for e in ends)], ends, strict=False)
+    )
+    for since, complete, lines in pieces:
+        exchange.world.compare(since, complete, lines)
     assert exchange.apart == []
     assert exchange.world.messages == 240
 
@@ -210,6 +252,7 @@ def test_notes_hold_both_accounts_of_each_process() -> None:
         "incarnation": 1,
         "asked": 29,
         "messages": 120,
+        "missed": 0,
         "spans": [[0, 29, *span.phases, *span.replies]],
     }
     assert len(digest(1, 1)) == DIGEST

@@ -122,7 +122,7 @@ def test_a_tick_takes_everybodys_answers() -> None:
     assert list(replies) == [1, 2, 3]
     assert fleet.lost() == []
     assert net.told(PhaseA, 2) == [PhaseA(1, 72, 0, RUN, Sensed(0, Pose(2.0, 0.0, 0.0)), CHAIN.proof(1))]
-    assert net.told(PhaseB, 2) == [PhaseB(1, 72, 0, RUN, (b"x",))]
+    assert net.told(PhaseB, 2) == [PhaseB(1, 72, 0, RUN, (b"x",), CHAIN.proof(1))]
 
 
 def test_answers_of_other_ticks_phases_and_processes_do_not_count() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from worldsim.lifecycle import process_name
@@ -10,6 +10,8 @@ from worldsim.verdict.common.check import Check, CheckResult
 
 if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
+
+_NOTE = "transcripts"
 
 
 class TranscriptsAgree(Check):
@@ -26,30 +28,40 @@ class TranscriptsAgree(Check):
         self._messages = 0
         self._left_out: list[str] = []
 
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Where the robots were processes."""
+        return run.processes or _NOTE in _notes(run)
+
     def result(self) -> CheckResult:
         """The result, once all ticks are in and the journal has ended."""
-        end = self._run.journal.end
-        if end is None or "transcripts" not in end.notes:
-            return self._not_judged("the journal holds none; the run was in one process, or its version kept none")
+        notes = _notes(self._run)
+        if _NOTE not in notes:
+            return self._not_judged("not judged: the journal holds none, as those of earlier versions")
         self._messages = 0
         self._left_out = []
-        problems = [problem for note in end.notes["transcripts"] for problem in self._compare(note)]
+        try:
+            problems = [problem for note in notes[_NOTE] for problem in self._compare(note)]
+        except (TypeError, KeyError, ValueError):
+            problems = ["what the journal holds cannot be read"]
         self._fail("; ".join(problems))
         return super().result()
 
-    def _compare(self, note: Mapping[str, Any]) -> Iterable[str]:
+    def _compare(self, note: Any) -> Iterator[str]:
         """The differences between the transcripts of one process and the world."""
-        robot, asked = note["robot"], note["asked"]
-        name = process_name(self._run.names.get(robot, str(robot)), note["incarnation"])
-        self._messages += note["messages"]
+        asked, messages, missed = int(note["asked"]), int(note["messages"]), int(note["missed"])
+        name = process_name(self._run.names.get(note["robot"], str(note["robot"])), int(note["incarnation"]))
+        self._messages += messages
         compared = -1
-        for first, last, heard, told, sent, acted_on in _in_order(note["spans"]):
-            compared = max(compared, last)
-            ticks = f"ticks {first} to {last}"
+        for first, last, heard, told, sent, acted_on in sorted(note["spans"]):
+            compared = max(compared, int(last))
+            ticks = f"{name}: in ticks {int(first)} to {int(last)}"
             if heard != told:
-                yield f"{name}: in {ticks} the robot acted on phases that the world had not sent"
+                yield f"{ticks} the robot acted on phases that the world had not sent"
             if sent != acted_on:
-                yield f"{name}: in {ticks} the world acted on replies that the robot had not sent"
+                yield f"{ticks} the world acted on replies that the robot had not sent"
+        if missed:
+            self._left_out.append(f"{missed} replies of {name}, whose reports were lost")
         if compared < asked:
             self._left_out.append(f"{name} from tick {compared + 1}")
 
@@ -58,5 +70,5 @@ class TranscriptsAgree(Check):
         return f"the same by the robots and the world, {self._messages} messages{left_out}"
 
 
-def _in_order(spans: Iterable[Any]) -> list[tuple[int, int, str, str, str, str]]:
-    return sorted((first, last, *hashes) for first, last, *hashes in spans)
+def _notes(run: JudgedRun) -> Mapping[str, Any]:
+    return {} if run.journal.end is None else run.journal.end.notes

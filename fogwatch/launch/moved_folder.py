@@ -1,0 +1,39 @@
+"""Finds a run's folder again that was moved while the processes wrote into it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from fogwatch.launch.runfolder import RunFolder
+
+
+def found_again(folder: RunFolder, handle: int, say: Callable[[str], None]) -> RunFolder:
+    """The run's folder, wherever it is now.
+
+    Args:
+        folder: As it was called when the run began.
+        handle: The folder's descriptor, open since then; this closes it.
+        say: Shows a line to people.
+
+    Returns:
+        The folder, which is the same object unless it was moved.
+    """
+    try:
+        if folder.path.exists():
+            return folder
+        try:
+            moved = Path(f"/proc/self/fd/{handle}").readlink()
+        except OSError:  # a system without proc(5)
+            moved = folder.path
+        if not moved.is_dir():
+            say(f"{folder.path}: the run's folder was moved away or deleted, with all that it held")
+            return folder
+        say(f"{folder.path}: the run's folder was moved to {moved}; the summary is written there")
+        found = replace(folder, path=moved)
+        found.access.unlink(missing_ok=True)
+        return found
+    finally:
+        os.close(handle)

@@ -1,0 +1,66 @@
+"""A disk that is full, and a run folder that is moved away: the cause is said in one line, and no half file stays."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import signal
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from tests.fogwatch.conftest import Run
+
+pytestmark = pytest.mark.processes
+
+OPEN: dict[str, Any] = {
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "patrol": {"dilatation": 0.0},
+    "robots": {"count": 2, "model": "holonomic"},
+}
+
+
+@pytest.fixture
+def small_files() -> Iterator[None]:
+    """No file of a process that is started here grows beyond 100 kB."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.usefixtures("small_files")
+def test_a_run_that_cannot_be_recorded_says_why_and_leaves_no_half_recording(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000}, "--no-report")
+    assert run.end() == 3, run.errors
+    assert "the run cannot be recorded any more (File too large), so it ends here; make room" in run.errors
+    assert "Traceback" not in run.errors
+    assert not list(run.folder.glob("*.part"))
+    assert run.summary()["verdict"]["outcome"] == "unknown"
+
+
+def test_a_folder_that_is_moved_away_gets_its_summary(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000}, "--no-report", "--no-recording")
+    run.until(lambda: run.ticks() > 20)
+    moved = run.folder.with_name("elsewhere")
+    run.folder.rename(moved)
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
+    assert f"the run's folder was moved to {moved}; the summary is written there" in run.errors
+    run.folder = moved
+    assert run.summary()["ended"] == "interrupted"
+    assert not (moved / "control.json").exists()
+
+
+def test_a_folder_that_is_deleted_is_reported(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000}, "--no-report", "--no-recording")
+    run.until(lambda: run.ticks() > 20)
+    shutil.rmtree(run.folder)
+    os.kill(run.process.pid, signal.SIGINT)
+    assert run.end() != 0
+    assert "the run's folder was moved away or deleted" in run.errors
+    assert "Traceback" not in run.errors

@@ -1,0 +1,105 @@
+"""Fleets that are attacked while they run."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from patrol.journal import read_journal
+from patrol.net.access import FILE, read_access
+from patrol.net.control_auth import ControlClient, Unanswered
+from patrol.net.keys import fleet_keys
+from patrol.net.link import open_link
+from tests.fogwatch.conftest import Run, start
+from tests.hostile.attacker import Attacker
+
+__all__ = ["start"]
+
+COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
+
+
+class Target:
+    """A running fleet, its operator, and somebody on its network.
+
+    Attributes:
+        run: The fleet's processes.
+        attacker: Somebody who does not know the token.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        run.until((run.folder / FILE).exists)
+        self.access = read_access(run.folder, "test")
+        self.keys = fleet_keys(self.access.fleet)
+        self.link = open_link(self.access.router, 30.0, credentials=self.access.credentials)
+        self.attacker = Attacker(run.folder)
+        self.attacker.listen()
+        self.run.until(lambda: self.asked(do="pause"))
+
+    def asked(self, **control: Any) -> bool:
+        """Whether the world has done what it was asked for."""
+        client = ControlClient(self.link, self.keys, self.access.token, time.monotonic, os.urandom)
+        try:
+            return client.ask(control, 60.0).answer.done
+        except Unanswered:
+            return False
+
+    def step(self, ticks: int) -> int:
+        """Do so many more ticks; how many there are then."""
+        held = self.begin(ticks)
+        self.run.until(lambda: self.run.ticks() == held)
+        return held
+
+    def begin(self, ticks: int) -> int:
+        """Let so many more ticks begin; how many there will be then."""
+        held = self.run.ticks() + ticks
+        assert self.asked(do="step", ticks=ticks)
+        return held
+
+    def go(self) -> None:
+        """Let the ticks go on."""
+        assert self.asked(do="go")
+
+    def refused(self) -> dict[str, int]:
+        """Counts of the messages that the world has refused, once the run is over."""
+        end = read_journal(self.run.folder / "journal").end
+        assert end is not None
+        counts: dict[str, int] = end.notes["refused"]
+        return counts
+
+    def failed(self) -> list[str]:
+        """The verdict's failed checks, once the run is over."""
+        checks = self.run.summary()["verdict"]["checks"]
+        return [f"{one['name']}: {one['detail']}" for one in checks if not one["ok"]]
+
+    def scenario_hash(self) -> str:
+        """The hash of the run's scenario."""
+        return read_journal(self.run.folder / "journal").header.scenario_hash
+
+    def check(self, name: str) -> dict[str, Any]:
+        """A check of the verdict, once the run is over."""
+        (found,) = (one for one in self.run.summary()["verdict"]["checks"] if one["name"] == name)
+        return dict(found)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self.attacker.close()
+        self.link.close()
+
+
+@pytest.fixture
+def attack(start: Callable[..., Run]) -> Iterator[Callable[..., Target]]:
+    """Starts fleets, each with somebody on its network; their ticks are held."""
+    targets: list[Target] = []
+
+    def begin(scenario: dict[str, Any], *arguments: str) -> Target:
+        targets.append(Target(start({**COARSE, **scenario}, "--no-recording", "--no-report", *arguments)))
+        return targets[-1]
+
+    yield begin
+    for target in targets:
+        target.close()

@@ -1,0 +1,81 @@
+"""Where a process meets its fleet, as its options and its credentials say."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+import pytest
+
+from patrol.errors import BadInput
+from patrol.net.credentials import Credentials, RouterSecurity, as_json, write_private
+from patrol.net.keys import fleet_keys
+from patrol.net.roles import VIEWER, WORLD_ROLE, Kind, Role, robot_role
+from patrol.process.options import meeting, robot_named
+
+ROUTER = "tcp/127.0.0.1:7447"
+
+
+def named(credentials: Path | None = None, router: str | None = None, fleet: str | None = None) -> Namespace:
+    return Namespace(credentials=credentials, router=router, fleet=fleet)
+
+
+def file_of(role: Role, folder: Path) -> Path:
+    file = folder / f"{role.user}.json"
+    write_private(file, as_json(Credentials("f", ROUTER, role, "secret")))
+    return file
+
+
+def test_credentials_say_it_all(tmp_path: Path) -> None:
+    met = meeting(named(file_of(robot_role("r1"), tmp_path)), Kind.ROBOT)
+    assert (met.router, met.keys) == (ROUTER, fleet_keys("f"))
+    assert met.credentials is not None
+    assert robot_named(None, met.credentials) == robot_named("r1", met.credentials) == "r1"
+
+
+def test_another_way_to_the_router_may_be_given(tmp_path: Path) -> None:
+    met = meeting(named(file_of(VIEWER, tmp_path), "tcp/127.0.0.1:7000", "f"), Kind.VIEWER, Kind.OPERATOR)
+    assert met.router == "tcp/127.0.0.1:7000"
+
+
+def test_without_credentials_both_are_needed() -> None:
+    met = meeting(named(None, ROUTER, "f"), Kind.ROBOT)
+    assert (met.router, met.keys.fleet, met.credentials) == (ROUTER, "f", None)
+    for options in (named(), named(router=ROUTER), named(fleet="f")):
+        with pytest.raises(BadInput, match="give --credentials FOLDER, or both --router LOCATOR and --fleet NAME"):
+            meeting(options, Kind.ROBOT)
+    with pytest.raises(BadInput, match="--robot: name the robot"):
+        robot_named(None, None)
+
+
+@pytest.mark.parametrize(
+    ("role", "kind"), [(VIEWER, Kind.ROBOT), (robot_role("r1"), Kind.WORLD), (WORLD_ROLE, Kind.VIEWER)]
+)
+def test_credentials_of_another_kind_are_refused(role: Role, kind: Kind, tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=f"of {role.user}; give those of a {kind}"):
+        meeting(named(file_of(role, tmp_path)), kind)
+
+
+def test_what_contradicts_the_credentials_is_refused(tmp_path: Path) -> None:
+    file = file_of(robot_role("r1"), tmp_path)
+    with pytest.raises(BadInput, match="--fleet g: the credentials are for fleet f"):
+        meeting(named(file, fleet="g"), Kind.ROBOT)
+    with pytest.raises(BadInput, match="--robot r2: the credentials are r1's"):
+        robot_named("r2", meeting(named(file), Kind.ROBOT).credentials)
+
+
+@pytest.mark.parametrize(
+    ("passwords", "listen", "says"),
+    [
+        (True, "tcp/0.0.0.0:7447", "passwords are for one machine"),
+        (True, "tls/192.0.2.1:7447", "passwords are for one machine"),
+        (False, "tcp/127.0.0.1:7447", "which need tls; write tls/127.0.0.1:7447"),
+        (False, "ws/0.0.0.0:7447", "which need tls"),
+    ],
+)
+def test_a_router_listens_only_where_members_are_safe(passwords: bool, listen: str, says: str, tmp_path: Path) -> None:
+    security = RouterSecurity(fleet_keys("f"), listen, {"viewer": VIEWER}, tmp_path, passwords)
+    with pytest.raises(BadInput, match=says):
+        security.check_listen(listen)
+    fine = "tcp/127.0.0.1:1" if passwords else "tls/0.0.0.0:1"
+    assert security.check_listen(fine) == fine

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from patrol.untrusted import KEY, Kind, Refused, leads_out, open_untrusted, read_untrusted
+
+SMALL = Kind("a note", 2048)
+
+
+def test_a_regular_file_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "note"
+    path.write_bytes(b"x" * SMALL.most)
+    assert read_untrusted(path, SMALL) == b"x" * SMALL.most
+    with open_untrusted(path, SMALL) as file:
+        assert file.read(1) == b"x"
+
+
+def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "note"
+    path.write_bytes(b"x" * (SMALL.most + 1))
+    for read in (read_untrusted, open_untrusted):
+        with pytest.raises(Refused) as caught:
+            read(path, SMALL)
+        assert caught.value.strerror == "is larger than a note may be, 2 KiB"
+
+
+def test_a_file_that_does_not_say_how_large_it_is_is_read_no_further_than_it_may() -> None:
+    path = Path("/proc/self/smaps")
+    assert path.stat().st_size == 0
+    with pytest.raises(Refused, match="larger than a note"):
+        read_untrusted(path, SMALL)
+
+
+def test_nothing_is_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path, why in ((tmp_path / "pipe", "is a named pipe"), (Path("/dev/zero"), "is a device")):
+        with pytest.raises(Refused, match=why):
+            read_untrusted(path, KEY)
+
+
+def test_what_the_system_does_not_open_keeps_its_reason(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        read_untrusted(tmp_path / "none", KEY)
+    with pytest.raises(IsADirectoryError):
+        read_untrusted(tmp_path, KEY)
+    with pytest.raises(Refused, match="null character"):
+        read_untrusted(Path("a\0b"), KEY)
+
+
+def test_no_descriptor_is_left_open(tmp_path: Path) -> None:
+    before = set(Path("/proc/self/fd").iterdir())
+    for path in (tmp_path, Path("/dev/zero")):
+        with pytest.raises(OSError):  # noqa: PT011 - whichever
+            open_untrusted(path, KEY)
+    assert set(Path("/proc/self/fd").iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("way", "out"),
+    [("a", False), ("b/../a", False), ("../a", True), ("/etc/passwd", True), ("link", True), ("loop", False)],
+)
+def test_a_path_that_leads_out_of_a_folder_is_told(tmp_path: Path, way: str, out: bool) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "link").symlink_to(tmp_path)
+    (folder / "loop").symlink_to(folder / "loop")
+    assert leads_out(folder, folder / way) == out
