@@ -110,7 +110,7 @@ def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA |
     batch = Batch(dice.whole(0, 2**52), records, True, math.inf)
     to_robot = (
         PhaseA(incarnation, instance, k, run, sensed, proof),
-        PhaseB(incarnation, instance, k, run, (frame,)),
+        PhaseB(incarnation, instance, k, run, (frame,), proof),
         stop,
     )
     to_world = (

@@ -157,7 +157,7 @@ DECODERS: Mapping[str, Decoder] = {
             for message in (
                 Hello(*HEAD, proof=bytes(16), stride=8),
                 PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5), bytes(16)),
-                PhaseB(*HEAD, (b"frame", b"other")),
+                PhaseB(*HEAD, (b"frame", b"other"), bytes(16)),
                 Stop(*HEAD, orderly=True, reason="the run is over"),
             )
         ),
@@ -173,7 +173,7 @@ DECODERS: Mapping[str, Decoder] = {
                 ReplyA(*HEAD, (b"frame",)),
                 ReplyB(*HEAD, Reply(Velocity(0.5, 0.25), "patrolling", (1.0, 2.0), 1.5, 0)),
                 Failed(*HEAD, "no plan"),
-                Report(*HEAD, (LINE, LINE)),
+                Report(*HEAD, 0, (LINE, LINE)),
             )
         ),
     ),
