@@ -64,9 +64,10 @@ def chaos(
 
     With --hostile, each scenario is a small fleet of processes with a stranger beside it, who holds no secret, a
     viewer's credentials, or those of one robot. It knocks, sends garbage, reads along, floods, forges, replays, asks
-    and stops reading. The fleet holds if nobody gets what is not meant for him, no process dies or hangs or takes 300
-    MB more than at its start, the verdict is valid, and in lockstep the trace is that of the fleet without a stranger.
-    A stranger with a robot's credentials may make the run invalid, if the verdict names that robot and no other.
+    and stops reading. The fleet holds if nothing reaches the stranger that is not meant for it, no process dies, hangs
+    or takes 300 MB more than at its start, the verdict is valid, and in lockstep the trace is that of the fleet
+    without a stranger. A stranger with a robot's credentials may make the run invalid, if the verdict names that robot
+    and no other.
     """
     if minutes is not None and not hostile:
         raise BadInput("--minutes: is for --hostile; add it, or give --runs")
@@ -103,7 +104,7 @@ def _hostile(runs: int | None, seed: int, minutes: float | None, out: Path | Non
 
     # A signal ends the fleet in order; a second one raises KeyboardInterrupt wherever it is.
     ending = heed(None, patience=1)
-    folder = (out or untaken(FOLDER / f"hostile-{seed}")).absolute()
+    folder = (out or untaken(FOLDER / f"chaos-{seed}")).absolute()
     limit = MINUTES if minutes is None and runs is None else minutes
     with HostileSession(folder, Console(), lambda: bool(ending)) as session:
         return session.run(seed, limit, runs)

@@ -93,7 +93,7 @@ class HostileSession:
         found = problems(spell, seen)
         manner = "in lockstep" if spell.lockstep else f"at {spell.scenario.pace:g} times real time"
         took = duration(time.monotonic() - begun)
-        how = f"{seen.ticks} ticks {manner}, in {took}, the longest {seen.longest_s:.1f} s"
+        how = f"{seen.ticks} ticks {manner}, in {took}, the longest tick {seen.longest_s:.1f} s"
         self._say(f"seed {spell.seed}: {spell.who}; {how}: {'broke' if found else 'held'}")
         self._say(f"  tried: {_listed(attacks) or 'nothing'}")
         self._say(f"  counts: {_listed(seen.counts) or 'none'}")
