@@ -37,6 +37,7 @@ class Purpose(IntEnum):
     CHAOS = 9
     UNSTUCK = 10
     POLICY = 11
+    STRANGER = 12
 
 
 def mix(*values: SupportsIndex) -> int:

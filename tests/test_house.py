@@ -246,6 +246,8 @@ OWN_FILES = {
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
     "fogwatch/certificates.py": "the certificate of the authority that it has made",
+    "fogwatch/hostile/run.py": "logs of its own children",
+    "fogwatch/hostile/watch.py": "the kernel's facts about its own children",
     "fogwatch/launch/children.py": "logs of its own children",
     "fogwatch/launch/launcher.py": "the kernel's facts about its own children",
     "monitor/report/html.py": "data of the package",

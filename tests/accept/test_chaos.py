@@ -1,4 +1,4 @@
-"""Chaos at length: random scenarios under random faults of all kinds, in one process and as processes."""
+"""Chaos at length: random scenarios under random faults of all kinds, and fleets under attack."""
 
 from __future__ import annotations
 
@@ -26,3 +26,8 @@ def test_five_hundred_scenarios_hold_in_one_process(tmp_path: Path) -> None:
 @pytest.mark.timeout(3600)
 def test_twenty_scenarios_hold_as_processes(tmp_path: Path) -> None:
     chaos(tmp_path / "chaos", "--runs", "20", "--seed", "5001", "--processes")
+
+
+@pytest.mark.timeout(3600)
+def test_fleets_hold_out_against_strangers_for_half_an_hour(tmp_path: Path) -> None:
+    chaos(tmp_path / "chaos", "--hostile", "--minutes", "30", "--seed", "1")

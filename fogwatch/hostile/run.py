@@ -1,0 +1,204 @@
+"""Runs a spell: a fleet as processes, and its stranger, which is started with the ticks and killed after the run."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+from experiments.inprocess import run_in_process
+from fogwatch.api import Result, RunOptions, execute
+from fogwatch.hostile.judge import Seen
+from fogwatch.hostile.spell import Spell
+from fogwatch.hostile.watch import Memory, Progress
+from fogwatch.launch.launcher import Failed
+from fogwatch.launch.runfolder import RunFolder
+from patrol.errors import BadInput
+from patrol.printable import printable
+
+RESUME_S = 3.0
+"""How long a stranger that has stopped reading stands still."""
+_DIED = "starting it again"
+_TRACEBACK = "Traceback (most recent call last)"
+
+
+class Stranger:
+    """The process of a stranger."""
+
+    def __init__(self, spell: Spell, run: Path, log: Path, now: Callable[[], float]) -> None:
+        """Start nothing yet.
+
+        Args:
+            spell: What it holds, and its seed.
+            run: The run's folder.
+            log: The file that its output goes to.
+            now: Monotonic clock, s.
+        """
+        self._spell = spell
+        self._run = run
+        self._log = log
+        self._now = now
+        self._process: subprocess.Popen[bytes] | None = None
+        self._lifeline = (-1, -1)
+        self._resume_at: float | None = None
+
+    @property
+    def pid(self) -> int:
+        """Its process id; 0 before its start."""
+        return 0 if self._process is None else self._process.pid
+
+    def start(self) -> None:
+        """Start it; the run's router must be there."""
+        self._lifeline = os.pipe()
+        robots = ",".join(robot.name for robot in self._spell.scenario.roster)
+        command = [sys.executable, "-P", "-m", "fogwatch.hostile.stranger", "--run", str(self._run)]
+        command += ["--robots", robots, "--holds", self._spell.holds.name, "--victim", self._spell.victim]
+        command += ["--seed", str(self._spell.seed), "--lifeline", str(self._lifeline[0])]
+        for attack in self._spell.only:
+            command += ["--only", attack]
+        with self._log.open("wb") as output:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                pass_fds=[self._lifeline[0]],
+                start_new_session=True,
+            )
+
+    def look(self) -> None:
+        """Let it go on if it has stood still for `RESUME_S`."""
+        process = self._process
+        if process is None or process.returncode is not None:
+            return
+        if self._resume_at is None:
+            try:
+                stopped = os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WNOHANG)
+            except ChildProcessError:  # it has ended
+                return
+            self._resume_at = None if stopped is None else self._now() + RESUME_S
+        elif self._now() >= self._resume_at:
+            self._resume_at = None
+            process.send_signal(signal.SIGCONT)
+
+    def end(self) -> tuple[Counter[str], Counter[str], str]:
+        """Kill it.
+
+        Returns:
+            Its attacks by name, what came of them, and why it had ended by itself; empty where it had not.
+        """
+        why = ""
+        if self._process is not None:
+            if self._process.poll() is not None:
+                why = f"it ended with exit code {self._process.returncode}"
+            self._process.kill()
+            self._process.wait()
+        for end in self._lifeline:
+            if end >= 0:
+                os.close(end)
+        self._lifeline = (-1, -1)
+        attacks, counts, rest = read_log(self._log)
+        return attacks, counts, f"{why}: {rest}" if why and rest else why
+
+
+def read_log(log: Path) -> tuple[Counter[str], Counter[str], str]:
+    """What a stranger has reported.
+
+    Args:
+        log: Its output.
+
+    Returns:
+        Its attacks by name, what came of them, and the last line that is no report.
+    """
+    attacks: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
+    rest = ""
+    for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if log.exists() else []:
+        try:
+            says = json.loads(line)
+            if "attack" in says:
+                attacks[says["attack"]] += 1
+                counts += Counter(says["counts"])
+        except (ValueError, TypeError):
+            rest = printable(line.strip()) or rest
+    return attacks, counts, rest
+
+
+def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[Seen, Counter[str]]:
+    """Run a spell.
+
+    Args:
+        spell: The spell.
+        folder: A new folder; the run is written to `run` in it, and what the stranger says to `stranger.log`.
+        over: Asked all the time whether to end early.
+
+    Returns:
+        What was seen, and the stranger's attacks by name.
+
+    Raises:
+        KeyboardInterrupt: It was ended early.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    out, now = folder / "run", time.monotonic
+    progress, memory = Progress(now), Memory(now)
+    stranger = Stranger(spell, out, folder / "stranger.log", now)
+
+    def begin() -> None:
+        progress.begin()
+        stranger.start()
+
+    def stop() -> bool:
+        stranger.look()
+        memory.look(but=stranger.pid)
+        return progress.hung or over()
+
+    result: Result | None = None
+    ended = ""
+    try:
+        options = RunOptions(out, display=progress, begin=begin, stop=stop, draw=False, page=spell.page)
+        result = execute(spell.scenario, options)
+    except (BadInput, Failed) as error:
+        ended = f"{type(error).__name__}: {error}"
+    except KeyboardInterrupt:
+        if over() or not progress.hung:
+            raise
+    finally:
+        attacks, counts, why = stranger.end()
+    if over():
+        raise KeyboardInterrupt
+    if progress.hung:
+        ended = f"hung: no tick for {progress.stalled_s:.0f} s after tick {progress.ticks}"
+    logs = RunFolder(out).logs
+    crashes = [
+        log.name for log in sorted(logs.glob("*")) if _TRACEBACK in log.read_text(encoding="utf-8", errors="replace")
+    ]
+    seen = Seen(
+        ended=ended or ("" if result is None else str(result.summary["ended"])),
+        outcome="" if result is None else result.verdict.outcome,
+        failed={} if result is None else {check.name: check.detail for check in result.verdict.failed},
+        trace="" if result is None else result.trace_hash,
+        honest=honest_trace(spell) if result is not None and spell.lockstep else "",
+        restarts=[printable(line) for line in progress.lines if _DIED in line],
+        crashes=crashes,
+        growth_mb=memory.growth_mb,
+        counts=counts,
+        ticks=progress.ticks,
+        longest_s=progress.longest_s,
+        stranger=why,
+    )
+    return seen, attacks
+
+
+def honest_trace(spell: Spell) -> str:
+    """The trace hash of a spell's scenario without a stranger, run in this process.
+
+    Args:
+        spell: The spell.
+    """
+    return str(run_in_process(spell.scenario, keep=False).summary["trace_hash"])

@@ -1,0 +1,105 @@
+"""Ticks that stop, and processes that grow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fogwatch.hostile.run import read_log
+from fogwatch.hostile.watch import HUNG_S, SAMPLE_S, SETTLED_S, START_S, Memory, Progress
+from patrol.net.telemetry import Metrics
+
+ME, STRANGER = 10, 77
+
+
+class Clock:
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def done(k: int) -> Metrics:
+    return Metrics(k, 100, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, ())
+
+
+def test_a_run_hangs_when_no_tick_comes() -> None:
+    clock = Clock()
+    progress = Progress(clock)
+    clock.now = 1000.0
+    progress.begin()
+    clock.now += START_S
+    assert not progress.hung
+    progress.metrics(done(1))
+    clock.now += HUNG_S
+    progress.metrics(done(2))
+    clock.now += HUNG_S
+    progress.metrics(done(2))
+    assert not progress.hung
+    clock.now += 1.0
+    assert progress.hung
+    assert (progress.ticks, progress.stalled_s) == (2, HUNG_S + 1.0)
+    progress.metrics(done(3))
+    assert progress.longest_s == HUNG_S + 1.0
+
+
+def test_a_run_that_never_begins_hangs() -> None:
+    clock = Clock()
+    progress = Progress(clock)
+    clock.now += START_S + 1.0
+    assert progress.hung
+
+
+@pytest.fixture
+def proc(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr("fogwatch.hostile.watch._PROC", tmp_path)
+    return tmp_path
+
+
+def write(proc: Path, number: int, parent: int, peak_mb: float, *words: str) -> None:
+    folder = proc / str(number)
+    folder.mkdir(exist_ok=True)
+    (folder / "stat").write_text(f"{number} (a (name) S) S {parent} 1 1", encoding="utf-8")
+    (folder / "status").write_text(f"Name:\tpython\nVmHWM:\t{peak_mb * 1024:.0f} kB\n", encoding="utf-8")
+    (folder / "cmdline").write_text("\0".join(["python", *words, ""]), encoding="utf-8")
+
+
+def test_growth_is_counted_from_when_a_process_has_settled(proc: Path) -> None:
+    clock = Clock()
+    memory = Memory(clock, ME)
+
+    def look(world_mb: float, robot_mb: float) -> None:
+        write(proc, 11, ME, world_mb, "-m", "worldsim")
+        write(proc, 12, ME, robot_mb, "-m", "agent", "--robot", "r1")
+        write(proc, 13, 1, 10 * clock.now, "-m", "monitor")
+        write(proc, STRANGER, ME, 10 * clock.now, "-m", "fogwatch.hostile.stranger")
+        (proc / "99").mkdir(exist_ok=True)  # it has just ended
+        memory.look(but=STRANGER)
+
+    look(100, 50)
+    clock.now = SETTLED_S - 1.0
+    look(200, 60)
+    clock.now = SETTLED_S
+    look(200, 60)
+    assert memory.growth_mb == {"worldsim": 0.0, "r1": 0.0}
+    clock.now += SAMPLE_S
+    look(550, 61)
+    clock.now += SAMPLE_S / 2
+    look(900, 61)
+    assert memory.growth_mb == {"worldsim": 350.0, "r1": 1.0}
+
+
+def test_a_stranger_s_log_says_what_was_tried(tmp_path: Path) -> None:
+    log = tmp_path / "stranger.log"
+    assert read_log(log) == ({}, {}, "")
+    lines = [
+        '{"begins": "floods"}',
+        '{"attack": "floods", "counts": {"messages": 3}}',
+        '{"attack": "floods", "counts": {"messages": 4, "bytes": 1}}',
+        "7",
+        "KeyError: \x1b[2J",
+        '{"begins": "noise"}',
+    ]
+    log.write_text("\n".join(lines), encoding="utf-8")
+    assert read_log(log) == ({"floods": 2}, {"messages": 7, "bytes": 1}, "KeyError: \\x1b[2J")
