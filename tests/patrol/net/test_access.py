@@ -197,7 +197,7 @@ def test_a_file_that_never_ends_is_no_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / FILE)
     (tmp_path / "zero").symlink_to("/dev/zero")
     for path in (tmp_path, tmp_path / "zero"):
-        with pytest.raises(BadInput, match="is a (named pipe|device); give a regular file"):
+        with pytest.raises(BadInput, match=r"is a (named pipe|device); give a regular file"):
             read_access(path, "test")
     with pytest.raises(BadInput, match=r"cannot be read: No such file or directory$"):
         read_access(tmp_path / "none", "test")
