@@ -53,13 +53,15 @@ class PageChild:
         page = self._children.by_name.get(PAGE)
         if page is None or page.start is None or self._over:
             return
-        if page.poll() is not None:
-            self._restart(page)
-        elif not self._announced and (report := page.start.report()) is not None:
+        ended = page.poll() is not None
+        # One that has ended may have been ready: its address is the one to serve again.
+        if not self._announced and (report := page.start.report()) is not None and report.address:
             self._announced = True
             if self._address != report.address:
                 self._address = report.address
                 self._say(f"page: {report.address}?key={self._key}")
+        if ended:
+            self._restart(page)
 
     def _restart(self, page: Child) -> None:
         if page.code == INTERRUPTED or self._restarts == MOST_RESTARTS:

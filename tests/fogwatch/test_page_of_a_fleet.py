@@ -167,6 +167,8 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
         look.until(f"document.getElementById('clock').title !== {tick!r}")
         look.page.click("#play")
         look.until("document.getElementById('mode').textContent === 'live'")
+        held = run.ticks()
+        run.until(lambda: run.ticks() > held)  # the journal has what was asked for once a tick has followed
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors
     journal = read_journal(run.folder / "journal")
