@@ -12,6 +12,9 @@ from fogwatch.hostile.spell import Holds, Spell
 from fogwatch.hostile.watch import MOST_GROWTH_MB
 from worldsim.run_record import COMPLETED
 
+BEGUN = "attacks"
+"""The count of the attacks that a stranger has begun."""
+
 NOT_FOR_STRANGERS = (LET_IN, OVERHEARD, ASKED)
 """Counts of the stranger's that have to stay 0."""
 
@@ -63,7 +66,7 @@ def problems(spell: Spell, seen: Seen) -> list[str]:
     found = []
     if seen.stranger:
         found.append(f"the stranger could not attack: {seen.stranger}")
-    elif not sum(seen.counts.values()):
+    elif not seen.counts.get(BEGUN, 0):
         found.append("the stranger has not attacked")
     if seen.ended != COMPLETED:
         found.append(f"the run did not complete: {seen.ended}")

@@ -1,4 +1,4 @@
-"""Runs a spell: a fleet as processes, and its stranger, which is started with the ticks and killed after the run."""
+"""Runs a spell: a fleet as processes, and its stranger, which begins before the ticks and is killed after the run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from experiments.inprocess import run_in_process
 from fogwatch.api import Result, RunOptions, execute
-from fogwatch.hostile.judge import Seen
+from fogwatch.hostile.judge import BEGUN, Seen
 from fogwatch.hostile.spell import Spell
 from fogwatch.hostile.watch import Memory, Progress
 from fogwatch.launch.launcher import Failed
@@ -24,6 +24,9 @@ from patrol.printable import printable
 
 RESUME_S = 3.0
 """How long a stranger that has stopped reading stands still."""
+FIRST_S = 60.0
+"""How long the ticks wait for a stranger's first attack, s; without one the fleet counts as not attacked."""
+POLL_S = 0.02
 _DIED = "starting it again"
 _TRACEBACK = "Traceback (most recent call last)"
 
@@ -72,6 +75,18 @@ class Stranger:
                 start_new_session=True,
             )
 
+    def wait(self, over: Callable[[], bool]) -> None:
+        """Wait until it begins its first attack, or has ended.
+
+        Args:
+            over: Asked all the time whether to wait no longer.
+        """
+        until = self._now() + FIRST_S
+        while self._process is not None and self._process.poll() is None and self._now() < until and not over():
+            if read_log(self._log)[0]:
+                return
+            time.sleep(POLL_S)
+
     def look(self) -> None:
         """Let it go on if it has stood still for `RESUME_S`."""
         process = self._process
@@ -91,7 +106,8 @@ class Stranger:
         """Kill it.
 
         Returns:
-            Its attacks by name, what came of them, and why it had ended by itself; empty where it had not.
+            The attacks that it has begun by name, what came of them, and why it had ended by itself; empty where it had
+            not.
         """
         why = ""
         if self._process is not None:
@@ -114,7 +130,7 @@ def read_log(log: Path) -> tuple[Counter[str], Counter[str], str]:
         log: Its output.
 
     Returns:
-        Its attacks by name, what came of them, and the last line that is no report.
+        The attacks that it has begun by name, what came of them, and the last line that is no report.
     """
     attacks: Counter[str] = Counter()
     counts: Counter[str] = Counter()
@@ -122,8 +138,10 @@ def read_log(log: Path) -> tuple[Counter[str], Counter[str], str]:
     for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if log.exists() else []:
         try:
             says = json.loads(line)
+            if "begins" in says:
+                attacks[says["begins"]] += 1
+                counts[BEGUN] += 1
             if "attack" in says:
-                attacks[says["attack"]] += 1
                 counts += Counter(says["counts"])
         except (ValueError, TypeError):
             rest = printable(line.strip()) or rest
@@ -150,8 +168,9 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
     stranger = Stranger(spell, out, folder / "stranger.log", now)
 
     def begin() -> None:
-        progress.begin()
         stranger.start()
+        stranger.wait(over)
+        progress.begin()
 
     def stop() -> bool:
         stranger.look()

@@ -18,7 +18,7 @@ from typing import Self
 from rich.console import Console
 
 from fogwatch.chaos_session import BROKEN
-from fogwatch.hostile.judge import Seen, problems
+from fogwatch.hostile.judge import BEGUN, Seen, problems
 from fogwatch.hostile.run import run_spell
 from fogwatch.hostile.spell import Spell, draw_spell
 from fogwatch.progress import duration
@@ -96,7 +96,7 @@ class HostileSession:
         how = f"{seen.ticks} ticks {manner}, in {took}, the longest tick {seen.longest_s:.1f} s"
         self._say(f"seed {spell.seed}: {spell.who}; {how}: {'broke' if found else 'held'}")
         self._say(f"  tried: {_listed(attacks) or 'nothing'}")
-        self._say(f"  counts: {_listed(seen.counts) or 'none'}")
+        self._say(f"  counts: {_listed({what: n for what, n in seen.counts.items() if what != BEGUN}) or 'none'}")
         if not found and seen.failed:
             self._say(f"  the verdict names {spell.victim}: {', '.join(seen.failed)}")
         for problem in found:

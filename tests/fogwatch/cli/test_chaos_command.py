@@ -175,7 +175,9 @@ def test_options_of_hostile_that_do_not_go_together(
 
 def seen_of(spell: Spell, outcome: str) -> tuple[Seen, Counter[str]]:
     failed = {} if outcome == "valid" else {"fog": "tick 3: 7 points differ"}
-    seen = Seen(COMPLETED, outcome, failed, "a", "a" if spell.lockstep else "", counts=Counter(messages=7), ticks=500)
+    seen = Seen(
+        COMPLETED, outcome, failed, "a", "a" if spell.lockstep else "", counts=Counter(attacks=1, messages=7), ticks=500
+    )
     return seen, Counter(floods=2)
 
 

@@ -13,7 +13,7 @@ from fogwatch.hostile.member import ASKED, OVERHEARD
 from fogwatch.hostile.spell import Holds, Spell, draw_spell
 from worldsim.run_record import COMPLETED, INTERRUPTED
 
-HELD = Seen(COMPLETED, "valid", trace="a", honest="a", counts=Counter(messages=300))
+HELD = Seen(COMPLETED, "valid", trace="a", honest="a", counts=Counter(attacks=3, messages=300))
 DRIVEN = {"transcripts": "r2: in ticks 16 to 31 the world acted on replies that the robot had not sent"}
 
 

@@ -102,4 +102,4 @@ def test_a_stranger_s_log_says_what_was_tried(tmp_path: Path) -> None:
         '{"begins": "noise"}',
     ]
     log.write_text("\n".join(lines), encoding="utf-8")
-    assert read_log(log) == ({"floods": 2}, {"messages": 7, "bytes": 1}, "KeyError: \\x1b[2J")
+    assert read_log(log) == ({"floods": 1, "noise": 1}, {"attacks": 2, "messages": 7, "bytes": 1}, "KeyError: \\x1b[2J")
