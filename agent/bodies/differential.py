@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from agent.bodies.back_off import BackOff
+from agent.bodies.giveway import nearest
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.wheel_steering import WheelSteering
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
@@ -165,12 +166,9 @@ class DifferentialBody(BodyBase):
     def _neighbour(self, view: View) -> Spot | None:
         """Where the nearest other robot is, x and y in m; None where nobody is close."""
         pose = view.pose
-        gaps = [
-            (math.dist((peer.pose.x, peer.pose.y), (pose.x, pose.y)) - self.spec.radius - view.radii[number], number)
-            for number, peer in view.peers.items()
-        ]
-        gap, number = min(gaps, default=(math.inf, 0))
-        return (view.peers[number].pose.x, view.peers[number].pose.y) if gap <= self._near else None
+        gap, number = nearest(pose, view.peers, view.radii)
+        near = gap <= self.spec.radius + self._near
+        return (view.peers[number].pose.x, view.peers[number].pose.y) if near else None
 
     def _option(self, target: Spot, pose: Pose, bearing: float, goal: Goal) -> _Option:
         """A target that may lie within a step."""

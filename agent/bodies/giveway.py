@@ -9,6 +9,7 @@ gives way in any case, because the other may have nowhere to go.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from agent.routes.ground import Disc
 from patrol.pose import Pose
@@ -21,6 +22,24 @@ LONGEST_S = 10.0
 
 PATIENCE = 8
 """Number of bumps in a row after which a robot gives way to a higher number too."""
+
+
+def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -> tuple[float, int]:
+    """The robot whose body is nearest.
+
+    Args:
+        pose: The robot's own.
+        peers: The robots heard so far, by number.
+        radii: Radius in m of each robot, by number.
+
+    Returns:
+        Distance in m from the robot's centre to the other's body, and the other's number; infinity and 0 for none.
+    """
+    gaps = [
+        (math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y) - radii[other], other)
+        for other, peer in sorted(peers.items())
+    ]
+    return min(gaps, default=(math.inf, 0))
 
 
 class GiveWay:
@@ -57,11 +76,7 @@ class GiveWay:
             self._bumps = 0
             return
         self._bumps += 1
-        gaps = [
-            (math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y) - self._radii[other], other)
-            for other, peer in sorted(peers.items())
-        ]
-        gap, other = min(gaps, default=(math.inf, 0))
+        gap, other = nearest(pose, peers, self._radii)
         if gap <= self._radii[self._number] + near and (other < self._number or self._bumps > PATIENCE):
             spell = SHORTEST_S + (LONGEST_S - SHORTEST_S) * draw(*self._identity, tick)
             self._until[other] = tick + round(spell / self._step)

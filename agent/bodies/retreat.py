@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from agent.bodies.giveway import nearest
 from patrol.pose import Drive
 
 if TYPE_CHECKING:
@@ -141,9 +142,5 @@ class Retreat:
 
     def _neighbour(self, pose: Pose, peers: Mapping[int, Peer]) -> int | None:
         """The nearest robot's number; None where nobody is within two steps."""
-        gaps = [
-            (math.dist((peer.pose.x, peer.pose.y), (pose.x, pose.y)) - self._radii[number], number)
-            for number, peer in peers.items()
-        ]
-        gap, number = min(gaps, default=(math.inf, 0))
+        gap, number = nearest(pose, peers, self._radii)
         return number if gap <= self._radii[self._number] + 2.0 * self._steering.stride else None

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import shutil
-import signal
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from fogwatch.cli.app import main
 from monitor.recording.run_recorder import Recorder
 from monitor.replay.replay import play
 from monitor.replay.run import open_run
+from tests.fogwatch.conftest import fogwatch
 from tests.hostile.files.looks import write_map
 from tests.monitor.conftest import FAULTS, QUIET, run_of
+
+__all__ = ["fogwatch"]
 
 
 @pytest.fixture(scope="session")
@@ -38,19 +37,3 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def strange(run_folder: Path, tmp_path: Path) -> Path:
     """A copy of the run folder, to change."""
     return Path(shutil.copytree(run_folder, tmp_path / "run"))
-
-
-@pytest.fixture
-def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., int]]:
-    """The command, in a folder of its own; its signal handlers are taken away again."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.getsignal(number) for number in numbers}
-    monkeypatch.chdir(tmp_path)
-
-    def command(*arguments: str) -> int:
-        monkeypatch.setattr(sys, "argv", ["fogwatch", *arguments])
-        return main()
-
-    yield command
-    for number, handler in before.items():
-        signal.signal(number, handler)
