@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from agent.routes.ground import Ground
-from patrol.ground.swept_path import advance, free_fraction, path_is_free
+from patrol.ground.swept_path import advance, free_fraction, line_is_free, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, Velocity, wrap
 from patrol.scenario import RobotSpec
@@ -56,8 +56,7 @@ class Footing:
         joined = static.join(x, y)
         if joined is None:
             return False
-        line = Pose(x, y, 0.0), Pose(*static.centre(*joined), 0.0)
-        return free_fraction(self._terrain, *line, self._radius) >= 1.0
+        return line_is_free(self._terrain, (x, y), static.centre(*joined), self._radius)
 
     def may_end(self, pose: Pose, x: float, y: float) -> bool:
         """Whether a step may end at a place; from where the footing does not hold, any step may be taken.

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from agent.bodies.setup import BARELY
 from agent.bodies.steering import Footing, HolonomicSteering
 from agent.routes.ground import Ground, Spot
-from patrol.ground.swept_path import advance, free_fraction, path_is_free
+from patrol.ground.swept_path import advance, line_is_free, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose, Twist, wrap
 from patrol.scenario import RobotSpec
@@ -167,8 +167,7 @@ class WheelSteering:
 
     def _leads_on(self, end: Pose, target: Spot) -> bool:
         """Whether the body gets from the end of an arc straight to where the arc leads."""
-        line = Pose(end.x, end.y, 0.0), Pose(*target, 0.0)
-        return free_fraction(self._terrain, *line, self._spec.radius) >= 1.0
+        return line_is_free(self._terrain, (end.x, end.y), target, self._spec.radius)
 
     def _arcs(self, distance: float, askew: float) -> Iterator[Twist]:
         """The arcs towards a target that the wheels are fast enough for, best first.

@@ -18,8 +18,7 @@ from agent.routes.kernels.wave import HEMMED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.wave import Wave
 from patrol.ground.fields import cspace_of
-from patrol.ground.swept_path import free_fraction
-from patrol.pose import Pose
+from patrol.ground.swept_path import line_is_free
 
 if TYPE_CHECKING:
     from agent.routes.ground import Spot
@@ -156,4 +155,4 @@ class WayBack:
         return next((place for place in self._trail if place != (x, y) and self._is_free(x, y, place)), None)
 
     def _is_free(self, x: float, y: float, place: Spot) -> bool:
-        return free_fraction(self._ground.terrain, Pose(x, y, 0.0), Pose(*place, 0.0), self._radius) >= 1.0
+        return line_is_free(self._ground.terrain, (x, y), place, self._radius)

@@ -42,6 +42,18 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
             assert_never(command)
 
 
+def line_is_free(terrain: Terrain, start: tuple[float, float], end: tuple[float, float], radius: float) -> bool:
+    """Whether a body touches no wall on a straight line.
+
+    Args:
+        terrain: The map.
+        start: x and y in m.
+        end: x and y in m.
+        radius: Of the body, m.
+    """
+    return free_fraction(terrain, Pose(*start, 0.0), Pose(*end, 0.0), radius) >= 1.0
+
+
 def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, radius: float) -> bool:
     """Whether a body can obey a command for one step; touching a wall is free.
 
