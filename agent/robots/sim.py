@@ -134,6 +134,7 @@ class SimRobot:
         self._offers: dict[int, TickProofs] = {}  # by run, until a phase of one of them has come
         self._transcript = RobotTranscript()
         self._k = -1
+        self._answered = -1  # the tick before, whose line of the transcript is complete
         self._heard_k = -1
         self._early: set[int] = set()
         self._next: PhaseA | None = None
@@ -153,11 +154,9 @@ class SimRobot:
             if (arrived := self._mailbox.get()) is None:
                 break
             self._take(arrived[1])
-        if self._transcript.due and self._k >= 0:
-            self._report(self._k)
         phase, self._next = self._next, None
         self._transcript.note(phase.k, PHASE_A, phase.digest)
-        self._k = phase.k
+        self._answered, self._k = self._k, phase.k
         self._sensed = phase.sensed
         return phase.k
 
@@ -173,8 +172,10 @@ class SimRobot:
         """Answer phase A with this robot's position frame and its contacts."""
         payload = encode(ReplyA(*self._head(self._k), frames))
         self._answer_a = (self._k, payload)
-        self._transcript.note(self._k, REPLY_A, digest_of(payload))
         self._post(payload)
+        self._transcript.note(self._k, REPLY_A, digest_of(payload))
+        if self._transcript.due and self._answered >= 0:
+            self._report(self._answered)
 
     def hear(self) -> list[bytes] | None:
         """Wait for phase B.
@@ -207,8 +208,8 @@ class SimRobot:
         self._answer = ReplyB(*self._head(self._k), replace(told, command=command))
         payload = encode(self._answer)
         self._answer_b = (self._k, payload)
-        self._transcript.note(self._k, REPLY_B, digest_of(payload))
         self._post(payload)
+        self._transcript.note(self._k, REPLY_B, digest_of(payload))
 
     def stop(self, reason: str) -> None:
         """Report to the world that the mind cannot go on.

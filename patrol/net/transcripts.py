@@ -156,6 +156,7 @@ class WorldTranscript:
     _until: int = -1
     _forgotten: int = -1
     _sent: dict[int, list[bytes]] = field(default_factory=dict)
+    """By tick: the digests of both phases, until they have been compared."""
     _acted_on: dict[int, list[dict[bytes, bool]]] = field(default_factory=dict)
     """By tick and place: the digests, and whether a report has covered them."""
 

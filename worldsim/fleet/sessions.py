@@ -58,8 +58,15 @@ class Missing(Exception):
 
 @dataclass(frozen=True, slots=True)
 class _Session:
-    incarnation: int
-    instance: int
+    """The process that speaks for a robot, and what was exchanged with it."""
+
+    process: Addressee
+    transcript: WorldTranscript
+
+    def speaks(self, message: ToWorld) -> bool:
+        """Whether a message is of this process and its run."""
+        to = self.process
+        return (message.instance, message.incarnation, message.run) == (to.instance, to.incarnation, to.run)
 
 
 class Sessions:
@@ -83,7 +90,7 @@ class Sessions:
         self._absent_since: dict[int, float] = {}
         self._dismissed: dict[int, str] = {}
         self._failed: dict[int, str] = {}
-        self._transcripts: dict[int, dict[_Session, WorldTranscript]] = {number: {} for number in connection.names}
+        self._transcripts: dict[int, dict[tuple[int, int], WorldTranscript]] = {n: {} for n in connection.names}
         self._trusted_from = connection.now()
         self._k = 0
         self._begun = 0
@@ -140,14 +147,14 @@ class Sessions:
             The bytes sent, for `repeat`.
         """
         session = self._sessions[number]
-        message = make(Addressee(session.incarnation, session.instance, self._run.number, self._run.chain.proof))
+        message = make(session.process)
         self._k = max(self._k, message.k)
         payload = encode(message)
+        self._connection.posts[number](payload)  # first: the robot waits for nothing that is written down here
         if isinstance(message, PhaseA | PhaseB):
             self._begun = max(self._begun, message.k + 1)
             place = PHASE_A if isinstance(message, PhaseA) else PHASE_B
-            self._transcripts[number][session].sent(message.k, place, digest_of(payload))
-        self._connection.posts[number](payload)
+            session.transcript.sent(message.k, place, digest_of(payload))
         return payload
 
     def act_on(self, number: int, answer: ReplyA | ReplyB) -> None:
@@ -158,13 +165,13 @@ class Sessions:
             answer: The answer.
         """
         place = REPLY_A if isinstance(answer, ReplyA) else REPLY_B
-        transcript = self._transcripts[number][_Session(answer.incarnation, answer.instance)]
+        transcript = self._transcripts[number][answer.incarnation, answer.instance]
         transcript.acted_on(answer.k, place, answer.digest or digest_of(encode(answer)))
 
     def transcripts(self) -> list[dict[str, object]]:
         """What the robots and the world have each sent and acted on, as notes for the journal's end."""
         of_all = self._transcripts.items()
-        return as_notes({(n, one.incarnation): kept for n, ones in of_all for one, kept in ones.items()})
+        return as_notes({(n, incarnation): kept for n, ones in of_all for (incarnation, _), kept in ones.items()})
 
     def repeat(self, number: int, payload: bytes) -> None:
         """Send the same bytes once more."""
@@ -313,12 +320,11 @@ class Sessions:
 
     def _has_session(self, number: int, message: ToWorld) -> bool:
         session = self._sessions.get(number)
-        ours = session == _Session(message.incarnation, message.instance) and message.run == self._run.number
-        return ours and number not in self._dismissed
+        return session is not None and session.speaks(message) and number not in self._dismissed
 
     def _compare(self, number: int, message: Report) -> None:
         """Compare the report of a process that has, or had, a session."""
-        transcript = self._transcripts[number].get(_Session(message.incarnation, message.instance))
+        transcript = self._transcripts[number].get((message.incarnation, message.instance))
         if transcript is None or message.run != self._run.number:
             self._connection.mailbox.refused["stranger"] += 1
         else:
@@ -326,7 +332,7 @@ class Sessions:
 
     def _all_reported(self, numbers: Iterable[int]) -> bool:
         """Whether the processes of these robots have sent their last reports."""
-        return all(self._transcripts[number][self._sessions[number]].closed for number in numbers)
+        return all(self._sessions[number].transcript.closed for number in numbers)
 
     def _take_farewell(self) -> None:
         """Wait up to `POLL_S` for a message while processes leave; only reports and presence matter then."""
@@ -351,7 +357,7 @@ class Sessions:
             self._refuse_seat(number, message, f"no process is expected for {name} now")
         elif session is None:
             self._seat(number, message)
-        elif session.instance != message.instance:
+        elif session.process.instance != message.instance:
             self._refuse_seat(number, message, f"another process is {name} already")
         elif number in self._dismissed:
             self._turn_away(number, message, self._dismissed[number])
@@ -363,9 +369,9 @@ class Sessions:
                 self._call_off(number, message, unlike)
             self._refuse_seat(number, message, f"{UNLIKE}{unlike}")
             return
-        session = _Session(message.incarnation, message.instance)
-        self._sessions[number] = session
-        self._transcripts[number].setdefault(session, WorldTranscript())
+        process = Addressee(message.incarnation, message.instance, self._run.number, self._run.chain.proof)
+        one = (message.incarnation, message.instance)
+        self._sessions[number] = _Session(process, self._transcripts[number].setdefault(one, WorldTranscript()))
 
     def _refuse_seat(self, number: int, message: HelloReply, reason: str) -> None:
         self._connection.mailbox.refused["seat"] += 1
