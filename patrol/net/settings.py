@@ -20,9 +20,9 @@ _DROP_US = 100
 """How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
 
 MAX_MESSAGE = 1 << 24
-"""Bytes of the longest message that a fleet's sessions put together. A router puts messages together before it knows
-who may send them: with Zenoh's limit of 1 GiB, one message of 400 MB that nobody was allowed to send took as much of its
-memory, and for good."""
+"""Bytes of the longest message that a fleet's sessions put together. A router puts messages together before it looks at
+who may send them: with Zenoh's limit of 1 GiB, a message of 400 MB that its sender was not allowed to send took as much
+of the router's memory, for good."""
 
 _CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
 _CLOSE_US = 1_000_000

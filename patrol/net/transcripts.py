@@ -96,7 +96,7 @@ class RobotTranscript:
 # --- the world -------------------------------------------------------------------------------------------------------
 
 MAX_TICKS = 256
-"""Ticks of which the world keeps the digests: a robot's report has to come by then."""
+"""Ticks of which the world keeps the digests: a robot's report has to come by then, and it acts on no older reply."""
 MAX_REPLIES = 8
 """Different replies to one phase of which the world keeps the digests; a robot sends `MAX_DIGESTS` at most."""
 MAX_SPANS = 16
@@ -187,6 +187,7 @@ class WorldTranscript:
             digest: Its digest.
         """
         if k <= self._forgotten:
+            self._missed += 1
             return
         digests = self._acted_on.setdefault(k, [{}, {}])[place - REPLY_A]
         if len(digests) < MAX_REPLIES:
@@ -251,6 +252,7 @@ def as_notes(transcripts: Mapping[tuple[int, int], WorldTranscript]) -> list[dic
             "asked": one.asked,
             "messages": one.messages,
             "missed": one.missed,
+            "closed": one.closed,
             "spans": [[span.first, span.last, *span.phases, *span.replies] for span in one.spans],
         }
         for (robot, incarnation), one in sorted(transcripts.items())
