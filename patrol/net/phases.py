@@ -364,8 +364,11 @@ def _report(values: list[Any]) -> Report:
 def _line(values: object) -> Line:
     if type(values) is not list or len(values) != 1 + PLACES:
         raise Malformed(f"a line is an array of {1 + PLACES}")
-    a, b, c, d = (_bytes(value, 0, MAX_DIGESTS * DIGEST) for value in values[1:])
-    return Line(_whole(values[0], _MAX_COUNT), (a, b, c, d))
+    k, a, b, c, d = values
+    for digests in (a, b, c, d):
+        if type(digests) is not bytes or len(digests) > MAX_DIGESTS * DIGEST:
+            raise Malformed(f"no {MAX_DIGESTS * DIGEST} bytes or fewer")
+    return Line(_whole(k, _MAX_COUNT), (a, b, c, d))
 
 
 def _whole(value: object, most: int, least: int = 0) -> int:
