@@ -8,6 +8,7 @@
     formats.py       the keys and attachments of the two formats
     mailbox.py       where what was received waits
     ports.py         what a link can do
+    goals.py         the action NavigateToPose, both sides
     link.py          the link itself, the only file here that knows Zenoh
 
 What needs the extra ``ros2`` imports it when a message is coded for the first time.

@@ -64,6 +64,7 @@ class ZenohRos2Link:
         self._node_number = next(self._numbers)
         self._declared: list[Any] = []
         self._clients: dict[str, _Attacher] = {}
+        self._servers: dict[str, str] = {}
         self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, Kind.NODE, node))
 
     @property
@@ -131,7 +132,7 @@ class ZenohRos2Link:
     def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:
         """Ask a service, without waiting for the response (`patrol.ros2.ports.Ros2Link`).
 
-        Where keys depend on the server, this first asks the router who it is.
+        Where keys depend on the server, the first call asks the router who it is, which takes at most `SERVERS_S`.
         """
         full = self.resolve(name)
         payload = encode(request)
@@ -217,9 +218,12 @@ class ZenohRos2Link:
         return _Attacher(gid_of(entity.token) if self._format.attaches else None)
 
     def _server(self, full: str) -> str | None:
-        """The token of whoever offers a service, if keys depend on it."""
+        """The token of whoever offers a service, or last did, if keys depend on it."""
         servers = self._format.servers(full)
-        return None if servers is None else next(self._tokens(servers, SERVERS_S), None)
+        if servers is not None and full not in self._servers:
+            for token in self._tokens(servers, SERVERS_S):
+                self._servers[full] = token
+        return self._servers.get(full)
 
     def _tokens(self, expression: str, limit_s: float) -> Iterator[str]:
         for number, reply in enumerate(self._session.liveliness().get(expression, timeout=limit_s)):
