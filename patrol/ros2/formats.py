@@ -116,6 +116,10 @@ class Format(Protocol):
         """The key expression of a topic that others publish."""
         ...
 
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        ...
+
     def servers(self, service: str, /) -> str | None:
         """The key expression of the tokens of a service's servers; None where keys do not depend on them."""
         ...
@@ -172,6 +176,11 @@ class RmwZenoh:
         """The key expression of a topic that others publish: of any type and hash, so that a wrong one can be told."""
         return f"{self.domain}/{topic.strip('/')}/*/*"
 
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        inside = namespace.strip("/")
+        return f"{self.domain}/{inside}/**" if inside else f"{self.domain}/**"
+
     def servers(self, service: str, /) -> str | None:
         """The key expression of the tokens of a service's servers."""
         return f"{ADMIN_SPACE}/{self.domain}/*/*/*/{Kind.SERVER}/*/*/*/{mangled(service)}/**"
@@ -223,6 +232,11 @@ class Bridge:
         inside = topic.strip("/")
         prefix = self.prefix.strip("/")
         return f"{prefix}/{inside}" if prefix else inside
+
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        inside = self.heard(namespace).strip("/")
+        return f"{inside}/**" if inside else "**"
 
     def servers(self, _service: str, /) -> str | None:
         """Keys do not depend on servers."""
