@@ -88,8 +88,8 @@ class ZenohRos2Link:
     def publisher(self, topic: str, kind: type[M], qos: Qos = USUAL) -> Sender[M]:
         """A publisher (`patrol.ros2.ports.Ros2Link`).
 
-        It drops a message rather than being late. A latched one waits, for at most `BLOCKED_US` where the router does not
-        read, so whoever has to be on time lets another thread send what is latched.
+        It drops a message rather than being late. A latched one waits, for at most `BLOCKED_US`, where the router does
+        not read. So whoever has to be on time lets another thread send what is latched.
         """
         full = self.resolve(topic)
         type_name = CODINGS[kind].type_name
