@@ -38,10 +38,11 @@ browser: ## install Chromium, for the tests of the page (needs root and apt-get)
 pictures: install ## make the README's pictures of the page again (needs Chromium)
 	$(BIN)/python docs/pictures/make.py
 
+# Several processes share the tests, as many as there are processors, up to four.
 # On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
 .PHONY: test
 test: install $(if $(CI),browser) ## check style, types and layers, and run every quick test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4
 
 # Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
 # take about a minute, compiling included.
