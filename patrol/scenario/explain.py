@@ -81,7 +81,7 @@ def _describe(
     aliases: Mapping[str, str],
 ) -> str:
     context = problem.get("ctx", {})
-    location = [part for part in problem["loc"] if not str(part).startswith("=")]
+    location = _location(problem)
     if problem["type"] == "crossed" and context["field"]:
         location += [int(part) if part.isdecimal() else part for part in context["field"].split(".")]
     field = ".".join(str(part) for part in location)
@@ -103,6 +103,15 @@ def _describe(
     if context.get("bare") and note:
         what = f"{what} ({note})"
     return f"{where} = {quoted(problem['input'])}: {what}"
+
+
+def _location(problem: ErrorDetails) -> list[int | str]:
+    """Where the problem is, without the names of kinds (``=kill``), which stand for no key; a key may look like one."""
+    location = problem["loc"]
+    keys = [part for part in location if not str(part).startswith("=")]
+    if problem["type"] in ("extra_forbidden", "invalid_key") and keys[-1:] != [location[-1]]:
+        keys.append(location[-1])
+    return keys
 
 
 def _expected(problem: ErrorDetails, section: type[Section]) -> str:

@@ -139,6 +139,7 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"radio": {"forget_after": 0.4}}, "scenario: radio.forget_after = 0.4: shorter than one step"),
         ({"point": 11}, "scenario: sensor.range = 10: shorter than one point of 11 m"),
         ({"seed": 2**63}, "scenario: seed = 9223372036854775808: expected a whole number from 0 to 2^63 - 1"),
+        ({"terrain": {"builtin": "open"}, "=ame": "hall"}, "=ame: unknown key; did you mean name?"),
     ],
 )
 def test_a_wrong_scenario_is_told_in_one_line(raw: dict[str, Any], expected: str) -> None:
