@@ -81,11 +81,11 @@ class Sender:
         if not self._has_news(position, seen):
             return ()
         position, frame = self._fitting(position)
-        if not self._may_send(frame):
-            return ()
-        self._last, self._reported = position, seen
-        contacts = (encode(Position.of_contact(sensed.k, sensed.clock_s, x, y), self._key) for x, y in seen)
-        return frame, *itertools.takewhile(self._may_send, contacts)
+        contacts = [encode(Position.of_contact(sensed.k, sensed.clock_s, x, y), self._key) for x, y in seen]
+        frames = self._affordable((frame, *contacts))
+        if frames:
+            self._last, self._reported = position, seen
+        return frames
 
     def _follow(self, position: Position) -> None:
         if position.sequence != self._framed + 1:
@@ -120,5 +120,11 @@ class Sender:
                 return said, frame
             steps = steps[:-1]
 
-    def _may_send(self, frame: bytes) -> bool:
-        return self._allowance is None or self._allowance.take(len(frame))
+    def _affordable(self, frames: tuple[bytes, ...]) -> tuple[bytes, ...]:
+        """The frames that may be sent now: all, or as many as can be saved up for; none while it is worth waiting."""
+        allowance = self._allowance
+        if allowance is None:
+            return frames
+        if not allowance.suffices(map(len, frames)):
+            return ()
+        return tuple(itertools.takewhile(lambda frame: allowance.take(len(frame)), frames))

@@ -7,6 +7,7 @@ that takes its place can make it more.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 BITS = 8
@@ -21,7 +22,7 @@ class Share:
 
     Attributes:
         per_tick: Bits earned in a tick.
-        most: Bits that can be saved up.
+        most: Bits that can be saved up, enough for the longest frame.
         overhead: Bytes that the radio adds to a frame.
         frame: Bytes of the longest frame.
     """
@@ -40,9 +41,14 @@ class Share:
         return BITS * (length + self.overhead)
 
     @property
-    def fills_in(self) -> int:
+    def earns_frame_in(self) -> int:
         """Ticks in which a robot that has nothing earns the longest frame."""
         return math.ceil(self.cost(self.frame) / self.per_tick - 1e-9)
+
+    @property
+    def earns_most_in(self) -> int:
+        """Ticks in which a robot that has nothing earns as much as it can save."""
+        return math.ceil(self.most / self.per_tick - 1e-9)
 
 
 class Allowance:
@@ -67,6 +73,14 @@ class Allowance:
         ticks = 0 if self._k is None else k - self._k
         self._bits = min(self._bits + ticks * self._share.per_tick, self._share.most)
         self._k = k
+
+    def suffices(self, lengths: Iterable[int]) -> bool:
+        """Whether all of some frames may be sent, or there is no use in waiting.
+
+        Args:
+            lengths: Their bytes.
+        """
+        return self._bits + _ROUNDING >= min(sum(map(self._share.cost, lengths)), self._share.most)
 
     def take(self, length: int) -> bool:
         """Use bits for a frame.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from patrol.scenario.model import Scenario
 
 _BUCKET_S = 1.0
-"""How much of its share a robot may save up, s; or one frame, or one tick, if these are longer."""
+"""How much of its share a robot may save up, s; or a tick, or the longest frame and a contact's, if these are more."""
 
 _ALL_ROUND = 360.0
 
@@ -87,9 +87,10 @@ def share_of(scenario: Scenario) -> Share | None:
     if radio.budget is None:
         return None
     per_s = radio.budget.bits_per_s / len(scenario.roster)
-    longest = radio.longest_frame
-    most = max(per_s * max(_BUCKET_S, scenario.step), BITS * float(longest + radio.budget.overhead))
-    return Share(per_tick=per_s * scenario.step, most=most, overhead=radio.budget.overhead, frame=longest)
+    overhead, longest = radio.budget.overhead, radio.longest_frame
+    contact = longest_frame(0, tagged=radio.key is not None)
+    most = max(per_s * max(_BUCKET_S, scenario.step), BITS * float(longest + contact + 2 * overhead))
+    return Share(per_tick=per_s * scenario.step, most=most, overhead=overhead, frame=longest)
 
 
 def check_radio_spec(scenario: Scenario) -> None:
@@ -117,8 +118,9 @@ def check_radio_spec(scenario: Scenario) -> None:
         raise wrong("radio.budget.frame", limit, radio.budget.frame)
     share = share_of(scenario)
     assert share is not None
-    if share.fills_in * step > radio.forget_after:
-        seconds = f"so low that a robot may be silent for {share.fills_in * step:g} s, and claims end after "
+    silent_s = step * (share.earns_most_in if scenario.intruders else share.earns_frame_in)
+    if silent_s > radio.forget_after:
+        seconds = f"so low that a robot may be silent for {silent_s:g} s, and claims end after "
         remedy = "give more, a shorter radio.trail or a longer radio.forget_after"
         limit = f"{seconds}{radio.forget_after:g} s; {remedy}"
         raise wrong("radio.budget.bits_per_s", limit, radio.budget.bits_per_s)

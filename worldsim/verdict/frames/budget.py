@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
+from patrol.radio.message import longest_frame
 from worldsim.verdict.common.check import Check
 
 if TYPE_CHECKING:
@@ -22,9 +23,9 @@ _ROUNDING = 1e-3
 class WithinBudget(Check):
     """No robot has sent more than its share of `radio.budget`, and no frame was too long.
 
-    A share is saved up for a second, a step or the longest frame, whichever is longer. The fleet begins with nothing
-    saved, so at no time has it sent more than the budget times the time so far. Bits count as on the air, with the
-    radio's overhead. Forged frames are not the robots', nor are copies that a fault made.
+    A share is saved up for a second or a step, or until it holds the longest frame and a contact, whichever is more.
+    The fleet begins with nothing saved, so at no time has it sent more than the budget times the time so far. Bits
+    count as on the air, with the radio's overhead. Forged frames are not the robots', nor are copies that a fault made.
     """
 
     name = "budget"
@@ -37,7 +38,9 @@ class WithinBudget(Check):
         self._budget = budget
         self._step = scenario.step
         self._per_s = budget.bits_per_s / len(scenario.roster)
-        self._most = max(self._per_s * max(self._step, 1.0), BITS * (scenario.radio.longest_frame + budget.overhead))
+        tagged = scenario.radio.key is not None
+        two_frames = scenario.radio.longest_frame + longest_frame(0, tagged=tagged) + 2 * budget.overhead
+        self._most = max(self._per_s * max(self._step, 1.0), float(BITS * two_frames))
         self._left = dict.fromkeys(run.names, 0.0)
         self._ticks = self._bits = self._longest = self._peak = 0
         self._window: deque[int] = deque(maxlen=max(1, round(WINDOW_S / self._step)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,12 +10,10 @@ from patrol.radio.prediction import Predictor
 from patrol.scenario import share_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from patrol.ground.terrain import Terrain
-    from patrol.journal.records import Event
     from patrol.radio.message import Position
     from patrol.scenario import Scenario
+    from worldsim.run_record import RunRecord
 
 
 @dataclass(slots=True)
@@ -34,34 +32,38 @@ class DueFrames:
     """Finds frames that are missing in lockstep, where the world waits for all that a robot has to say.
 
     A robot that may not send in each tick is due when it wants to send for sure, and must have earned the longest frame
-    since its last. It may send earlier, so this says nothing about frames that are not missing.
+    since its last; where it sees an intruder, all that it can save. It may send earlier, so this says nothing about
+    frames that are not missing.
     """
 
-    def __init__(self, scenario: Scenario, terrain: Terrain, events: Sequence[Event]) -> None:
+    def __init__(self, scenario: Scenario, terrain: Terrain, journal: RunRecord) -> None:
         """Begin before the first tick.
 
         Args:
             scenario: The run's.
             terrain: Its ground.
-            events: Of the run; those of a tick are there when the tick is asked about.
+            journal: Of the run; a tick's events are there when the tick is asked about.
         """
         radio, share = scenario.radio, share_of(scenario)
         self._always = not radio.spares_frames
         self._silence = radio.silence_ticks(scenario.step)
         self._error = None if radio.adaptive is None else radio.adaptive.error
-        self._earns_in = 0 if share is None else share.fills_in
+        self._earns_in = (0, 0) if share is None else (share.earns_frame_in, share.earns_most_in)
         self._predictor = Predictor(terrain, radio.trail_every, self._silence)
-        self._events = events
+        self._journal = journal
         self._read = 0
         self._known: dict[int, _Known] = {}
 
-    def missing(self, k: int, living: Mapping[int, Position], said: Mapping[int, Position]) -> list[int]:
+    def missing(
+        self, k: int, living: Mapping[int, Position], said: Mapping[int, Position], seers: Collection[int]
+    ) -> list[int]:
         """The robots that should have sent and have not.
 
         Args:
             k: The tick; each in turn.
             living: Where each living robot takes itself to be, by number.
             said: What each has sent.
+            seers: Those that see an intruder.
 
         Returns:
             Their numbers.
@@ -73,11 +75,12 @@ class DueFrames:
         self._known = {number: self._known.get(number, _Known(k)) for number in living}
         for number, position in said.items():
             self._known[number] = _Known(k, position)
-        return [number for number, now in living.items() if number not in said and self._due(self._known[number], now)]
+        silent = [number for number in living if number not in said]
+        return [n for n in silent if self._due(self._known[n], living[n], sees=n in seers)]
 
-    def _due(self, known: _Known, now: Position) -> bool:
+    def _due(self, known: _Known, now: Position, *, sees: bool) -> bool:
         silent = now.sequence - known.since
-        if silent < self._earns_in:
+        if silent < self._earns_in[sees]:
             return False
         if self._error is None or silent >= self._silence:
             return True
@@ -85,8 +88,9 @@ class DueFrames:
 
     def _interrupted(self, k: int) -> Iterator[int]:
         """The robots that something has happened to since the tick before: their processes may be other ones."""
-        while self._read < len(self._events) and self._events[self._read].k <= k:
-            event = self._events[self._read]
+        events = self._journal.events
+        while self._read < len(events) and events[self._read].k <= k:
+            event = events[self._read]
             self._read += 1
             if event.robot is not None:
                 yield event.robot

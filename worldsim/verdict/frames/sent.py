@@ -50,7 +50,7 @@ class FramesAreTrue(Check):
         self._names = run.names
         self._intruders = Intruders(scenario, sensor_footprint(scenario, prepared.terrain))
         self._senses = Senses(scenario, run.timeline, prepared.terrain)
-        self._due = DueFrames(scenario, prepared.terrain, run.journal.events)
+        self._due = DueFrames(scenario, prepared.terrain, run.journal)
         self._sparing = scenario.radio.spares_frames
         self._in_budget = scenario.radio.budget is not None
         self._every = scenario.radio.trail_every
@@ -94,7 +94,9 @@ class FramesAreTrue(Check):
                 return
             self._looked += 1
         if self._waits:
-            self._missing = [(record.k, number, "its position") for number in self._due.missing(record.k, due, said)]
+            seers = [number for number, seen in contacts.items() if seen]
+            silent = self._due.missing(record.k, due, said, seers)
+            self._missing = [(record.k, number, "its position") for number in silent]
             self._missing += [(record.k, number, "a contact") for number in self._without_contact(contacts, said)]
 
     def result(self) -> CheckResult:
