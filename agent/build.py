@@ -26,11 +26,13 @@ from agent.policies.surround.surround import Surround
 from agent.ports import PolicyFailed, PolicySetup
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
+from agent.sender import Sending
 from agent.view import FogView
 from patrol.ground.footprint import Footprint
 from patrol.prepare import inbox_of, sensor_footprint
+from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
-from patrol.scenario import lengths_by_robot, lengths_of
+from patrol.scenario import lengths_by_robot, lengths_of, share_of
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
@@ -195,11 +197,21 @@ def build_mind(
         margin=spec.radius + 0.5 * scenario.point,
         patience=math.ceil(scenario.radio.forget_after / scenario.step),
         memory=math.floor(patrol.contact_memory / scenario.step),
-        trail=scenario.radio.trail,
+        sending=_sending(scenario, terrain),
         key=key,
     )
     fog = FogView(belief, fields.patrolled, posts)
     return Mind(facts, belief, fog, ground, Routes(ground, scratch), policy, body, chance)
+
+
+def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
+    """When the robots of a scenario send, and what."""
+    radio, share = scenario.radio, share_of(scenario)
+    if radio.adaptive is None:
+        return Sending(radio.trail, radio.trail_every, share)
+    silence = radio.silence_ticks(scenario.step)
+    predictor = Predictor(terrain, radio.trail_every, silence)
+    return Sending(radio.trail, radio.trail_every, share, radio.adaptive.error, silence, predictor)
 
 
 def mind_maker(prepared: Prepared, key: bytes | None, shared: Shared) -> MakeMind:

@@ -5,22 +5,20 @@ Pure: no clock, no I/O, no randomness but draws from (seed, robot, incarnation, 
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from agent.answers import checked
 from agent.belief.believed import Belief
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Disc, Ground
 from agent.routes.routes import Routes
+from agent.sender import Sender, Sending
 from agent.view import Draw, FogView, View
 from patrol.exchange import Sensed
 from patrol.pose import Pose
-from patrol.radio.message import MAX_CONTACTS, Position, as_received, encode
-from patrol.radio.peers import Peer
+from patrol.radio.message import MAX_CONTACTS, Position, as_received
 from patrol.scenario import RobotSpec
 
 
@@ -35,7 +33,7 @@ class Facts:
         margin: Kept clear of a silent robot's body, m: the own radius and half a point.
         patience: Ticks of silence after which a robot is no longer counted on.
         memory: Ticks for which an intruder is remembered after its last report.
-        trail: Past positions sent along.
+        sending: When the fleet's robots send, and what.
         key: Of the fleet's tags, or None.
     """
 
@@ -45,7 +43,7 @@ class Facts:
     margin: float
     patience: int
     memory: int
-    trail: int
+    sending: Sending
     key: bytes | None
 
 
@@ -72,13 +70,11 @@ class Mind:
         self._ground = ground
         self._routes = routes
         self._chance = chance
-        self._trail: deque[tuple[int, int]] = deque(maxlen=facts.trail + 1)
-        self._framed = -1
+        self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
-        """All that the robot sends in a tick: its position, and the intruders that it sees itself."""
-        found = [Position.of_contact(sensed.k, sensed.clock_s, x, y) for x, y in sensed.contacts[:MAX_CONTACTS]]
-        return self._frame(sensed), *(encode(contact, self.facts.key) for contact in found)
+        """All that the robot sends in a tick: its position, and the intruders that it sees itself; perhaps nothing."""
+        return self._sender.frames(sensed)
 
     def step(self, sensed: Sensed, heard: Sequence[bytes]) -> Decision:
         """Decide at a tick.
@@ -121,7 +117,8 @@ class Mind:
         for place in sensed.contacts[:MAX_CONTACTS]:
             self.belief.contacts.report(Position.of_contact(k, k * facts.step, *place), k)
         contacts = self.belief.contacts.known(k, facts.memory)
-        self._ground.begin([*self._silent(k, pose), *self.body.obstacles(k, pose, sensed.bumped, self.belief.peers)])
+        peers = self.belief.peers_at(k, facts.sending.predictor)
+        self._ground.begin([*self._silent(k, pose), *self.body.obstacles(k, pose, sensed.bumped, peers)])
         return View(
             tick=k,
             time_s=k * facts.step,
@@ -130,7 +127,7 @@ class Mind:
             bumped=sensed.bumped,
             spec=facts.spec,
             stride=facts.spec.speed * facts.step,
-            peers=self._live(k),
+            peers={number: peer for number, peer in peers.items() if k - peer.tick <= facts.patience},
             radii=facts.radii,
             contacts=contacts,
             fog=self._fog,
@@ -139,26 +136,10 @@ class Mind:
             chance=self._chance,
         )
 
-    def _frame(self, sensed: Sensed) -> bytes:
-        """The position message of a tick."""
-        position = Position.of(self.spec.number, sensed.k, sensed.clock_s, sensed.pose)
-        if sensed.k != self._framed + 1:
-            # Receivers date a trail's places by counting back one tick each.
-            self._trail.clear()
-        self._framed = sensed.k
-        self._trail.appendleft((position.x_cm, position.y_cm))
-        places = list(self._trail)
-        trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in itertools.pairwise(places))
-        return encode(replace(position, trail=trail), self.facts.key)
-
     def _silent(self, k: int, pose: Pose) -> list[Disc]:
         """Where robots that have fallen silent were last, unless that is where this robot is."""
         discs = self.belief.silent(k, self.facts.patience, self.facts.radii, self.facts.margin)
         return [disc for disc in discs if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]]
-
-    def _live(self, k: int) -> dict[int, Peer]:
-        """The robots heard from lately; a silent one's claims and obstacles end."""
-        return {number: peer for number, peer in self.belief.peers.items() if k - peer.tick <= self.facts.patience}
 
 
 MakeMind = Callable[[int, int], Mind]

@@ -117,7 +117,7 @@ def _drive(
     wait_s: float,
     ending: Ending,
 ) -> int:
-    from patrol.net.keys import check_radio
+    from patrol.net.keys import callers_of, check_radio
     from patrol.net.link import open_links
     from patrol.net.roles import Kind
     from patrol.process.lifeline import INTERRUPTED
@@ -136,7 +136,8 @@ def _drive(
     # Its counts of frames begin anew, so whoever adds them up must not take it for the process before.
     incarnation = int(time.time()) % 2**31
     prepared, mind = _mind_of(scenario, spec.number, incarnation, say)
-    links = open_links(met.router, on_air, wait_s, say, lambda: bool(ending), met.credentials)
+    callers = callers_of(keys, {one.name: one.number for one in scenario.roster})
+    links = open_links(met.router, on_air, wait_s, say, lambda: bool(ending), met.credentials, callers)
     if links is None:
         return INTERRUPTED
     link, air = links

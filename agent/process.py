@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, ending: Ending) -> int:
-    from patrol.net.keys import check_radio
+    from patrol.net.keys import callers_of, check_radio
     from patrol.net.roles import Kind
     from patrol.scenario import load_scenario, scenario_hash
 
@@ -74,7 +74,9 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     def say(line: str) -> None:
         print(f"{spec.name}: {line}", file=sys.stderr, flush=True)
 
-    links = open_links(router, on_air, options.wait, say, lambda: bool(ending), met.credentials)
+    numbers = {one.name: one.number for one in scenario.roster}
+    callers = callers_of(keys, numbers)
+    links = open_links(router, on_air, options.wait, say, lambda: bool(ending), met.credentials, callers)
     if links is None:
         return INTERRUPTED
     link, air = links
@@ -94,7 +96,6 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
     radio: Radio = robot
     if scenario.radio.via == "direct":
-        numbers = {one.name: one.number for one in scenario.roster}
         radio = direct = tune_in(air, keys, spec.name, numbers, robot)
         telemetry.traffic = lambda final: direct.traffic(options.incarnation, final=final)
     limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S

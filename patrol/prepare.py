@@ -186,7 +186,7 @@ def inbox_of(
     fastest = max(spec.speed for spec in scenario.roster)
     numbers = [spec.number for spec in scenario.roster]
     ahead = (0 if scenario.factor is None else TICKS_APART) if knows_ticks else None
-    return Inbox(own, numbers, bounds, fastest, key, scenario.step, ahead)
+    return Inbox(own, numbers, bounds, fastest, key, scenario.step, ahead, scenario.radio.trail_every)
 
 
 def _check_intruders(scenario: Scenario, terrain: Terrain) -> None:

@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: WorldOptions, ending: Ending) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.access import read_access
-    from patrol.net.keys import check_radio
+    from patrol.net.keys import callers_of, check_radio
     from patrol.net.roles import Kind
     from patrol.process.warmup import warm
     from patrol.scenario import load_scenario
@@ -81,7 +81,8 @@ def _run(options: WorldOptions, ending: Ending) -> int:
     if prepared is None:
         return EXIT_INTERRUPTED
 
-    links = open_links(router, radio, options.wait, _say, lambda: bool(ending), met.credentials)
+    callers = callers_of(keys, {spec.name: spec.number for spec in scenario.roster})
+    links = open_links(router, radio, options.wait, _say, lambda: bool(ending), met.credentials, callers)
     watched = links and open_links(router, None, options.wait, _say, lambda: bool(ending), met.credentials)
     if links is None or watched is None:
         return EXIT_INTERRUPTED

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
 from patrol.radio.message import CONTACT
-from patrol.radio.peers import PeerTracker
+from patrol.radio.peers import Peer, PeerTracker
+from patrol.radio.prediction import Predictor
 
 AGELESS = 2**31 - 1
 """Dilated last-seen tick of points that are not ground; such points have no age."""
@@ -54,7 +56,7 @@ class Belief:
         """
         self.fog = Fog(patrolled)
         self.inbox = inbox
-        self._tracker = PeerTracker()
+        self._tracker = PeerTracker(inbox.trail_every)
         self.peers = self._tracker.peers
         self.contacts = Contacts()
         self._footprint = footprint
@@ -99,6 +101,24 @@ class Belief:
         if self._footprint.leaves_age:
             view.mark(self.looked, tick)
         return self.fog.observe(view, tick)
+
+    def peers_at(self, tick: int, predictor: Predictor | None) -> dict[int, Peer]:
+        """The peers where they should be by now.
+
+        Args:
+            tick: Now.
+            predictor: What the fleet's robots predict each other by; None where they do not.
+
+        Returns:
+            By number; as heard last where there is no prediction.
+        """
+        if predictor is None:
+            return self.peers
+        said = self._tracker.said
+        return {
+            number: replace(peer, pose=predictor.pose(said[number], tick - peer.sequence))
+            for number, peer in self.peers.items()
+        }
 
     def silent(self, tick: int, patience: int, radii: Mapping[int, float], margin: float) -> list[Disc]:
         """Discs around the last poses of silent peers.

@@ -27,7 +27,9 @@ FleetScenario = Annotated[
 ]
 Radio = Annotated[
     str | None,
-    typer.Option(metavar="LOCATOR", help="Multicast group or router of the direct radio of a fleet without a world."),
+    typer.Option(
+        metavar="LOCATOR", help="Multicast group, serial line or router of the direct radio of a fleet without a world."
+    ),
 ]
 Wait = Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.")]
 

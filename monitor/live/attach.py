@@ -14,7 +14,7 @@ from monitor.live.feed_client import ZenohFeedClient, first_answer
 from patrol.errors import BadInput
 from patrol.net.access import FILE, read_access
 from patrol.net.credentials import MEMBER
-from patrol.net.keys import WORLD, check_radio, fleet_keys, is_local
+from patrol.net.keys import WORLD, callers_of, check_radio, fleet_keys, is_local
 from patrol.net.link import Link, LinkDown, open_link, open_links
 from patrol.net.roles import Kind
 from patrol.process.options import Meeting, meeting
@@ -164,7 +164,8 @@ def _of_robots(met: Meeting, scenario: Path, radio: str | None, wait_s: float, e
 
     loaded = load_scenario(scenario)
     on_air = check_radio(radio, "--radio", loaded.radio.via)
-    links = open_links(met.router, on_air, wait_s, _say, lambda: bool(ending), met.credentials)
+    callers = callers_of(met.keys, {spec.name: spec.number for spec in loaded.roster})
+    links = open_links(met.router, on_air, wait_s, _say, lambda: bool(ending), met.credentials, callers)
     return None if links is None else PositionsSource(met.keys, prepare(loaded), *links)
 
 

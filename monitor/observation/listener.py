@@ -75,7 +75,7 @@ class Listener:
         """
         self.fog = Fog(patrolled)
         self.inbox = inbox
-        self._tracker = PeerTracker()
+        self._tracker = PeerTracker(inbox.trail_every)
         self.peers = self._tracker.peers
         self._footprint = footprint
         self._step = step

@@ -14,9 +14,11 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from patrol.errors import BadInput
+from patrol.net.serial_line import is_serial
 
 ROOT = "fogwatch"
 WORLD = ".world"
@@ -110,6 +112,16 @@ def fleet_keys(fleet: str) -> FleetKeys:
     return FleetKeys(fleet)
 
 
+def callers_of(keys: FleetKeys, numbers: Mapping[str, int]) -> dict[int, str]:
+    """The keys under which robots send positions, by their numbers.
+
+    Args:
+        keys: of their fleet.
+        numbers: by their names.
+    """
+    return {number: keys.position(name) for name, number in numbers.items()}
+
+
 def robot_of(key: str) -> str:
     """The robot's name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key.
 
@@ -176,7 +188,7 @@ def is_group(locator: str) -> bool:
 
 
 def check_radio(locator: str | None, option: str, via: str) -> str | None:
-    """Check where robots hear each other: a multicast group or a router's address.
+    """Check where robots hear each other: a multicast group, a serial line or a router's address.
 
     A router cannot be reached over udp: subscriptions are announced once, and where an announcement is lost, a robot is
     never heard. A group needs no announcements.
@@ -196,12 +208,15 @@ def check_radio(locator: str | None, option: str, via: str) -> str | None:
         return None
     if via != "direct":
         raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or omit the option")
+    if is_serial(locator):
+        return locator
     address = locator.partition("#")[0]
     port = address.rpartition(":")[2]
     reliable = _LOCATOR.fullmatch(locator) and not locator.startswith("udp/")
     if not (is_group(locator) or reliable) or not 0 < int(port) < 65536:
         raise BadInput(
             f"{option} {locator!r}: not an address for direct radio; write a multicast group, such as "
-            "udp/224.0.0.225:7448#iface=wlan0, or the address of a router, tcp/HOST:PORT"
+            "udp/224.0.0.225:7448#iface=wlan0, a serial line, serial/dev/ttyUSB0#baud=57600, or the address of a "
+            "router, tcp/HOST:PORT"
         )
     return locator

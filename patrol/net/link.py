@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import zenoh
@@ -20,6 +21,7 @@ from patrol.net.keys import is_group, is_local
 from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.net.multicast import GroupDown, open_group
 from patrol.net.queries import all_answers
+from patrol.net.serial_line import SerialDown, is_serial, open_serial
 from patrol.net.settings import client_settings, router_settings
 from patrol.net.zenoh_errors import first_line as _first_line
 from patrol.net.zenoh_errors import system_error as _system_error
@@ -284,6 +286,7 @@ def open_links(
     say: Callable[[str], None],
     stopped: Callable[[], bool],
     credentials: Credentials | None = None,
+    callers: Mapping[int, str] = MappingProxyType({}),
 ) -> tuple[Link, Air] | None:
     """Open the link to the router and the one for positions.
 
@@ -294,6 +297,7 @@ def open_links(
         say: takes a line now and then while the process waits.
         stopped: whether to give up.
         credentials: prove who this is, at both routers; None for routers that ask nobody.
+        callers: the keys under which the robots send, by their numbers, for a serial line, which carries no keys.
 
     Returns:
         both links, which may be the same; None when `stopped` says so.
@@ -323,10 +327,12 @@ def open_links(
     try:
         if is_group(radio):
             return link, open_group(radio)
+        if is_serial(radio):
+            return link, open_serial(radio, callers)
         # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
         settings = client_settings(radio, RADIO_LEASE_S, credentials)
         return link, Link(open_session(settings, radio, wait_s, waiting_for(radio), stopped))
-    except (LinkDown, GroupDown) as down:
+    except (LinkDown, GroupDown, SerialDown) as down:
         link.close()
         if stopped():
             return None

@@ -158,7 +158,7 @@ class Mailbox(Generic[T]):
 
 
 class Air(Protocol):
-    """What carries positions: a `patrol.net.link.Link`, or a `patrol.net.multicast.Group`."""
+    """What carries positions: a link to Zenoh, a multicast group or a serial line."""
 
     def broadcast(self, key: str) -> Post:
         """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.

@@ -55,7 +55,11 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> ar
     add("--router", metavar="tcp/HOST:PORT", help="the router that the fleet meets at (default: the credentials')")
     add("--fleet", metavar="NAME", help="the fleet's name, the same for all its processes (default: the credentials')")
     add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
-    add("--radio", metavar="LOCATOR", help="direct radio: a multicast group or a router (default: the fleet's router)")
+    add(
+        "--radio",
+        metavar="LOCATOR",
+        help="direct radio: a multicast group, a serial line or a router (default: the fleet's)",
+    )
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--wait", type=float, default=60.0, metavar="S", help=f"how long to wait for {others} (%(default)g s)")
     add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")

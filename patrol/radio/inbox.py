@@ -64,6 +64,11 @@ class Inbox:
             None where the two are not counted from the same moment. Then frames too far ahead of their sender's last,
             and too old ones, are believed too, once enough of them agree with each other: what a forged one has shut
             out comes back.
+        trail_every: ticks between the places of a trail.
+
+    Attributes:
+        counts: frames dropped so far, by reason.
+        trail_every: ticks between the places of a trail.
     """
 
     def __init__(
@@ -75,7 +80,9 @@ class Inbox:
         key: bytes | None = None,
         step: float = 0.5,
         ahead: int | None = 0,
+        trail_every: int = 1,
     ) -> None:
+        self.trail_every = trail_every
         self.counts: dict[RejectReason, int] = dict.fromkeys(RejectReason, 0)
         self._own = own
         self._roster = frozenset(roster)
@@ -187,8 +194,8 @@ class Inbox:
             raise Rejected(RejectReason.TOO_FAST, "does not lead to the newest one")
 
     def _plausible_trail(self, position: Position) -> Position:
-        """The position with as much of its trail as a robot can have driven, a step for each sequence."""
-        limit = m_to_cm(self._max_speed * self._step + _ROUNDING)
+        """The position with as much of its trail as a robot can have driven."""
+        limit = m_to_cm(self._max_speed * self._step * self.trail_every + _ROUNDING)
         for place, (dx, dy) in enumerate(position.trail):
             if math.hypot(dx, dy) > limit:
                 return replace(position, trail=position.trail[:place])

@@ -48,6 +48,8 @@ MAX_STEP_CM = 0x7FFF
 MAX_HEADING_MRAD = 6283
 
 _FIELDS = 7
+_LONGEST_BARE = 28
+_LONGEST_STEP = 6
 _TAG_BYTES = 8
 _TAG_HEADER = b"\xc4\x08"
 _TAG_LENGTH = len(_TAG_HEADER) + _TAG_BYTES
@@ -185,6 +187,16 @@ def as_received(pose: Pose) -> Pose:
         ValueError: if a frame cannot hold the pose.
     """
     return Position.of(CONTACT, 0, 0.0, pose).pose
+
+
+def longest_frame(trail: int, *, tagged: bool) -> int:
+    """The most bytes that a frame can have.
+
+    Args:
+        trail: how many past positions it carries.
+        tagged: whether it carries a tag.
+    """
+    return _LONGEST_BARE + (1 + _LONGEST_STEP * trail if trail else 0) + (_TAG_LENGTH if tagged else 0)
 
 
 def encode(position: Position, key: bytes | None = None) -> bytes:

@@ -33,10 +33,16 @@ class PeerTracker:
 
     Attributes:
         peers: by robot number, the newest position heard.
+        said: by robot number, the frame that gave it.
+
+    Args:
+        trail_every: ticks between the places of a trail.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, trail_every: int = 1) -> None:
         self.peers: dict[int, Peer] = {}
+        self.said: dict[int, Position] = {}
+        self._trail_every = trail_every
         self._looks: dict[int, ReplayWindow] = {}
 
     def hear(self, position: Position, tick: int) -> Iterator[tuple[int, Pose]]:
@@ -61,10 +67,12 @@ class PeerTracker:
             if ago >= SPAN:
                 del self._looks[position.robot]
             self.peers[position.robot] = Peer(position.sequence, position.pose, tick)
-        # The trail fills what was missed: its i-th place is where the sender was i sequences ago.
+            self.said[position.robot] = position
+        # The trail fills what was missed: its i-th place is where the sender was i times `trail_every` sequences ago.
         places = [(position.pose.x, position.pose.y), *position.past]
         looks = self._looks.setdefault(position.robot, ReplayWindow())
-        for ago, (x, y) in enumerate(places):
+        for place, (x, y) in enumerate(places):
+            ago = place * self._trail_every
             # An observation counts once, however often it is reported: with quality below 1 a second would change ages.
             if ago <= min(tick, position.sequence) and looks.use(position.sequence - ago):
                 yield tick - ago, Pose(x, y, position.pose.heading)

@@ -15,13 +15,13 @@ from patrol.scenario.load import (
 from patrol.scenario.model import (
     IntruderSpec,
     PatrolSpec,
-    RadioSpec,
     RobotEntry,
     RobotGroup,
     Scenario,
     SensorSpec,
     TerrainSpec,
 )
+from patrol.scenario.radio_spec import RadioSpec, share_of
 from patrol.scenario.robots import RobotSpec
 from patrol.values.types import BUILTINS, MAX_ROBOTS
 
@@ -48,5 +48,6 @@ __all__ = [
     "parse_overrides",
     "scenario_hash",
     "scenario_schema",
+    "share_of",
     "with_spares",
 ]

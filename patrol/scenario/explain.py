@@ -17,13 +17,13 @@ from patrol.scenario.faults.targets import Some
 from patrol.scenario.model import (
     IntruderSpec,
     PatrolSpec,
-    RadioSpec,
     RobotEntry,
     RobotGroup,
     Scenario,
     SensorSpec,
     TerrainSpec,
 )
+from patrol.scenario.radio_spec import RadioSpec
 from patrol.values.section import Section
 
 _SECTIONS: dict[str, type[Section]] = {

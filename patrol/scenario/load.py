@@ -185,6 +185,7 @@ def scenario_hash(scenario: Scenario) -> str:
         meaning["terrain"]["map"] = map_digest(scenario.base / scenario.terrain.map)
     _forget_where_a_policy_lies(meaning["patrol"])
     meaning["radio"]["key"] = scenario.radio.key is not None
+    _forget_what_changes_nothing(meaning["radio"])
     meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
     return _digest({"format": _HASH_FORMAT, **meaning})
 
@@ -332,6 +333,13 @@ def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:
     for name, older in added:
         if patrol[name] == older:
             del patrol[name]
+
+
+def _forget_what_changes_nothing(radio: dict[str, Any]) -> None:
+    """Fields that older versions did not have, where they are as those versions were."""
+    for name, older in (("trail_every", 1), ("budget", None), ("adaptive", None)):
+        if radio[name] == older:
+            del radio[name]
 
 
 def _robot_meaning(spec: RobotSpec) -> list[Any]:

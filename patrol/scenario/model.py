@@ -12,15 +12,16 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.journal.records import MAX_TICKS
-from patrol.radio.message import MAX_STEP_CM, MAX_TIME_MS
-from patrol.radio.units import cm_to_m, m_to_cm, ms_to_s, s_to_ms
+from patrol.radio.message import MAX_TIME_MS
+from patrol.radio.units import ms_to_s, s_to_ms
 from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.scenario.lengths import check_lengths
 from patrol.scenario.policy_file import PAPER, policy_file
+from patrol.scenario.radio_spec import RadioSpec, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
-from patrol.values.section import Section, wrong
+from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
     AUTO,
     MAX_ROBOTS,
@@ -52,7 +53,6 @@ from patrol.values.types import (
     Start,
     Starts,
     Tolerance,
-    Trail,
     at_least,
     by_shape,
 )
@@ -71,7 +71,7 @@ class TerrainSpec(Section):
     @field_validator("map")
     @classmethod
     def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
-        return _absolute(value, info)
+        return absolute(value, info)
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
@@ -223,7 +223,7 @@ class PatrolSpec(Section):
     @classmethod
     def _from_the_files_folder(cls, value: str, info: ValidationInfo) -> str:
         path = policy_file(value)
-        return value if path is None else f"{_absolute(str(path), info)}:{value.rpartition(':')[2]}"
+        return value if path is None else f"{absolute(str(path), info)}:{value.rpartition(':')[2]}"
 
     @property
     def separations(self) -> tuple[str, ...]:
@@ -242,23 +242,6 @@ class PatrolSpec(Section):
         if self.avoidance == "fuzzy" and self.direction != "mode":
             raise wrong("avoidance", "fuzzy weakens sectors, and patrol.direction is vector; set it to mode")
         return self
-
-
-class RadioSpec(Section):
-    """How positions travel, what the radio adds to them, and when a silent robot's claim ends."""
-
-    via: Literal["ether", "direct"] = Field(
-        "ether",
-        description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)",
-    )
-    trail: Trail = Field(0, description="number of past positions in each message")
-    key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
-    forget_after: Positive = Field(10.0, description="s of silence after which a robot's claim ends")
-
-    @field_validator("key")
-    @classmethod
-    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
-        return _absolute(value, info)
 
 
 class IntruderSpec(Section):
@@ -346,6 +329,7 @@ class Scenario(Section):
         for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
             if (value := _at(self, field)) != AUTO and value < self.point:
                 raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
+        check_radio_spec(self)
         self._check_roster()
         check_lengths(self)
         names = [spec.name for spec in self.roster]
@@ -371,9 +355,6 @@ class Scenario(Section):
             field = "robots" if isinstance(self.robots, RobotGroup) else f"robots.{spec.number - 1}"
             if names.setdefault(spec.name, spec.number) != spec.number:
                 raise wrong(f"{field}.name", f"robot {names[spec.name]} has the name {spec.name} too; rename one")
-            if self.radio.trail and m_to_cm(spec.speed * self.step) >= MAX_STEP_CM:
-                limit = f"a trail holds steps below {cm_to_m(MAX_STEP_CM):g} m per tick; set radio.trail to 0"
-                raise wrong(f"{field}.speed", limit, spec.speed)
             if spec.speed * self.step > (most := 2.0 * self.sensor.range):
                 leap = f"a stride of {spec.speed * self.step:g} m leaps over ground that a sensor with a range of "
                 remedy = f"give at most {most / self.step:g}, a shorter step or a longer sensor.range"
@@ -386,9 +367,3 @@ def _at(model: BaseModel, field: str) -> Any:
     for part in field.split("."):
         value = getattr(value, part)
     return value
-
-
-def _absolute(value: str | None, info: ValidationInfo) -> str | None:
-    """A path resolved against the folder that the validation's context names; unchanged without one."""
-    base = info.context.get("base") if isinstance(info.context, dict) else None
-    return value if value is None or base is None else str((Path(base) / value).absolute())

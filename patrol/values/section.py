@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 
@@ -22,3 +24,14 @@ def wrong(field: str, problem: str, value: float | None = None) -> PydanticCusto
     """
     shown = "" if value is None else f" = {value:g}"
     return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})
+
+
+def absolute(value: str | None, info: ValidationInfo) -> str | None:
+    """A path resolved against the folder that the validation's context names; unchanged without one.
+
+    Args:
+        value: a path, or None.
+        info: of the validation.
+    """
+    base = info.context.get("base") if isinstance(info.context, dict) else None
+    return value if value is None or base is None else str((Path(base) / value).absolute())

@@ -24,7 +24,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from patrol.pose import Model
-from patrol.radio.message import MAX_TRAIL
+from patrol.radio.message import MAX_FRAME, MAX_TRAIL
 
 MAX_ROBOTS = 65_000
 MAX_SEED = 2**63 - 1
@@ -117,6 +117,9 @@ Spares = Annotated[int, Strict(), Field(ge=0, le=MAX_ROBOTS), _bare(f"a whole nu
 Ticks = Annotated[int, Strict(), Field(ge=1, le=10**9), _bare("a whole number from 1 to 1e9")]
 Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare("a whole number from 3 to 3600")]
 Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare(f"a whole number from 0 to {MAX_TRAIL}")]
+TrailEvery = Annotated[int, Strict(), Field(ge=1, le=15), _bare("a whole number from 1 to 15")]
+Overhead = Annotated[int, Strict(), Field(ge=0, le=1000), _bare("a whole number from 0 to 1000")]
+FrameBytes = Annotated[int, Strict(), Field(ge=1, le=MAX_FRAME), _bare(f"a whole number from 1 to {MAX_FRAME}")]
 Flag = Annotated[bool, Strict(), _bare("true or false")]
 PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
 PolicyText = Annotated[

@@ -48,9 +48,15 @@ SCENARIO: dict[str, Any] = {
 }
 
 
+SAVINGS: dict[str, Any] = {"trail_every": 2, "budget": {"bits_per_s": 700, "overhead": 4}, "adaptive": {"error": 1.5}}
+
+
 @pytest.mark.parametrize("keyed", [False, True], ids=["open", "keyed"])
-def test_a_troubled_radio_gives_the_same_trace_as_processes_and_in_one(tmp_path: Path, keyed: bool) -> None:
-    radio: dict[str, Any] = {"trail": 4}
+@pytest.mark.parametrize("savings", [{}, SAVINGS], ids=["plain", "saving"])
+def test_a_troubled_radio_gives_the_same_trace_as_processes_and_in_one(
+    tmp_path: Path, keyed: bool, savings: dict[str, Any]
+) -> None:
+    radio: dict[str, Any] = {"trail": 4, **savings}
     if keyed:
         new_key(tmp_path / "fleet.key")
         radio["key"] = str(tmp_path / "fleet.key")

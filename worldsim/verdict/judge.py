@@ -10,6 +10,7 @@ from patrol.scenario.controls import prepared_as_operated
 from worldsim.timeline import Timeline
 from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
 from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.frames.budget import WithinBudget
 from worldsim.verdict.frames.direct_links import DirectLinks
 from worldsim.verdict.frames.drops import DropsExplained, NothingCrossed
 from worldsim.verdict.frames.forgeries import SpoofsAsAsked
@@ -63,6 +64,7 @@ CHECKS: tuple[type[Check], ...] = (
     NothingCrossed,
     WithinReach,
     WithinBandwidth,
+    WithinBudget,
     LossesAsAsked,
     OnTime,
     DelaysAsAsked,

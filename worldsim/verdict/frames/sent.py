@@ -19,9 +19,12 @@ from worldsim.radio.ether import there
 from worldsim.senses import Senses
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.frames.due import DueFrames
 from worldsim.verdict.frames.recomputed import Replay
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _LOST = Status.LOST.name.lower()
@@ -32,6 +35,8 @@ class FramesAreTrue(Check):
 
     Each of its other frames reports an intruder that its footprint covers, and none twice. In lockstep, where the world
     waits for all that a robot has to say, none of these may be missing but from a robot that is lost in that tick.
+    Where the fleet saves on its radio, `due.py` says which positions may not; contacts come with a position, and may be
+    left out where there is a budget.
     Where the fleet has a key and it can be read, each frame carries its tag. Forged frames have their own check.
     """
 
@@ -45,7 +50,12 @@ class FramesAreTrue(Check):
         self._names = run.names
         self._intruders = Intruders(scenario, sensor_footprint(scenario, prepared.terrain))
         self._senses = Senses(scenario, run.timeline, prepared.terrain)
-        self._tracks = {number: deque[tuple[int, int]](maxlen=MAX_TRAIL + 1) for number in self._names}
+        self._due = DueFrames(scenario, prepared.terrain, run.journal)
+        self._sparing = scenario.radio.spares_frames
+        self._in_budget = scenario.radio.budget is not None
+        self._every = scenario.radio.trail_every
+        places = MAX_TRAIL * self._every + 1
+        self._tracks = {number: deque[tuple[int, int]](maxlen=places) for number in self._names}
         self._key: bytes | None = None
         self._unknown_key = ""
         try:
@@ -60,12 +70,13 @@ class FramesAreTrue(Check):
         if self._problem:
             return
         due: dict[int, Position] = {}
+        said: dict[int, Position] = {}
         contacts: dict[int, list[Position]] = {}
         for row in record.robots:
             true = Pose(row.x, row.y, row.heading)
             time_s = self._senses.clock(row.number, record.k)
-            said = self._senses.pose(row.number, record.k, true)
-            position = Position.of(row.number, record.k, time_s, said)
+            believed = self._senses.pose(row.number, record.k, true)
+            position = Position.of(row.number, record.k, time_s, believed)
             self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
             if row.status is Status.ALIVE:
                 due[row.number] = position
@@ -74,8 +85,8 @@ class FramesAreTrue(Check):
         for source, frame in record.frames:
             if source == FORGED:
                 continue
-            if source in due or source not in contacts:
-                problem = self._problem_of(source, frame, due.pop(source, None))
+            if source not in contacts or source not in said:
+                problem = self._problem_of(source, frame, due.get(source), said)
             else:
                 problem = _problem_of_contact(frame, self._key, contacts[source])
             if problem:
@@ -83,8 +94,10 @@ class FramesAreTrue(Check):
                 return
             self._looked += 1
         if self._waits:
-            self._missing = [(record.k, number, "its position") for number in due]
-            self._missing += [(record.k, number, "a contact") for number, left in contacts.items() if left]
+            seers = [number for number, seen in contacts.items() if seen]
+            silent = self._due.missing(record.k, due, said, seers)
+            self._missing = [(record.k, number, "its position") for number in silent]
+            self._missing += [(record.k, number, "a contact") for number in self._without_contact(contacts, said)]
 
     def result(self) -> CheckResult:
         """The result, once all ticks are in and the journal has ended."""
@@ -101,17 +114,24 @@ class FramesAreTrue(Check):
                 self._fail(f"{self._names[number]} did not send {what} in tick {k}")
                 return
 
-    def _problem_of(self, source: int, frame: bytes, due: Position | None) -> str:
+    def _without_contact(self, left: Mapping[int, list[Position]], said: Mapping[int, Position]) -> list[int]:
+        """The robots that have left out a contact and should not have; left: the contacts not reported, by number."""
+        if self._in_budget:
+            return []
+        return [number for number, contacts in left.items() if contacts and (number in said or not self._sparing)]
+
+    def _problem_of(self, source: int, frame: bytes, due: Position | None, said: dict[int, Position]) -> str:
+        """What is wrong with a position; it is added to those said."""
         if due is None:
             return "has no sender that is alive"
         try:
-            said = decode(frame, self._key)
+            position = said[source] = decode(frame, self._key)
         except Rejected as rejected:
             return f"cannot be decoded ({rejected})"
-        track = list(self._tracks[source])
-        trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in pairwise(track[: len(said.trail) + 1]))
-        if said != replace(due, trail=trail):
-            return f"says {said}; the pose gives {replace(due, trail=trail)}"
+        track = list(self._tracks[source])[:: self._every][: len(position.trail) + 1]
+        trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in pairwise(track))
+        if position != replace(due, trail=trail):
+            return f"says {position}; the pose gives {replace(due, trail=trail)}"
         return ""
 
 

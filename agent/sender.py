@@ -1,0 +1,130 @@
+"""What one robot sends in a tick: its position and the intruders that it sees, or nothing where it need not or may not.
+
+Where the fleet saves on its radio (`radio.budget`, `radio.adaptive`), a robot sends when the others' prediction of it
+is off, when what it sees of intruders has changed, or when it has been silent for long enough, as soon as its share of
+the budget holds the frame. Its trail then reaches back to its last frame, so that a lost frame takes its looks with it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from patrol.radio.allowance import Allowance
+from patrol.radio.message import MAX_CONTACTS, Position, encode
+
+if TYPE_CHECKING:
+    from patrol.exchange import Sensed
+    from patrol.radio.allowance import Share
+    from patrol.radio.prediction import Predictor
+
+Places = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Sending:
+    """How the robots of a fleet send.
+
+    Attributes:
+        trail: Most past positions sent along.
+        trail_every: Ticks between them.
+        share: Of the fleet's budget; None without one.
+        error: By how much a prediction may be off before its robot sends, m; None to send whenever it may.
+        silence: Ticks after which a robot sends anyway.
+        predictor: What all robots predict by; None where none does.
+    """
+
+    trail: int
+    trail_every: int = 1
+    share: Share | None = None
+    error: float | None = None
+    silence: int = 1
+    predictor: Predictor | None = None
+
+
+class Sender:
+    """Makes the frames of one robot. Call `frames` once a tick, the ticks counting up."""
+
+    def __init__(self, number: int, sending: Sending, key: bytes | None) -> None:
+        """Begin with nothing sent.
+
+        Args:
+            number: The robot's.
+            sending: How its fleet sends.
+            key: Of the fleet's tags, or None.
+        """
+        self._number = number
+        self._sending = sending
+        self._key = key
+        self._allowance = None if sending.share is None else Allowance(sending.share)
+        self._track: deque[tuple[int, int]] = deque(maxlen=sending.trail * sending.trail_every + 1)
+        self._framed = -1
+        self._last: Position | None = None
+        self._reported: Places = ()
+
+    def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
+        """What the robot sends in a tick.
+
+        Args:
+            sensed: By the robot.
+
+        Returns:
+            Its position and after it the intruders that it sees, or nothing.
+        """
+        position = Position.of(self._number, sensed.k, sensed.clock_s, sensed.pose)
+        self._follow(position)
+        seen = sensed.contacts[:MAX_CONTACTS]
+        if self._allowance is not None:
+            self._allowance.earn(sensed.k)
+        if not self._has_news(position, seen):
+            return ()
+        position, frame = self._fitting(position)
+        contacts = [encode(Position.of_contact(sensed.k, sensed.clock_s, x, y), self._key) for x, y in seen]
+        frames = self._affordable((frame, *contacts))
+        if frames:
+            self._last, self._reported = position, seen
+        return frames
+
+    def _follow(self, position: Position) -> None:
+        if position.sequence != self._framed + 1:
+            # Receivers date a trail's places by counting ticks back.
+            self._track.clear()
+        self._framed = position.sequence
+        self._track.appendleft((position.x_cm, position.y_cm))
+
+    def _has_news(self, position: Position, seen: Places) -> bool:
+        sending, last = self._sending, self._last
+        if sending.error is None or sending.predictor is None or last is None:
+            return True
+        silent = position.sequence - last.sequence
+        return (
+            silent >= sending.silence
+            or seen != self._reported
+            or sending.predictor.error(last, position) > sending.error
+        )
+
+    def _fitting(self, position: Position) -> tuple[Position, bytes]:
+        """The position with as much of its trail as is of use and fits into a frame, and the frame."""
+        sending = self._sending
+        places = list(self._track)[:: sending.trail_every]
+        steps = tuple((old[0] - new[0], old[1] - new[1]) for new, old in itertools.pairwise(places))
+        if self._last is not None and (sending.share is not None or sending.error is not None):
+            # One step shows the others how fast the robot is, even where it reports nothing new.
+            steps = steps[: max(1, (position.sequence - self._last.sequence - 1) // sending.trail_every)]
+        while True:
+            said = replace(position, trail=steps)
+            frame = encode(said, self._key)
+            if not steps or sending.share is None or len(frame) <= sending.share.frame:
+                return said, frame
+            steps = steps[:-1]
+
+    def _affordable(self, frames: tuple[bytes, ...]) -> tuple[bytes, ...]:
+        """The frames that may be sent now: all, or as many as can be saved up for; none while it is worth waiting."""
+        allowance = self._allowance
+        if allowance is None:
+            return frames
+        if not allowance.suffices(map(len, frames)):
+            return ()
+        return tuple(itertools.takewhile(lambda frame: allowance.take(len(frame)), frames))

@@ -1,0 +1,67 @@
+"""Where a robot is some ticks after its last frame, as everybody predicts it who has that frame: its sender too.
+
+A frame with a trail shows how far its sender has come per tick, and the prediction goes on like that in a straight
+line, to the first wall; a frame without one leaves its sender where it was. After as many ticks as a robot may be
+silent the prediction stands still.
+"""
+
+from __future__ import annotations
+
+import math
+
+from patrol.ground.swept_path import free_fraction
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from patrol.radio.message import Position
+from patrol.radio.units import cm_to_m
+
+# The predicted place is for the centre of a body: a point passes wherever some body does.
+_POINT = 1e-6
+
+
+class Predictor:
+    """Predicts robots on one terrain."""
+
+    def __init__(self, terrain: Terrain, trail_every: int, horizon: int) -> None:
+        """Know what all robots of a fleet know.
+
+        Args:
+            terrain: The ground.
+            trail_every: Ticks between the places of a trail.
+            horizon: Ticks after which a prediction stands still.
+        """
+        self._terrain = terrain
+        self._trail_every = trail_every
+        self._horizon = horizon
+
+    def pose(self, last: Position, ticks: int) -> Pose:
+        """The pose some ticks after a frame.
+
+        Args:
+            last: What the frame says, with as much of its trail as can be true.
+            ticks: Since then.
+
+        Returns:
+            The pose, m and rad; the heading is that of the frame.
+        """
+        here = last.pose
+        if not last.trail or ticks <= 0:
+            return here
+        back_x, back_y = last.trail[0]
+        ahead = min(ticks, self._horizon) / self._trail_every
+        there = Pose(here.x - ahead * cm_to_m(back_x), here.y - ahead * cm_to_m(back_y), here.heading)
+        share = free_fraction(self._terrain, here, there, _POINT)
+        return Pose(here.x + share * (there.x - here.x), here.y + share * (there.y - here.y), here.heading)
+
+    def error(self, last: Position, now: Position) -> float:
+        """By how much a prediction is off.
+
+        Args:
+            last: What the sender's last frame says.
+            now: Where it is.
+
+        Returns:
+            The distance, m.
+        """
+        predicted = self.pose(last, now.sequence - last.sequence)
+        return math.hypot(predicted.x - now.pose.x, predicted.y - now.pose.y)

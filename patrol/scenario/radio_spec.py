@@ -1,0 +1,142 @@
+"""The scenario's section about the radio: how positions travel, and how much of it the fleet may use."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from patrol.radio.allowance import BITS, Share
+from patrol.radio.message import MAX_STEP_CM, longest_frame
+from patrol.radio.replay_window import SPAN
+from patrol.radio.units import cm_to_m, m_to_cm
+from patrol.values.section import Section, absolute, wrong
+from patrol.values.types import FrameBytes, NotNegative, Overhead, PathText, Positive, Trail, TrailEvery
+
+if TYPE_CHECKING:
+    from patrol.scenario.model import Scenario
+
+_BUCKET_S = 1.0
+"""How much of its share a robot may save up, s; or a tick, or the longest frame and a contact's, if these are more."""
+
+_ALL_ROUND = 360.0
+
+
+class BudgetSpec(Section):
+    """What the whole fleet may send; each robot of the roster has an equal share."""
+
+    bits_per_s: Positive = Field(description="bit/s on the air of all robots together, overhead included")
+    overhead: Overhead = Field(0, description="bytes that the radio adds to each frame")
+    frame: FrameBytes = Field(64, description="bytes of the longest frame; trails are cut to fit")
+
+
+class AdaptiveSpec(Section):
+    """When a robot has something to say: its last frame predicts it wrongly, or is old."""
+
+    error: NotNegative = Field(2.0, description="m, by which the others' prediction of a robot may be off")
+    silence: Positive = Field(4.0, description="s, after which a robot sends anyway")
+
+
+class RadioSpec(Section):
+    """How positions travel, what the radio adds to them, and when a silent robot's claim ends."""
+
+    via: Literal["ether", "direct"] = Field(
+        "ether",
+        description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)",
+    )
+    trail: Trail = Field(0, description="number of past positions in each message")
+    trail_every: TrailEvery = Field(1, description="ticks between the past positions of a message")
+    key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
+    forget_after: Positive = Field(10.0, description="s of silence after which a robot's claim ends")
+    budget: BudgetSpec | None = Field(None, description="{bits_per_s: 1200}, for the whole fleet; null: no limit")
+    adaptive: AdaptiveSpec | None = Field(None, description="{error: 2}, m; null: a robot sends in each tick if it may")
+
+    @field_validator("key")
+    @classmethod
+    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
+        return absolute(value, info)
+
+    @property
+    def spares_frames(self) -> bool:
+        """Whether there are ticks in which a living robot sends nothing."""
+        return self.budget is not None or self.adaptive is not None
+
+    @property
+    def longest_frame(self) -> int:
+        """Bytes of the longest frame that a robot sends."""
+        longest = longest_frame(self.trail, tagged=self.key is not None)
+        return longest if self.budget is None else min(longest, self.budget.frame)
+
+    def silence_ticks(self, step: float) -> int:
+        """After how many ticks without a frame a robot sends, if it may; 1 where it sends whenever it may.
+
+        Args:
+            step: s per tick.
+        """
+        return 1 if self.adaptive is None else max(1, math.floor(self.adaptive.silence / step + 1e-9))
+
+
+def share_of(scenario: Scenario) -> Share | None:
+    """Each robot's share of a scenario's budget, spare robots included; None where there is none.
+
+    Args:
+        scenario: The scenario.
+    """
+    radio = scenario.radio
+    if radio.budget is None:
+        return None
+    per_s = radio.budget.bits_per_s / len(scenario.roster)
+    overhead, longest = radio.budget.overhead, radio.longest_frame
+    contact = longest_frame(0, tagged=radio.key is not None)
+    most = max(per_s * max(_BUCKET_S, scenario.step), BITS * float(longest + contact + 2 * overhead))
+    return Share(per_tick=per_s * scenario.step, most=most, overhead=overhead, frame=longest)
+
+
+def check_radio_spec(scenario: Scenario) -> None:
+    """Check the radio against the rest of a scenario.
+
+    Args:
+        scenario: The scenario.
+
+    Raises:
+        PydanticCustomError: When they do not fit together.
+    """
+    radio, step = scenario.radio, scenario.step
+    if radio.trail:
+        _check_trail(scenario)
+    if radio.adaptive is not None and not step <= radio.adaptive.silence <= radio.forget_after:
+        limit = (
+            f"not between one step, {step:g} s, and radio.forget_after, {radio.forget_after:g} s; give a time between"
+        )
+        raise wrong("radio.adaptive.silence", limit, radio.adaptive.silence)
+    if radio.budget is None:
+        return
+    bare = longest_frame(0, tagged=radio.key is not None)
+    if radio.budget.frame < bare:
+        limit = f"less than a frame without a trail may have, {bare} bytes; give more"
+        raise wrong("radio.budget.frame", limit, radio.budget.frame)
+    share = share_of(scenario)
+    assert share is not None
+    silent_s = step * (share.earns_most_in if scenario.intruders else share.earns_frame_in)
+    if silent_s > radio.forget_after:
+        seconds = f"so low that a robot may be silent for {silent_s:g} s, and claims end after "
+        remedy = "give more, a shorter radio.trail or a longer radio.forget_after"
+        limit = f"{seconds}{radio.forget_after:g} s; {remedy}"
+        raise wrong("radio.budget.bits_per_s", limit, radio.budget.bits_per_s)
+
+
+def _check_trail(scenario: Scenario) -> None:
+    radio = scenario.radio
+    for spec in scenario.roster:
+        if m_to_cm(spec.speed * scenario.step * radio.trail_every) >= MAX_STEP_CM:
+            field = f"robots.{spec.number - 1}" if isinstance(scenario.robots, tuple) else "robots"
+            span = "tick" if radio.trail_every == 1 else f"{radio.trail_every} ticks"
+            limit = f"a trail holds steps below {cm_to_m(MAX_STEP_CM):g} m per {span}; set radio.trail to 0"
+            raise wrong(f"{field}.speed", limit, spec.speed)
+    if radio.trail * radio.trail_every >= SPAN:
+        limit = f"a trail reaches back at most {SPAN - 1} ticks, and radio.trail is {radio.trail}; give less"
+        raise wrong("radio.trail_every", limit, radio.trail_every)
+    if scenario.sensor.angle < _ALL_ROUND and (radio.spares_frames or radio.trail_every > 1):
+        limit = "a trail has places and no headings, so a narrower view from them is unknown; set radio.trail to 0"
+        raise wrong("radio.trail", limit, radio.trail)

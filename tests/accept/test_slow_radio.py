@@ -1,0 +1,38 @@
+"""On a slow radio, five robots in 1.2 kbit/s altogether patrol nearly as well as without a limit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from statistics import mean
+
+import pytest
+
+from experiments.inprocess import Outcome, run_in_process
+from patrol.scenario import load_scenario
+from patrol.yaml_text import parse_yaml, read_text
+
+pytestmark = pytest.mark.accept
+
+SWEEP = Path(__file__).parents[2] / "examples" / "sweeps" / "radio.yaml"
+SEEDS = range(1, 9)
+BITS_PER_S = 1200
+
+
+def run(seed: int, radio: dict[str, object]) -> Outcome:
+    sweep = parse_yaml(read_text(SWEEP), str(SWEEP))
+    assert isinstance(sweep, dict)
+    base = sweep["base"]
+    outcome = run_in_process(load_scenario({**base, "seed": seed, "radio": {**base["radio"], **radio}}), keep=False)
+    assert outcome.verdict.valid, outcome.verdict.failed
+    return outcome
+
+
+@pytest.mark.parametrize("adaptive", [None, {"error": 2, "silence": 4}], ids=["periodic", "adaptive"])
+def test_five_robots_in_1200_bits_a_second_patrol_nearly_as_well_as_without_a_limit(adaptive: object) -> None:
+    budget = {"bits_per_s": BITS_PER_S, "overhead": 8}
+    slow = [run(seed, {"budget": budget, "adaptive": adaptive}).summary for seed in SEEDS]
+    free = [run(seed, {}).summary for seed in SEEDS]
+    for summary in slow:
+        sent = summary["messages"]
+        assert 8 * (sent["bytes"] + 8 * sent["frames"]) <= BITS_PER_S * summary["simulated_s"]
+    assert mean(summary["mfow_mean_s"] for summary in slow) <= 1.1 * mean(summary["mfow_mean_s"] for summary in free)

@@ -1,0 +1,117 @@
+"""The radio's budget and when robots send: what a scenario may say, and what changes its hash."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from patrol.errors import BadInput
+from patrol.scenario import as_mapping, dump_scenario, load_scenario, scenario_hash, share_of
+from patrol.yaml_text import parse_yaml
+
+YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
+BUDGET = {"bits_per_s": 1200}
+REFERENCE = "f6b77f5f5f5b4398273c894cab64f11790194f75986aa60e0acbcc6fb8fb01e5"
+
+
+def with_radio(**radio: Any) -> dict[str, Any]:
+    return {**YARDS, "radio": radio}
+
+
+def test_a_scenario_that_says_nothing_of_savings_means_what_it_meant() -> None:
+    # The hash that version 0.2.0 gave before there were savings.
+    assert scenario_hash(load_scenario(YARDS)) == REFERENCE
+    same = with_radio(trail_every=1, budget=None, adaptive=None)
+    assert scenario_hash(load_scenario(same)) == REFERENCE
+    radio = as_mapping(load_scenario(YARDS))["radio"]
+    assert "budget" not in radio
+    assert "adaptive" not in radio
+
+
+@pytest.mark.parametrize(
+    "radio",
+    [
+        {"budget": BUDGET},
+        {"budget": {**BUDGET, "overhead": 8}},
+        {"budget": {**BUDGET, "frame": 40}},
+        {"adaptive": {}},
+        {"adaptive": {"error": 3}},
+        {"adaptive": {"silence": 3}},
+        {"trail": 4, "trail_every": 3},
+        {"trail": 4},
+    ],
+)
+def test_each_saving_changes_the_hash_and_survives_being_written_down(radio: dict[str, Any]) -> None:
+    scenario = load_scenario(with_radio(**radio))
+    assert scenario_hash(scenario) != REFERENCE
+    again = parse_yaml(dump_scenario(scenario), "again")
+    assert isinstance(again, dict)
+    assert load_scenario(again) == scenario
+
+
+@pytest.mark.parametrize(
+    ("raw", "expected"),
+    [
+        (with_radio(budget={}), "radio.budget.bits_per_s: missing"),
+        (with_radio(budget={"bits_per_s": 0}), "radio.budget.bits_per_s = 0: expected a number above 0"),
+        (
+            with_radio(budget={**BUDGET, "overhead": 1001}),
+            "radio.budget.overhead = 1001: expected a whole number from 0",
+        ),
+        (with_radio(budget={**BUDGET, "frame": 65}), "radio.budget.frame = 65: expected a whole number from 1 to 64"),
+        (with_radio(budget={**BUDGET, "frame": 27}), "radio.budget.frame = 27: less than a frame without a trail"),
+        (with_radio(budget={**BUDGET, "frame": 37}, key="a"), "radio.budget.frame = 37: less than a frame without"),
+        (
+            with_radio(trail=4, budget={"bits_per_s": 200}),
+            "radio.budget.bits_per_s = 200: so low that a robot may be silent for 11 s, and claims end after 10 s",
+        ),
+        (
+            {**with_radio(budget={"bits_per_s": 200}), "intruders": [{"place": [10, 10]}]},
+            "radio.budget.bits_per_s = 200: so low that a robot may be silent for 11.5 s",
+        ),
+        (with_radio(adaptive={"silence": 10.5}), "radio.adaptive.silence = 10.5: not between one step, 0.5 s, and"),
+        (with_radio(adaptive={"silence": 0.4}), "radio.adaptive.silence = 0.4: not between one step, 0.5 s, and"),
+        (with_radio(adaptive={"error": -1}), "radio.adaptive.error = -1: expected a number from 0"),
+        (with_radio(trail=1, trail_every=16), "radio.trail_every = 16: expected a whole number from 1 to 15"),
+        (
+            {**with_radio(trail=4, trail_every=15), "step": 4.0, "watchdog": 9, "robots": {"speed": 5.5}},
+            "robots.speed = 5.5: a trail holds steps below 327.67 m per 15 ticks",
+        ),
+        (
+            {**with_radio(trail=1, trail_every=2), "sensor": {"angle": 90}},
+            "radio.trail = 1: a trail has places and no headings",
+        ),
+        (
+            {**with_radio(trail=1, budget=BUDGET), "sensor": {"angle": 90}},
+            "radio.trail = 1: a trail has places and no headings",
+        ),
+    ],
+)
+def test_what_cannot_be_is_told_in_one_line(raw: dict[str, Any], expected: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        load_scenario(raw)
+    assert f"scenario: {expected}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_list_of_robots_is_told_which_of_them_is_too_fast_for_a_trail() -> None:
+    robots = [{"speed": 1}, {"speed": 5.5}]
+    with pytest.raises(BadInput, match=r"robots\.1\.speed = 5\.5: a trail holds steps"):
+        load_scenario({**with_radio(trail=4, trail_every=15), "step": 4.0, "watchdog": 9, "robots": robots})
+
+
+def test_the_share_of_a_robot() -> None:
+    assert share_of(load_scenario(YARDS)) is None
+    share = share_of(load_scenario(with_radio(trail=2, budget={**BUDGET, "overhead": 8})))
+    assert share is not None
+    assert share.per_tick == 120.0
+    assert share.frame == 28 + 1 + 2 * 6
+    assert share.most == 8 * (41 + 8 + 28 + 8)
+    assert share.cost(20) == 224
+    spare = share_of(load_scenario({**with_radio(budget=BUDGET), "robots": {"count": 4, "spare": 2}}))
+    assert spare is not None
+    assert spare.per_tick == 100.0, "a robot that joins later takes nothing from the others"
+    rich = share_of(load_scenario(with_radio(budget={"bits_per_s": 50_000})))
+    assert rich is not None
+    assert rich.most == 10_000.0
