@@ -274,7 +274,7 @@ def open_link(
     Raises:
         LinkDown: when no router has answered after `wait_s`, or `stopped` says so.
     """
-    return _open(client_settings(router, LEASE_S, credentials), router, wait_s, waiting, stopped)
+    return Link(open_session(client_settings(router, LEASE_S, credentials), router, wait_s, waiting, stopped))
 
 
 def open_links(
@@ -325,7 +325,7 @@ def open_links(
             return link, open_group(radio)
         # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
         settings = client_settings(radio, RADIO_LEASE_S, credentials)
-        return link, _open(settings, radio, wait_s, waiting_for(radio), stopped)
+        return link, Link(open_session(settings, radio, wait_s, waiting_for(radio), stopped))
     except (LinkDown, GroupDown) as down:
         link.close()
         if stopped():
@@ -333,13 +333,14 @@ def open_links(
         raise BadInput(f"--radio {radio}: {down}") from None
 
 
-def _open(
+def open_session(
     settings: Mapping[str, object],
     router: str,
     wait_s: float,
     waiting: Callable[[float], None],
     stopped: Callable[[], bool],
-) -> Link:
+) -> zenoh.Session:
+    """A session with a router, for who needs more of Zenoh than a `Link`; otherwise as `open_link`."""
     box: list[zenoh.Session | Exception] = []
     done = threading.Event()
 
@@ -365,7 +366,7 @@ def _open(
     opened = box[0]
     if isinstance(opened, Exception):
         raise LinkDown(f"cannot reach a router at {router} ({_first_line(opened)})")
-    return Link(opened)
+    return opened
 
 
 def _listens(router: str) -> bool:
