@@ -206,9 +206,7 @@ def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | 
     if options.credentials is not None:
         return options.router, options.fleet
     if options.router is None:
-        say(
-            f"positions go through the robot's own router; give --router if other robots have another ({options.connect})"
-        )
+        say(f"meets its fleet at the robot's own router, {options.connect}; give --router if others have another")
     return options.router or options.connect, options.fleet or FLEET
 
 
