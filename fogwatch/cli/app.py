@@ -17,6 +17,7 @@ import typer
 from fogwatch.cli import (
     chaos_command,
     control,
+    doctor_command,
     experiment,
     fleet,
     key,
@@ -57,6 +58,7 @@ for group, name, panel in (
 ):
     app.add_typer(group, name=name, rich_help_panel=panel)
 command(app, examples=page.MONITOR_EXAMPLES, exit_codes=page.EXIT_CODES, panel=RUNNING)(page.monitor)
+command(app, examples=doctor_command.EXAMPLES, exit_codes=doctor_command.EXIT_CODES, panel=START)(doctor_command.doctor)
 command(app, examples=control.EXAMPLES, exit_codes=control.EXIT_CODES, panel=RUNNING)(control.control)
 command(
     app,

@@ -20,6 +20,7 @@ ORDER = (
     "scenario",
     "key",
     "fleet",
+    "doctor",
     "monitor",
     "control",
     "record",

@@ -7,6 +7,7 @@
     names.py         names, quality of service, entities and their tokens in the graph
     formats.py       the keys and attachments of the two formats
     mailbox.py       where what was received waits
+    ear.py           what is overheard of a topic: how often, how old, the newest message
     ports.py         what a link can do
     goals.py         the action NavigateToPose, both sides
     link.py          the link itself, the only file here that knows Zenoh

@@ -16,10 +16,20 @@ from typing import Protocol
 
 from patrol.errors import BadInput
 from patrol.ros2.definitions import NO_HASH, type_hash
-from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, dds_name, mangled, ros_name
+from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, NodeName, dds_name, entity_of, mangled, ros_name
 
 _ATTACHMENT = struct.Struct("<qqB16s")
 _GID = 16
+_SLASH = "§"
+_BRIDGED = {
+    "MP": (Kind.PUBLISHER, ""),
+    "MS": (Kind.SUBSCRIPTION, ""),
+    "SS": (Kind.SERVER, ""),
+    "SC": (Kind.CLIENT, ""),
+    "AS": (Kind.SERVER, "/_action/send_goal"),
+    "AC": (Kind.CLIENT, "/_action/send_goal"),
+}
+"""What stands for a slash in the tokens of a bridge, and their kinds of entities."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +116,10 @@ class Format(Protocol):
         """The key expression of a topic that others publish."""
         ...
 
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        ...
+
     def servers(self, service: str, /) -> str | None:
         """The key expression of the tokens of a service's servers; None where keys do not depend on them."""
         ...
@@ -124,6 +138,10 @@ class Format(Protocol):
 
     def token(self, entity: Entity, /) -> str | None:
         """The token of an entity of ours; None where there are none."""
+        ...
+
+    def entity(self, token: str, /) -> Entity | None:
+        """The entity that a token stands for, whoever declared it; None for what is none."""
         ...
 
 
@@ -158,6 +176,11 @@ class RmwZenoh:
         """The key expression of a topic that others publish: of any type and hash, so that a wrong one can be told."""
         return f"{self.domain}/{topic.strip('/')}/*/*"
 
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        inside = namespace.strip("/")
+        return f"{self.domain}/{inside}/**" if inside else f"{self.domain}/**"
+
     def servers(self, service: str, /) -> str | None:
         """The key expression of the tokens of a service's servers."""
         return f"{ADMIN_SPACE}/{self.domain}/*/*/*/{Kind.SERVER}/*/*/*/{mangled(service)}/**"
@@ -180,6 +203,10 @@ class RmwZenoh:
     def token(self, entity: Entity, /) -> str | None:
         """The token of an entity of ours."""
         return entity.token
+
+    def entity(self, token: str, /) -> Entity | None:
+        """The entity that a token stands for."""
+        return entity_of(token)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +233,11 @@ class Bridge:
         prefix = self.prefix.strip("/")
         return f"{prefix}/{inside}" if prefix else inside
 
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        inside = self.heard(namespace).strip("/")
+        return f"{inside}/**" if inside else "**"
+
     def servers(self, _service: str, /) -> str | None:
         """Keys do not depend on servers."""
         return None
@@ -225,6 +257,15 @@ class Bridge:
     def token(self, _entity: Entity, /) -> str | None:
         """The bridge itself shows what it carries."""
         return None
+
+    def entity(self, token: str, /) -> Entity | None:
+        """The entity that a token of a bridge stands for; an action's server counts as that of its send_goal."""
+        parts = token.split("/")
+        if len(parts) < 6 or parts[0] != "@" or parts[2] != ADMIN_SPACE or parts[3] not in _BRIDGED:
+            return None
+        topic, type_name = (part.replace(_SLASH, "/") for part in parts[4:6])
+        kind, more = _BRIDGED[parts[3]]
+        return Entity(0, parts[1], 0, 0, kind, NodeName(""), f"/{topic}{more}", type_name)
 
 
 FORMATS: dict[str, Callable[[int], Format]] = {

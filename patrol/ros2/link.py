@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from itertools import count
+from collections.abc import Callable, Mapping
+from itertools import count, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import zenoh
@@ -21,9 +21,10 @@ from patrol.net.settings import client_settings
 from patrol.printable import printable
 from patrol.ros2.codec import CODINGS, decode, encode
 from patrol.ros2.definitions import NO_HASH, store
+from patrol.ros2.ear import Ear
 from patrol.ros2.formats import Attachment, Format, Origin, attachment_of, gid_of
 from patrol.ros2.mailbox import Received, RosMailbox
-from patrol.ros2.names import SERVICE, USUAL, Entity, Kind, NodeName, Qos, entity_of, full_name
+from patrol.ros2.names import SERVICE, USUAL, Entity, Kind, NodeName, Qos, full_name
 from patrol.ros2.packing import BadMessage
 from patrol.ros2.ports import Asked, Sender, Service
 
@@ -177,9 +178,39 @@ class ZenohRos2Link:
 
     def graph(self, limit_s: float) -> list[Entity]:
         """What is in the ROS graph now, as far as the format tells; waits (`patrol.ros2.ports.Ros2Link`)."""
-        tokens = dict.fromkeys(self._tokens(self._format.graph, limit_s))  # the router tells us of our own once more
-        found = map(entity_of, tokens)
+        found = map(self._format.entity, self.tokens(self._format.graph, limit_s))
         return [entity for entity in found if entity is not None]
+
+    def tokens(self, expression: str, limit_s: float) -> list[str]:
+        """The liveliness tokens that there are now, each once, at most 10 000; waits.
+
+        Args:
+            expression: A key expression.
+            limit_s: How long to wait at most.
+        """
+        replies = self._session.liveliness().get(expression, timeout=limit_s)
+        found = (str(reply.ok.key_expr) for reply in islice(replies, _MOST_ENTITIES) if reply.ok is not None)
+        return list(dict.fromkeys(found))  # the router tells us of our own once more
+
+    def overhear(self, expression: str, ear: Ear, latched: bool) -> None:
+        """Note all messages under a key expression, whatever they are.
+
+        Args:
+            expression: The key expression.
+            ear: Where they are noted.
+            latched: Whether to get what was sent before, too.
+        """
+
+        def receive(sample: zenoh.Sample) -> None:
+            ear.note(str(sample.key_expr), sample.payload, _small(sample.attachment), time.monotonic(), time.time_ns())
+
+        handler: Any = zenoh.handlers.Callback(receive, indirect=False)
+        history = HistoryConfig(detect_late_publishers=True, max_samples=1)
+        self._declared.append(
+            declare_advanced_subscriber(self._session, expression, handler, history=history)
+            if latched
+            else self._session.declare_subscriber(expression, handler)
+        )
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
         """Close the session; what is closed already stays so.
@@ -221,16 +252,9 @@ class ZenohRos2Link:
         """The token of whoever offers a service, or last did, if keys depend on it."""
         servers = self._format.servers(full)
         if servers is not None and full not in self._servers:
-            for token in self._tokens(servers, SERVERS_S):
+            for token in self.tokens(servers, SERVERS_S):
                 self._servers[full] = token
         return self._servers.get(full)
-
-    def _tokens(self, expression: str, limit_s: float) -> Iterator[str]:
-        for number, reply in enumerate(self._session.liveliness().get(expression, timeout=limit_s)):
-            if number >= _MOST_ENTITIES:
-                return
-            if (sample := reply.ok) is not None:
-                yield str(sample.key_expr)
 
 
 class _Attacher:

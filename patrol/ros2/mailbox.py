@@ -36,8 +36,9 @@ class RosMailbox(Generic[T]):
     """The newest messages of a topic.
 
     Attributes:
-        refused: Counts of messages that were dropped, by reason: oversized, malformed, type, hash, overflow.
-        said: One line for each reason but overflow, about the first message that was dropped for it.
+        refused: Counts of messages that cannot be used, by reason: oversized, malformed, type, hash.
+        said: One line for each reason, about the first message that was refused for it.
+        passed_over: How many messages had to make room for newer ones.
 
     Args:
         room: Messages that wait; of more the oldest is dropped.
@@ -46,6 +47,7 @@ class RosMailbox(Generic[T]):
     def __init__(self, room: int = 1) -> None:
         self.refused: Counter[str] = Counter()
         self.said: dict[str, str] = {}
+        self.passed_over = 0
         self._waiting: deque[Received[T]] = deque(maxlen=room)
         self._newest: Received[T] | None = None
         self._senders: dict[bytes, int] = {}
@@ -59,7 +61,7 @@ class RosMailbox(Generic[T]):
 
     @property
     def received(self) -> int:
-        """How many messages came, those that have been dropped for want of room included."""
+        """How many messages came that can be used, those that were passed over included."""
         return self._received
 
     @property
@@ -75,7 +77,7 @@ class RosMailbox(Generic[T]):
         """
         with self._changed:
             if len(self._waiting) == self._waiting.maxlen:
-                self.refused["overflow"] += 1
+                self.passed_over += 1
             self._waiting.append(received)
             self._newest = received
             self._received += 1
@@ -84,7 +86,7 @@ class RosMailbox(Generic[T]):
             self._changed.notify()
 
     def refuse(self, reason: str, line: str) -> None:
-        """Count a message that is dropped; called from any thread.
+        """Count a message that cannot be used; called from any thread.
 
         Args:
             reason: In a word.
