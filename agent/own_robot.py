@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from patrol.net.keys import FleetKeys
     from patrol.net.link import Link
     from patrol.net.mailbox import Air
+    from patrol.net.stop_orders import StopOrders
     from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.lifeline import Ending
@@ -54,6 +55,7 @@ class Site:
         step: s per tick.
         factor: Seconds of the robot's time in one of ours; 1 but for simulations.
         fog: What the robot will believe of the fog, to be shown.
+        orders: Makes the place where operators' orders to stop wait, for a robot that obeys them.
     """
 
     spec: RobotSpec
@@ -63,6 +65,7 @@ class Site:
     step: float
     factor: float
     fog: Fog
+    orders: Callable[[], StopOrders]
 
 
 def drive(
@@ -224,6 +227,7 @@ class _Driver:
         from agent.mind_loop import Both, TelemetrySender, run_mind
         from agent.policies.found import policy_of
         from agent.radios.direct import tune_in
+        from patrol.net.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
 
         scenario, name = self.prepared.scenario, self.spec.name
@@ -241,7 +245,17 @@ class _Driver:
         clock.keeper = KeptClock(step_s, epoch_s, time.time, self.ending.wait)
         start = self.prepared.starts[self.spec.number - 1]
         fog = self.mind.belief.fog
-        robot = make(Site(self.spec, start, self.prepared.terrain, clock, scenario.step, scenario.factor, fog))
+        site = Site(
+            spec=self.spec,
+            start=start,
+            terrain=self.prepared.terrain,
+            clock=clock,
+            step=scenario.step,
+            factor=scenario.factor,
+            fog=fog,
+            orders=lambda: StopOrders(link, keys, name),
+        )
+        robot = make(site)
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
         skew = Skew({number: other for other, number in names.items() if other != name})

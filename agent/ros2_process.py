@@ -237,4 +237,4 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Ro
         say(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
     shown = Shown(hardware.link, settings, site.terrain, site.fog, hardware.stamp_ns)
     pace = Pace(site.step, site.factor, settings.rate_hz)
-    return Ros2Robot(hardware, steering, site.clock, pace, shown, say).start()
+    return Ros2Robot(hardware, steering, site.clock, pace, shown, site.orders(), say).start()

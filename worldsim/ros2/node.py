@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from patrol.ground.swept_path import line_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose, wrap
-from patrol.ros2.frames import composed, inverted
 from patrol.ros2.goals import GoalServer, Status
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import (
@@ -29,6 +27,7 @@ from patrol.ros2.messages import (
 )
 from patrol.ros2.names import LATCHED, SENSOR
 from patrol.ros2.ports import Ros2Link
+from worldsim.ros2.nav2 import THERE_M, Navigator
 from worldsim.ros2.robot import SimulatedRobot
 
 MAP, ODOM, BASE = "map", "odom", "base_link"
@@ -39,12 +38,9 @@ CORRECTION_HZ = 10.0
 ANOTHER_M, ANOTHER_RAD = 0.2, 0.2
 """How far a robot drives or turns between two poses of its localisation, as AMCL has it."""
 
-THERE_M = 0.2
-"""How near a goal is reached, m."""
-FACING_RAD = 0.3
-"""A robot that must turn farther than this towards its goal turns on the spot."""
-
 _ROOM = 64
+_ROUNDING_S = 1e-3
+"""By how much a time since the epoch may be off, s: a double holds it to less than a microsecond, and steps add up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +54,7 @@ class Habits:
         delay_s: How late everything is that it says, s.
         tells_time: Whether its time is not everybody's, so that it publishes it.
         has_map: Whether it publishes the map, latched.
-        has_nav2: Whether goals can be sent to it. Its Nav2 drives straight, and gives up before a wall.
+        has_nav2: Whether goals can be sent to it.
     """
 
     drive: str = "twist-stamped"
@@ -68,6 +64,29 @@ class Habits:
     tells_time: bool = False
     has_map: bool = False
     has_nav2: bool = False
+
+
+class Every:
+    """When something that happens at equal intervals is due.
+
+    Args:
+        period_s: The interval, s.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._due_s = -math.inf
+
+    def is_so(self, now_s: float) -> bool:
+        """Whether it is due, once in each interval.
+
+        Args:
+            now_s: The time, s.
+        """
+        if now_s < self._due_s - _ROUNDING_S:
+            return False
+        self._due_s = max(self._due_s + self._period_s, now_s)
+        return True
 
 
 class RobotNode:
@@ -90,15 +109,17 @@ class RobotNode:
         self.plugged = True
         self.said = 0
         self._habits = habits
-        self._terrain = terrain
         self._due: deque[tuple[float, Callable[[], None]]] = deque()
         self._odometry = link.publisher("odom", Odometry, SENSOR)
         self._tf = link.publisher("tf", TFMessage)
-        self._poses = link.publisher("amcl_pose", PoseWithCovarianceStamped)
+        self._poses = link.publisher("amcl_pose", PoseWithCovarianceStamped, LATCHED)
         self._clock = link.publisher("/clock", Clock, SENSOR) if habits.tells_time else None
-        self._odometry_s = self._correction_s = self._clock_s = -math.inf
+        self._odometry_due = Every(1.0 / habits.odometry_hz)
+        self._correction_due = Every(1.0 / CORRECTION_HZ)
+        self._clock_due = Every(1.0 / CLOCK_HZ)
         self._localised: Pose | None = None
         self._goals = GoalServer(link) if habits.has_nav2 else None
+        self._navigator = Navigator(terrain, robot.build.spec) if habits.has_nav2 else None
         self._going_since_s: float | None = None
         self._stamped: RosMailbox[TwistStamped] = RosMailbox(_ROOM)
         self._plain: RosMailbox[Twist] = RosMailbox(_ROOM)
@@ -129,8 +150,8 @@ class RobotNode:
             told = car.message
             curvature = math.tan(max(-1.5, min(1.5, told.steering_angle))) / self._habits.wheelbase
             self.robot.obey(Twist(told.speed, 0.0, told.speed * curvature), now_s)
-        if self._goals is not None:
-            self._navigate(self._goals, now_s)
+        if self._goals is not None and self._navigator is not None:
+            self._navigate(self._goals, self._navigator, now_s)
 
     def say(self, now_s: float) -> None:
         """Send what is due.
@@ -139,17 +160,14 @@ class RobotNode:
             now_s: The time, s since the epoch.
         """
         stamp_ns = round(now_s * 1e9)
-        if self._clock is not None and now_s - self._clock_s >= 1.0 / CLOCK_HZ:
-            self._clock_s = now_s
+        if self._clock is not None and self._clock_due.is_so(now_s):
             self._clock.send(Clock(stamp_ns))
         odometry = self.robot.odometry
-        if now_s - self._odometry_s >= 1.0 / self._habits.odometry_hz:
-            self._odometry_s = now_s
+        if self._odometry_due.is_so(now_s):
             told = Odometry(stamp_ns, ODOM, BASE, odometry.say(), self.robot.velocity)
             if self.plugged:
                 self._later(now_s, lambda: self._odometry.send(told))
-        if now_s - self._correction_s >= 1.0 / CORRECTION_HZ:
-            self._correction_s = now_s
+        if self._correction_due.is_so(now_s):
             found = TFMessage((Transform(stamp_ns, MAP, ODOM, odometry.correction),))
             self._later(now_s, lambda: self._tf.send(found))
         self._say_pose(now_s, stamp_ns)
@@ -170,8 +188,8 @@ class RobotNode:
     def _later(self, now_s: float, send: Callable[[], None]) -> None:
         self._due.append((now_s + self._habits.delay_s, send))
 
-    def _navigate(self, goals: GoalServer, now_s: float) -> None:
-        """Drive straight to the goal that the robot has, if it has one."""
+    def _navigate(self, goals: GoalServer, navigator: Navigator, now_s: float) -> None:
+        """Drive to the goal that the robot has, if it has one."""
         stamp_ns = round(now_s * 1e9)
         target = goals.step(stamp_ns)
         if target is None:
@@ -180,18 +198,13 @@ class RobotNode:
                 self.robot.obey(Twist(0.0, 0.0, 0.0), now_s)
             return
         self._going_since_s = now_s if self._going_since_s is None else self._going_since_s
-        pose, spec = self.robot.pose, self.robot.build.spec
-        there = composed(inverted(pose), target.pose)
-        left = math.hypot(there.x, there.y)
+        pose = self.robot.pose
+        left = math.dist((pose.x, pose.y), (target.pose.x, target.pose.y))
         goals.feedback(PoseStamped(stamp_ns, MAP, pose), now_s - self._going_since_s, left)
+        velocity = navigator.velocity(pose, target.pose)
         if left < THERE_M:
             goals.finish(Status.SUCCEEDED)
-        elif not line_is_free(self._terrain, (pose.x, pose.y), (target.pose.x, target.pose.y), spec.radius):
+        elif velocity is None:
             goals.finish(Status.ABORTED)
-        elif spec.model == "holonomic":
-            speed = min(spec.speed, left)
-            self.robot.obey(Twist(there.x / left * speed, there.y / left * speed, 0.0), now_s)
         else:
-            bearing = math.atan2(there.y, there.x)
-            turns = abs(bearing) > FACING_RAD
-            self.robot.obey(Twist(0.0 if turns else min(0.5 * spec.speed, left), 0.0, bearing), now_s)
+            self.robot.obey(velocity, now_s)

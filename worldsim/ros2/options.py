@@ -81,7 +81,7 @@ def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--drift", type=float, default=0.01, metavar="SHARE", help="of the way, in odometry (default: %(default)s)")
     add("--drift-heading", type=float, default=0.002, metavar="RAD/M", help="of its heading (default: %(default)s)")
     add("--show-map", action="store_true", help="publish the map, latched")
-    add("--nav2", action="store_true", help="offer navigate_to_pose; this Nav2 drives straight")
+    add("--nav2", action="store_true", help="offer navigate_to_pose")
     add("--unplug", action="append", default=[], metavar="NAME@S", help="that robot's odometry ends after so long")
     add("--seed", type=int, default=7, metavar="K", help="of the noise (default: %(default)s)")
     add("--pace", type=float, metavar="X", help="times real time (default: the scenario's, or 1); else on /clock")

@@ -85,7 +85,7 @@ class Hardware:
         link.subscribe(topic("stop"), Bool, self._stop, LATCHED)
         link.subscribe(topic("tf_static"), TFMessage, self._tf_static, LATCHED)
         link.subscribe(topic("tf"), TFMessage, self._tf, USUAL)
-        link.subscribe(topic("amcl_pose"), PoseWithCovarianceStamped, self._poses, USUAL)
+        link.subscribe(topic("amcl_pose"), PoseWithCovarianceStamped, self._poses, LATCHED)
         link.subscribe(topic("odom"), Odometry, self._odometry, SENSOR)
 
     @property

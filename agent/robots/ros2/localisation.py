@@ -35,6 +35,8 @@ MATCH_S = 0.2
 """How far in time the odometry that a pose is held against may be from it, s."""
 
 _REMEMBERED = 256
+_STANDS = 0.02
+"""A robot stands whose speed and turn rate add up to less than this, in m/s and rad/s: odometry is noisy."""
 _MOST_CHILDREN = 16
 
 
@@ -117,6 +119,7 @@ class Localisation:
         self._moving: dict[str, _Correction] = {}
         self._posed: _Correction | None = None
         self._begun: _Correction | None = None
+        self._early: PoseWithCovarianceStamped | None = None
 
     @property
     def frames(self) -> Mapping[str, float]:
@@ -137,11 +140,17 @@ class Localisation:
             self._posed = self._posed if message.frame == self._frame else None
         elif last is not None and stamp_s <= last.stamp_s:
             return
-        driven = 0.0 if last is None else last.driven_m + math.dist((last.pose.x, last.pose.y), _place(message.pose))
+        driven = 0.0
+        if last is not None:  # by its velocity, since the noise of poses adds up
+            lapsed_s = min(max(0.0, arrived_s - last.arrived_s), LONGEST_S)
+            driven = last.driven_m + math.hypot(message.twist.vx, message.twist.vy) * lapsed_s
         self._frame = message.frame
         self._odometry.append(_Odometry(stamp_s, arrived_s, message.pose, message.twist, driven))
         if self._begun is None and self._settings.start is not None:
             self._begun = _Correction(composed(self._settings.start, inverted(message.pose)), arrived_s, driven)
+        if self._early is not None:
+            early, self._early = self._early, None
+            self.localised(early, arrived_s)
 
     def transforms(self, message: TFMessage, arrived_s: float, *, fixed: bool) -> None:
         """Take in transforms; only those of frames on the map matter.
@@ -165,19 +174,32 @@ class Localisation:
             message: The pose.
             arrived_s: When it arrived, s.
         """
-        if _named(message.frame) != _named(self._settings.map_frame) or not self._odometry:
+        if _named(message.frame) != _named(self._settings.map_frame):
+            return
+        if not self._odometry:
+            self._early = message
             return
         at_s = message.stamp_ns / 1e9
-        if self._settings.delay_s is not None:
-            nearest = self._odometry[-1]
-        else:
-            nearest = min(self._odometry, key=lambda one: abs(one.stamp_s - at_s))
-            if abs(nearest.stamp_s - at_s) > MATCH_S:
-                return
-        then = nearest.pose
+        nearest, ahead_s = self._odometry[-1], 0.0
         if self._settings.delay_s is None:
-            then = travelled(nearest.pose, nearest.twist, at_s - nearest.stamp_s)
+            nearest = min(self._odometry, key=lambda one: abs(one.stamp_s - at_s))
+            ahead_s = at_s - nearest.stamp_s
+        if self._precedes_all(at_s):
+            nearest, ahead_s = self._odometry[0], 0.0
+        elif abs(ahead_s) > MATCH_S:
+            return
+        then = travelled(nearest.pose, nearest.twist, ahead_s)
         self._posed = _Correction(composed(message.pose, inverted(then)), arrived_s, nearest.driven_m)
+
+    def _precedes_all(self, at_s: float) -> bool:
+        """Whether a pose is from before the first odometry of a robot that stood then.
+
+        A localisation is silent while a robot stands, so that its latched pose may be old. Since then the robot has
+        driven less than it takes for another one: no more than some 0.2 m.
+        """
+        first = self._odometry[0]
+        stood = math.hypot(first.twist.vx, first.twist.vy) + abs(first.twist.turn_rate) < _STANDS
+        return self._posed is None and stood and len(self._odometry) < _REMEMBERED and at_s < first.stamp_s
 
     def at(self, now_s: float) -> Fix | None:
         """Where the robot is now; None, and `why`, if nobody knows.
@@ -237,7 +259,3 @@ class Localisation:
 def _named(frame: str) -> str:
     """A frame's name as tf compares it: old robots put a slash before it."""
     return frame.lstrip("/")
-
-
-def _place(pose: Pose) -> tuple[float, float]:
-    return pose.x, pose.y

@@ -146,7 +146,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         ("acceleration", 0.01, 100.0),
         ("margin", 0.0, 10.0),
         ("wheelbase", 0.01, 100.0),
-        ("rate", 2.0, 200.0),
+        ("rate", 2.0, 50.0),
         ("fresh", 0.05, 0.4),
         ("wait", 0.1, 86_400.0),
     ):

@@ -19,6 +19,7 @@ from agent.robots.ros2.localisation import Fix
 from agent.robots.ros2.steering import Place, Steering
 from patrol.exchange import Sensed
 from patrol.net.phases import PHASE_B_SHARE
+from patrol.net.stop_orders import Order, StopOrders
 from patrol.pose import Command
 
 SAY_AFTER_S = 1.0
@@ -26,6 +27,7 @@ SAY_AFTER_S = 1.0
 LONGEST_CYCLE_S = 0.25
 """The longest time between two commands over which a speed may change, s: who was late does not jump."""
 _JOIN_S = 1.0
+_OPERATOR = "an operator"
 _LOCK_S = 0.2
 
 
@@ -57,6 +59,7 @@ class Ros2Robot:
         clock: Says when a tick begins.
         pace: How its time is divided.
         onlooker: Told of every decision, too.
+        orders: What operators ask; None if there are none.
         say: Prints a line.
     """
 
@@ -67,6 +70,7 @@ class Ros2Robot:
         clock: FleetClock,
         pace: Pace,
         onlooker: Telemetry | None,
+        orders: StopOrders | None,
         say: Callable[[str], None],
     ) -> None:
         self._hardware = hardware
@@ -74,6 +78,7 @@ class Ros2Robot:
         self._clock = clock
         self._pace = pace
         self._onlooker = onlooker
+        self._orders = orders
         self._say = Sayer(say)
         self._goal: Place | None = None
         self._lock = Lock()
@@ -86,6 +91,11 @@ class Ros2Robot:
         """Begin to drive; itself."""
         self._thread.start()
         return self
+
+    @property
+    def driving(self) -> bool:
+        """Whether its thread drives."""
+        return self._thread.is_alive()
 
     def sense(self) -> Sensed | None:
         """Wait for the next tick in which it is known where the robot is; None when it is time to leave.
@@ -131,6 +141,8 @@ class Ros2Robot:
 
     def cycle(self) -> Fix | None:
         """Hear the robot and tell it what is safe, once; where it is."""
+        if self._orders is not None:
+            self._orders.obey(self._carry_out)
         with self._lock:
             moment_s = time.monotonic()
             since_s = min((moment_s - self._cycled_s) * self._pace.factor, LONGEST_CYCLE_S)
@@ -143,6 +155,16 @@ class Ros2Robot:
             why = self._hardware.why
         self._say.state(why if stopped or fix is None else "", moment_s)
         return fix
+
+    def _carry_out(self, order: Order) -> str:
+        """Do what an operator asks; what to answer."""
+        stops = self._hardware.stops
+        if order is Order.STOP:
+            stops.hold(_OPERATOR, "fogwatch control ... release")
+            self._say.now("stopped by an operator")
+        elif stops.release(_OPERATOR):
+            self._say.now("released by an operator")
+        return stops.why or "not stopped"
 
     def _drive(self) -> None:
         period_s = 1.0 / (self._pace.rate_hz * self._pace.factor)

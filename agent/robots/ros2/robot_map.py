@@ -11,8 +11,9 @@ from patrol.errors import BadInput
 from patrol.ros2.messages import OccupancyGrid
 
 OCCUPIED_SHARE = 0.65
-FREE_SHARE = 0.25
-"""From which share on a cell is a wall, and up to which it is free, as map_server has it."""
+FREE_SHARE = 0.196
+"""From which share on a cell is a wall, and up to which it is free, as map_server has it. What is unknown, a pixel of
+205, lies in between, and nobody drives there."""
 _WALL, _UNKNOWN, _FREE = 0, 205, 254
 
 
