@@ -59,8 +59,10 @@ def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, sec
         for name, latched in names_of(namespace, wanted):
             link.overhear(form.heard(name), ear, latched)
     threading.Event().wait(seconds)
-    tokens = [*link.tokens(f"{ADMIN_SPACE}/**", _TOKENS_S), *link.tokens(Bridge.graph, _TOKENS_S)]
-    return Survey(domain, namespace, wanted, tokens, ear.heard)
+    # A router with access rules answers for our domain, and not for all of them.
+    graphs = (RmwZenoh(domain).graph, f"{ADMIN_SPACE}/**", Bridge.graph)
+    tokens = dict.fromkeys(token for graph in graphs for token in link.tokens(graph, _TOKENS_S))
+    return Survey(domain, namespace, wanted, list(tokens), ear.heard)
 
 
 def names_of(namespace: str, wanted: Wanted) -> Iterator[tuple[str, bool]]:

@@ -5,8 +5,8 @@ Here the robot's own programs are those that come over TCP from the machine itse
 over the network needs a certificate of the fleet. The agent's may command the robot and show what it knows; a viewer's
 may look. Nobody else may do anything.
 
-A latched topic is more than its key: late subscribers find its publisher and ask it under ``@adv``. The answer, which is
-its last message, comes under the topic's own key.
+A latched topic is more than its key: who comes late finds its publisher, and asks it, under ``@adv``. The answer, which
+is its last message, comes under the topic's own key.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ They do not understand each other: a link speaks one of them.
 from __future__ import annotations
 
 import hashlib
+import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from patrol.ros2.definitions import NO_HASH, type_hash
 from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, NodeName, dds_name, entity_of, mangled, ros_name
 
 _ATTACHMENT = struct.Struct("<qqB16s")
+_HASH = re.compile(rf"RIHS01_[0-9a-f]{{64}}|{NO_HASH}")
 _GID = 16
 _SLASH = "§"
 _BRIDGED = {
@@ -183,13 +185,14 @@ class RmwZenoh:
 
     def servers(self, service: str, /) -> str | None:
         """The key expression of the tokens of a service's servers."""
-        return f"{ADMIN_SPACE}/{self.domain}/*/*/*/{Kind.SERVER}/*/*/*/{mangled(service)}/**"
+        return f"{ADMIN_SPACE}/{self.domain}/*/*/*/{Kind.SERVER}/*/*/*/{mangled(service)}/*/*/*"
 
     def service_key(self, service: str, type_name: str, token: str | None, /) -> str:
         """The key of a service that others offer, with their hash: releases differ in what is not read here."""
-        if token is None:
+        server = None if token is None else entity_of(token)
+        if server is None or server.type_name != type_name or not _HASH.fullmatch(server.type_hash):
             return self.key(service, type_name)
-        return f"{self.domain}/{service.strip('/')}/{'/'.join(token.split('/')[10:12])}"
+        return f"{self.domain}/{service.strip('/')}/{dds_name(type_name)}/{server.type_hash}"
 
     def origin(self, key: str, /) -> Origin:
         """What a key says of the messages under it."""

@@ -35,6 +35,9 @@ LEASE_S = 2.0
 """A node that is silent for so long is gone for the router, and finds none of what was meant for it when it returns: a
 command or a pose that is seconds old does harm."""
 
+BLOCKED_US = 1_000_000
+"""How long a latched message waits for a router that does not read; then the link is closed, and made anew."""
+
 SERVERS_S = 2.0
 """How long the router may take to say who offers a service."""
 
@@ -83,7 +86,11 @@ class ZenohRos2Link:
         return full_name(self._node.namespace, name)
 
     def publisher(self, topic: str, kind: type[M], qos: Qos = USUAL) -> Sender[M]:
-        """A publisher, which drops rather than being late, unless it is latched (`patrol.ros2.ports.Ros2Link`)."""
+        """A publisher (`patrol.ros2.ports.Ros2Link`).
+
+        It drops a message rather than being late. A latched one waits, for at most `BLOCKED_US`, where the router does
+        not read. So whoever has to be on time lets another thread send what is latched.
+        """
         full = self.resolve(topic)
         type_name = CODINGS[kind].type_name
         key = self._format.key(full, type_name)
@@ -362,6 +369,7 @@ def open_ros2(
     store()
     settings: Mapping[str, object] = {
         **client_settings(router, LEASE_S, credentials),
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
         "timestamping/enabled": True,  # without it nobody gets what a latched topic sent before
     }
     return ZenohRos2Link(open_session(settings, router, wait_s, waiting, stopped), form, node)

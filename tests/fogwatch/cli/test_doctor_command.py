@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from patrol.net.link import open_link
 from patrol.pose import Pose
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
 from patrol.ros2.link import open_ros2
@@ -27,6 +28,9 @@ def robot(where: str, form: Format) -> Iterator[None]:
     cells = np.zeros((3, 4), np.int8)
     link.publisher("/map", OccupancyGrid, LATCHED).send(OccupancyGrid(1, "map", 0.05, Pose(0.0, 0.0, 0.0), cells))
     link.subscribe("cmd_vel", TwistStamped, RosMailbox())
+    bridge = open_link(where, PATIENCE_S)
+    if isinstance(form, Bridge):
+        bridge.live("@/abc/@ros2_lv/MS/robot1§cmd_vel/geometry_msgs§msg§TwistStamped/:::")
     odometry, places = link.publisher("odom", Odometry), link.publisher("/tf", TFMessage)
     ended = threading.Event()
 
@@ -45,6 +49,7 @@ def robot(where: str, form: Format) -> Iterator[None]:
         ended.set()
         driving.join()
         assert link.close(PATIENCE_S)
+        assert bridge.close(PATIENCE_S)
 
 
 @pytest.mark.parametrize("form", [RmwZenoh(), RmwZenoh(5, hashed=False), Bridge()], ids=str)
@@ -56,8 +61,7 @@ def test_a_robot_on_a_router(form: Format, fogwatch: Fogwatch, capsys: pytest.Ca
         for words in ("a patrol could start", "/robot1/odom", "odom -> base_link", "/map: a latched map of"):
             assert words in shown
         assert "missing" not in shown
-        if form.attaches:
-            assert "/robot1/cmd_vel: the robot obeys geometry_msgs/msg/TwistStamped" in shown
+        assert "/robot1/cmd_vel: the robot obeys geometry_msgs/msg/TwistStamped" in shown
         assert fogwatch("doctor", *options, "--odometry", "nothing", "--json") == 1
         said = json.loads(capsys.readouterr().out)
         assert said["fit"] is False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 import zenoh
 
+from fogwatch.doctor.examine import examine
+from fogwatch.doctor.survey import Wanted, survey
 from fogwatch.fleet_folder import FleetFolder
 from fogwatch.robot_router import FILE, make_robot_router
 from patrol.errors import BadInput
@@ -174,6 +177,35 @@ def test_a_viewer_looks_and_others_do_not(site: Site) -> None:
         reach(honest, lambda: odometry(1.0), seen)
     assert unseen.received == 0
     assert {one.node.name for one in other.graph(PATIENCE_S)} <= {"fogwatch_r2"}
+
+
+def test_the_doctor_sees_through_the_lock_with_the_agent_s_credentials(fleet: FleetFolder) -> None:
+    site = Site(fleet, RmwZenoh())
+    try:
+        robot = site.robot()
+        robot.subscribe("cmd_vel", TwistStamped, RosMailbox())
+        robot.publisher("/map", OccupancyGrid, LATCHED).send(GRID)
+        honest = robot.publisher("odom", Odometry)
+        ended = threading.Event()
+
+        def drive() -> None:
+            while not ended.wait(0.02):
+                honest.send(odometry(1.0))
+
+        driving = threading.Thread(target=drive)
+        driving.start()
+        try:
+            found = examine(survey(site.member("r1"), 0, "robot1", Wanted(), 2.0))
+            blind = examine(survey(site.member("r2"), 0, "robot1", Wanted(), 0.5))
+        finally:
+            ended.set()
+            driving.join()
+        assert found.fit, found
+        assert {topic.name for topic in found.topics} == {"/robot1/odom", "/robot1/cmd_vel", "/map"}
+        assert not blind.fit
+        assert blind.topics == ()
+    finally:
+        site.close()
 
 
 def test_a_flood_and_one_who_does_not_read_cost_the_robot_nothing(fleet: FleetFolder) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import struct
+import sys
 from contextlib import suppress
 from typing import Any
 
@@ -11,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import serialize_dynamic
 
+from patrol.errors import BadInput
 from patrol.pose import Pose
 from patrol.ros2 import messages as ours
 from patrol.ros2.codec import CODINGS, decode, encode
@@ -311,3 +313,10 @@ def test_what_must_not_be_sent_is_not_encoded() -> None:
     ):
         with pytest.raises(BadMessage):
             encode(message)
+
+
+def test_without_the_extra_it_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    with pytest.raises(BadInput, match=r"pip install 'fogwatch\[ros2\]'") as caught:
+        store.__wrapped__()
+    assert "\n" not in str(caught.value)

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pytest
 
+from patrol.net.link import LinkDown, open_link, open_router
 from patrol.pose import Pose
 from patrol.ros2.definitions import CANCEL_GOAL
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
@@ -16,7 +17,7 @@ from patrol.ros2.messages import Bool, CancelRequest, CancelResponse, OccupancyG
 from patrol.ros2.names import LATCHED, Kind, NodeName
 from patrol.ros2.packing import BadMessage
 from patrol.ros2.ports import Asked, Sender, Service
-from tests.routers import PATIENCE_S, routed
+from tests.routers import PATIENCE_S, free_endpoint, routed
 
 M = TypeVar("M")
 Join = Callable[..., ZenohRos2Link]
@@ -167,3 +168,64 @@ def test_what_is_no_number_is_never_sent(join: Join) -> None:
         with pytest.raises(BadMessage):
             sender.send(Twist(bad, 0.0, 0.0))
     assert sender.sent == 0
+
+
+def test_a_link_finds_back_to_a_router_that_returns_with_all_that_it_has() -> None:
+    where = free_endpoint()
+    router = open_router(where)
+    us = open_ros2(where, RmwZenoh(), NodeName("fogwatch", "robot1"), PATIENCE_S)
+    robot = open_ros2(where, RmwZenoh(), NodeName("robot", "robot1"), PATIENCE_S)
+    commands: RosMailbox[TwistStamped] = RosMailbox()
+    robot.subscribe("cmd_vel", TwistStamped, commands)
+    sender = us.publisher("cmd_vel", TwistStamped)
+    ground = OccupancyGrid(1, "map", 0.05, Pose(0.0, 0.0, 0.0), np.zeros((2, 2), np.int8))
+    us.publisher("fog", OccupancyGrid, LATCHED).send(ground)
+    reach(sender, AHEAD, commands)
+    assert router.close(PATIENCE_S)
+    end = time.monotonic() + PATIENCE_S
+    while us.connected or robot.connected:
+        assert time.monotonic() < end
+        sender.send(AHEAD)  # goes nowhere, and holds up nobody
+    while commands.take() is not None:
+        pass
+    router = open_router(where)
+    reach(sender, AHEAD, commands)
+    late: RosMailbox[OccupancyGrid] = RosMailbox()
+    robot.subscribe("fog", OccupancyGrid, late, LATCHED)
+    assert late.take(PATIENCE_S) is not None
+    while not {("fogwatch", ""), ("fogwatch", "/robot1/cmd_vel")} <= {
+        (one.node.name, one.topic) for one in robot.graph(PATIENCE_S)
+    }:
+        assert time.monotonic() < end
+    for closing in (us, robot):
+        assert closing.close(PATIENCE_S)
+    assert router.close(PATIENCE_S)
+
+
+def test_a_router_that_never_comes_is_given_up() -> None:
+    with pytest.raises(LinkDown, match="no router answers at"):
+        open_ros2(free_endpoint(), RmwZenoh(), NodeName("fogwatch"), 0.3)
+
+
+def test_huge_and_malformed_messages_are_refused_and_the_next_is_heard(join: Join, endpoint: str) -> None:
+    mailbox: RosMailbox[TwistStamped] = RosMailbox()
+    us = join(RmwZenoh())
+    us.subscribe("cmd_vel", TwistStamped, mailbox)
+    sender = join(RmwZenoh(), "robot").publisher("cmd_vel", TwistStamped)
+    reach(sender, AHEAD, mailbox)
+    raw = open_link(endpoint, PATIENCE_S)
+    post = raw.post(us.format.key("/robot1/cmd_vel", "geometry_msgs/msg/TwistStamped"))
+    other = raw.post("0/robot1/cmd_vel/geometry_msgs::msg::dds_::TwistStamped_/RIHS01_beef")
+    for payload in (bytes(3_000_000), b"", b"\x00\x01\x00\x00", b"\xff" * 76):
+        post(payload)
+    other(bytes(76))
+    end = time.monotonic() + PATIENCE_S
+    while sum(mailbox.refused.values()) < 5:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    assert dict(mailbox.refused) == {"oversized": 1, "malformed": 3, "hash": 1}
+    assert set(mailbox.said) == set(mailbox.refused)
+    assert "has other fields there: its hash is RIHS01_beef, and ours RIHS01_5f0f" in mailbox.said["hash"]
+    assert all(line.isprintable() for line in mailbox.said.values())
+    assert reach(sender, AHEAD, mailbox).message == AHEAD
+    assert raw.close(PATIENCE_S)
