@@ -17,8 +17,8 @@ from patrol.process.lifeline import INTERRUPTED, Ending, heed
 
 if TYPE_CHECKING:
     from agent.own_robot import Site
+    from agent.robots.ros2.driver import Ros2Robot
     from agent.robots.ros2.hardware import Hardware
-    from agent.robots.ros2.robot import Ros2Robot
     from agent.robots.ros2.settings import DriveSettings
     from patrol.pose import Pose
     from patrol.ros2.ports import Ros2Link
@@ -211,9 +211,9 @@ def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | 
 
 
 def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Robot:
+    from agent.robots.ros2.driver import Pace, Ros2Robot
     from agent.robots.ros2.fence import Fence
     from agent.robots.ros2.governor import Governor, Rule
-    from agent.robots.ros2.robot import Pace, Ros2Robot
     from agent.robots.ros2.shown import Shown, show_map
     from agent.robots.ros2.steering import GoalSteering, Steering, VelocitySteering
 

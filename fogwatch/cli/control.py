@@ -123,7 +123,7 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
     else:
         access = read_access(run, str(run))
         router, keys, credentials = access.router, fleet_keys(access.fleet), access.credentials
-    whom = "*" if robot is None else robot_role(robot).robot
+    whom = None if robot is None else robot_role(robot).robot
     try:
         link = open_link(router, wait, credentials=credentials)
     except LinkDown as down:

@@ -7,10 +7,12 @@ robot that the same operator has stopped; members' secrets keep strangers from t
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from patrol.net.keys import WORLD, robot_of
 from patrol.net.mailbox import Mailbox, Question
 from patrol.printable import printable
 
@@ -22,6 +24,8 @@ LONGEST = 16
 """Bytes of the longest order."""
 LONGEST_ANSWER = 256
 _ROOM = 16
+_WAIT_S = 3600.0
+_MOST = 1000
 
 
 class Order(StrEnum):
@@ -31,21 +35,27 @@ class Order(StrEnum):
     RELEASE = "release"
 
 
-def ask_robots(link: Link, keys: FleetKeys, robot: str, order: Order, wait_s: float) -> Iterator[str]:
+def ask_robots(link: Link, keys: FleetKeys, robot: str | None, order: Order, wait_s: float) -> Iterator[str]:
     """Ask robots.
+
+    Each is asked by its name: a router with rules hands a robot no question that is for others as well.
 
     Args:
         link: To the fleet's router.
         keys: Of the fleet.
-        robot: Whom to ask, or ``*`` for all.
+        robot: Whom to ask; None for all robots that are there.
         order: What to ask.
-        wait_s: How long to wait for answers, s.
+        wait_s: How long to wait for the answers of a robot, s.
 
     Yields:
         What each robot answers, in one line.
     """
-    for answer in link.answers(keys.stop(robot), order.encode(), LONGEST_ANSWER, wait_s):
-        yield printable(answer.decode("utf-8", "replace"))
+    names = [robot]
+    if robot is None:
+        names = sorted({robot_of(key) for key in link.seen(keys.alive("*"), _MOST)} - {WORLD, ""})
+    for name in names:
+        for answer in link.answers(keys.stop(name), order.encode(), LONGEST_ANSWER, wait_s):
+            yield printable(answer.decode("utf-8", "replace"))
 
 
 class StopOrders:
@@ -64,12 +74,17 @@ class StopOrders:
         link.attend(key, LONGEST, self._waiting)
 
     def obey(self, carry_out: Callable[[Order], str]) -> None:
-        """Carry out the orders that wait, and answer them.
+        """Carry out orders from now on, on a thread of its own: an answer may have to wait for the router.
 
         Args:
             carry_out: Does what an order says; returns what to answer.
         """
-        while (asked := self._waiting.get()) is not None:
+        threading.Thread(target=self._obey, args=(carry_out,), name="orders", daemon=True).start()
+
+    def _obey(self, carry_out: Callable[[Order], str]) -> None:
+        while True:
+            if (asked := self._waiting.get(_WAIT_S)) is None:
+                continue
             question = asked[1]
             try:
                 order = Order(question.payload.decode("ascii", "replace"))

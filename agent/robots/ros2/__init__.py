@@ -12,7 +12,7 @@ What connects them to a robot:
 
     hardware.py       what the robot says of itself, its time, and who stops it
     steering.py       how it is moved: by velocities, or by goals for its Nav2
-    robot.py          the mind's body, and the thread that drives
+    driver.py         the mind's body, and the thread that drives
     shown.py          map, fog and path, for whoever looks on
     robot_map.py      the map that the robot has
     settings.py       topics, kinds of commands, limits

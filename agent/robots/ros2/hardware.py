@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from agent.robots.ros2.localisation import Fix, Localisation
 from agent.robots.ros2.settings import DriveSettings
@@ -77,6 +77,8 @@ class Hardware:
         self._odometry: RosMailbox[Odometry] = RosMailbox(_ROOM)
         self._tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         self._tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._root_tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._root_tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         self._poses: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
         self._stop: RosMailbox[Bool] = RosMailbox(_ROOM)
         topic = settings.topic
@@ -85,6 +87,10 @@ class Hardware:
         link.subscribe(topic("stop"), Bool, self._stop, LATCHED)
         link.subscribe(topic("tf_static"), TFMessage, self._tf_static, LATCHED)
         link.subscribe(topic("tf"), TFMessage, self._tf, USUAL)
+        for usual, mailbox, qos in (("tf", self._root_tf, USUAL), ("tf_static", self._root_tf_static, LATCHED)):
+            # ROS says transforms outside of every namespace, unless a launch file moves them into the robot's.
+            if topic(usual) == usual and link.resolve(usual) != f"/{usual}":
+                link.subscribe(f"/{usual}", TFMessage, mailbox, qos)
         link.subscribe(topic("amcl_pose"), PoseWithCovarianceStamped, self._poses, LATCHED)
         link.subscribe(topic("odom"), Odometry, self._odometry, SENSOR)
 
@@ -105,10 +111,9 @@ class Hardware:
             return None
         while (odometry := self._odometry.take()) is not None:
             self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s))
-        while (fixed := self._tf_static.take()) is not None:
-            self._localisation.transforms(fixed.message, self._arrival(fixed.at_s, now_s), fixed=True)
-        while (moving := self._tf.take()) is not None:
-            self._localisation.transforms(moving.message, self._arrival(moving.at_s, now_s), fixed=False)
+        for mailbox, fixed in self._transforms():
+            while (said := mailbox.take()) is not None:
+                self._localisation.transforms(said.message, self._arrival(said.at_s, now_s), fixed=fixed)
         while (pose := self._poses.take()) is not None:
             self._localisation.localised(pose.message, self._arrival(pose.at_s, now_s))
         return self._localisation.at(now_s)
@@ -117,6 +122,14 @@ class Hardware:
         """The stamp of a message that is sent now; 0 while nobody knows the time."""
         now_s = self.time.now()
         return 0 if now_s is None else max(0, int(now_s * 1e9))
+
+    def _transforms(self) -> Iterator[tuple[RosMailbox[TFMessage], bool]]:
+        """Where transforms wait, and whether they hold for ever; those of the robot's own namespace go first.
+
+        Outside of it they count only as long as there are none inside: other robots may use the same names there.
+        """
+        yield (self._tf_static if self._tf_static.received else self._root_tf_static), True
+        yield (self._tf if self._tf.received else self._root_tf), False
 
     def _arrival(self, at_s: float, now_s: float) -> float:
         """When something arrived, s of the robot's time."""

@@ -9,8 +9,8 @@ from agent.robots.ros2.localisation import LocalisationSettings
 
 TOPICS: Mapping[str, str] = {
     "odom": "its odometry",
-    "tf": "transforms",
-    "tf_static": "transforms that hold for ever, latched",
+    "tf": "transforms; /tf as well while there are none here",
+    "tf_static": "transforms that hold for ever, latched; /tf_static as well while there are none here",
     "amcl_pose": "poses of its localisation",
     "cmd_vel": "our velocities",
     "ackermann_cmd": "our speeds and steering angles",

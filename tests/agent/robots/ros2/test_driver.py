@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.robots.ros2.driver import Failed, Pace, Ros2Robot
 from agent.robots.ros2.fence import Fence
 from agent.robots.ros2.governor import Governor, Rule
 from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.localisation import LocalisationSettings
-from agent.robots.ros2.robot import Failed, Pace, Ros2Robot
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
 from patrol.ground.terrain import Terrain
@@ -213,6 +213,21 @@ def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind(capsys: pytest.C
     with pytest.raises(Failed, match="a wire is loose"):
         bench.driver.sense()
     assert "a wire is loose" in capsys.readouterr().err
+
+
+def test_transforms_outside_of_the_namespace_count_while_there_are_none_inside() -> None:
+    bench = Bench()
+    root = bench.robot.publisher("/tf", TFMessage)
+    root.send(TFMessage((Transform(0, "map", "odom", Pose(3.0, 0.0, 0.0)),)))
+    bench.odom.send(Odometry(0, "odom", "base_link", Pose(2.0, 5.0, 0.0), STILL))
+    fix = bench.hardware.fix()
+    assert fix is not None
+    assert fix.pose.x == 5.0
+    bench.at(Pose(2.0, 5.0, 0.0))
+    root.send(TFMessage((Transform(0, "map", "odom", Pose(3.0, 0.0, 0.0)),)))
+    fix = bench.hardware.fix()
+    assert fix is not None
+    assert fix.pose.x == 2.0
 
 
 def test_the_time_of_a_simulation_is_the_robots_time() -> None:

@@ -89,6 +89,8 @@ class Ros2Robot:
 
     def start(self) -> Ros2Robot:
         """Begin to drive; itself."""
+        if self._orders is not None:
+            self._orders.obey(self._carry_out)
         self._thread.start()
         return self
 
@@ -141,8 +143,6 @@ class Ros2Robot:
 
     def cycle(self) -> Fix | None:
         """Hear the robot and tell it what is safe, once; where it is."""
-        if self._orders is not None:
-            self._orders.obey(self._carry_out)
         with self._lock:
             moment_s = time.monotonic()
             since_s = min((moment_s - self._cycled_s) * self._pace.factor, LONGEST_CYCLE_S)
