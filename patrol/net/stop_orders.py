@@ -50,9 +50,10 @@ def ask_robots(link: Link, keys: FleetKeys, robot: str | None, order: Order, wai
     Yields:
         What each robot answers, in one line.
     """
-    names = [robot]
     if robot is None:
         names = sorted({robot_of(key) for key in link.seen(keys.alive("*"), _MOST)} - {WORLD, ""})
+    else:
+        names = [robot]
     for name in names:
         for answer in link.answers(keys.stop(name), order.encode(), LONGEST_ANSWER, wait_s):
             yield printable(answer.decode("utf-8", "replace"))
