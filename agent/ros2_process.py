@@ -105,6 +105,8 @@ def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> i
             scenario = None if map_file is None else _scenario(options, name, map_file, pose, overrides)
         if scenario is None:
             return INTERRUPTED
+        if options.write_scenario is not None:
+            _write(scenario, options.write_scenario)
         shows_map = options.scenario is not None or options.map is not None
         numbers = {spec.name: spec.number for spec in scenario.roster}
         alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
@@ -199,6 +201,15 @@ def _scenario(
         "radio": {"via": "direct"},
     }
     return load_scenario(raw, overrides, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
+
+
+def _write(scenario: Scenario, path: Path) -> None:
+    from patrol.scenario import dump_scenario
+
+    try:
+        path.write_text(dump_scenario(scenario), encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"--write-scenario {path}: cannot be written ({error.strerror}); give another file") from None
 
 
 def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | None]:

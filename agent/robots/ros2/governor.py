@@ -32,6 +32,7 @@ class Governor:
     Attributes:
         command: What the robot was told last.
         why: Why it was not told what the mind wants: empty if it was.
+        fenced: Whether that was because of the fence.
 
     Args:
         rule: The body's limits.
@@ -46,6 +47,7 @@ class Governor:
         self._until_s = 0.0
         self.command: Command = self._halt
         self.why = ""
+        self.fenced = False
 
     def want(self, command: Command, now_s: float) -> None:
         """A new command of the mind.
@@ -67,6 +69,7 @@ class Governor:
             stopped: Why it has to stand whatever the mind wants; empty if it has not.
         """
         self.why = stopped or ("nobody knows where it is" if pose is None else "")
+        self.fenced = False
         if self.why or pose is None:
             self.command = self._halt
             return self.command
@@ -74,7 +77,8 @@ class Governor:
         rule = self._rule
         eased = nearer(self.command, wanted, rule.acceleration * since_s, rule.limits.radius)
         self.command = self._fence.allowed(pose, eased.limited(rule.limits))
-        if self.command.speed_mps < eased.speed_mps:
+        self.fenced = self.command.speed_mps < eased.speed_mps
+        if self.fenced:
             self.why = "a wall is too near"
         elif is_halt(wanted) and now_s >= self._until_s:
             self.why = "no command has come"

@@ -121,6 +121,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--robots", metavar="NAME,NAME", help="all robots of the fleet, with equal bodies (default: this one)")
     add("--scenario", type=Path, metavar="FILE", help="the fleet's scenario, instead of map, body and --robots")
     add("--set", action="append", default=[], metavar="FIELD=VALUE", help="set a field of the scenario; repeatable")
+    add("--write-scenario", type=Path, metavar="FILE", help="write the scenario that the options make, for a monitor")
     add("--router", metavar="LOCATOR", help="where the fleet meets (default: the credentials', or --connect)")
     add("--fleet", metavar="NAME", help="the fleet's name (default: the credentials', or patrol)")
     add("--credentials", type=Path, metavar="FOLDER", help="this robot's, made by: fogwatch fleet init")
@@ -153,6 +154,8 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         _check(f"--{name}", getattr(options, name), least, most)
     if options.delay is not None:
         _check("--delay", options.delay, 0.0, 0.4)
+    if options.write_scenario is not None and (options.scenario is not None or options.map is None):
+        raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
     if options.drive == "ackermann" and options.scenario is None and options.model != "car":
         raise BadInput(f"--drive ackermann: steers a car, and --model is {options.model}; give --model car")
     start = None if options.start is None else _pose("--start", options.start)

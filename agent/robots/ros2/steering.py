@@ -11,7 +11,7 @@ from agent.robots.ros2.governor import Governor
 from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.localisation import Fix
 from patrol.ground.swept_path import advance
-from patrol.pose import Command, Drive, Pose, is_halt
+from patrol.pose import Command, Drive, Pose
 from patrol.ros2.frames import travelled
 from patrol.ros2.goals import GoalClient, Going
 from patrol.ros2.messages import AckermannDriveStamped, PoseStamped, Twist, TwistStamped
@@ -93,7 +93,7 @@ class VelocitySteering:
         self._send(command, 0.0 if fix is None else fix.pose.heading)
         self._progress.told(told, since_s)
         self._steps += 1
-        self._held += bool(self._governor.why) and is_halt(command)
+        self._held += self._governor.fenced and command.speed_mps == 0.0
         return self._governor.why
 
     def ahead(self, fix: Fix, lead_s: float) -> Pose:
