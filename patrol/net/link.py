@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -166,6 +167,16 @@ class Link:
             key: a key expression.
         """
         return any(reply.ok is not None for reply in self._session.liveliness().get(key, timeout=SEE_S))
+
+    def seen(self, key: str, most: int) -> list[str]:
+        """The keys of liveliness tokens that somebody holds now.
+
+        Args:
+            key: a key expression.
+            most: how many are of interest.
+        """
+        replies = self._session.liveliness().get(key, timeout=SEE_S)
+        return [str(reply.ok.key_expr) for reply in islice(replies, most) if reply.ok is not None]
 
     def attend(self, key: str, longest: int, mailbox: Mailbox[Question]) -> None:
         """Put queries into a mailbox, to be answered later.

@@ -1,9 +1,10 @@
 """Who may do what at a fleet's router: the roles, and the router's access rules that follow from them.
 
-    robot     the simulated body's phases, its own position and telemetry, nothing in another robot's name
+    robot     the simulated body's phases, its own position and telemetry, answers to orders to stop, nothing in another
+              robot's name
     world     phases to all robots, the truth, answers to viewers and operators
     viewer    reads what is meant for observers, and asks the world for the fog so far
-    operator  a viewer that may also ask the world for something
+    operator  a viewer that may also ask the world for something, and robots to stop
 
 A router denies everything that no rule allows. A fleet's name and a robot's name hold none of the characters that mean
 something in a key expression (``*``, ``$``, ``#``, ``?``, ``/``), so a rule for one name never covers another.
@@ -158,6 +159,7 @@ def rights_of(role: Role, keys: FleetKeys) -> Rights:
             return Rights(
                 publish=(keys.reply(own), keys.position(own), keys.telemetry(own)),
                 hear=(keys.tick(own), keys.position("*")),
+                answer=(keys.stop(own),),
                 announce=(keys.alive(own),),
                 watch=(keys.alive(WORLD), keys.alive(own)),
             )
@@ -172,7 +174,7 @@ def rights_of(role: Role, keys: FleetKeys) -> Rights:
         case Kind.VIEWER | Kind.OPERATOR:
             return Rights(
                 hear=(keys.truth("*"), keys.position("*"), keys.telemetry("*")),
-                ask=(keys.truth("*"), *([keys.control("*")] if role.kind is Kind.OPERATOR else [])),
+                ask=(keys.truth("*"), *([keys.control("*"), keys.stop("*")] if role.kind is Kind.OPERATOR else [])),
                 watch=everyone,
             )
 

@@ -1,0 +1,58 @@
+"""The geofence: no command may lead off the ground within the way that the body needs to stop.
+
+The ground is the map's: where a body of this radius may be without entering a wall, a keep-out area or what lies
+beyond the map. A body that is too near to a wall already may only move away from it; one whose centre is off the ground
+stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agent.robots.ros2.commands import scaled
+from patrol.ground.swept_path import path_is_free
+from patrol.ground.terrain import Terrain
+from patrol.pose import Command, Pose, Twist
+
+SHARES = tuple(eighth / 8.0 for eighth in range(8, 0, -1))
+"""Shares of a command's speed that are tried, the whole first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """The fence of one body.
+
+    Attributes:
+        terrain: The ground.
+        radius: Of the body and what is kept clear around it, m.
+        reaction_s: How long the body goes on before it begins to brake, s.
+        braking: How hard it brakes, m/s².
+    """
+
+    terrain: Terrain
+    radius: float
+    reaction_s: float
+    braking: float
+
+    def allowed(self, pose: Pose, command: Command) -> Command:
+        """The same path, as fast as it may be driven; a halt if not at all.
+
+        Args:
+            pose: The body's own.
+            command: What it is to obey.
+        """
+        if not self._on_ground(pose):
+            return scaled(command, 0.0)
+        for share in SHARES:
+            slower = scaled(command, share)
+            if path_is_free(self.terrain, pose, slower, self._until_it_stands(slower), self.radius):
+                return slower
+        return Twist(0.0, command.turn_rate) if isinstance(command, Twist) else scaled(command, 0.0)
+
+    def _until_it_stands(self, command: Command) -> float:
+        """For how long the body may not leave the ground at its present speed, s: as far as it goes while it brakes."""
+        return self.reaction_s + command.speed_mps / (2.0 * self.braking)
+
+    def _on_ground(self, pose: Pose) -> bool:
+        at = self.terrain.point_at(pose.x, pose.y) if self.terrain.contains(pose.x, pose.y) else None
+        return at is not None and bool(self.terrain.free[at])
