@@ -280,7 +280,7 @@ def test_a_member_cannot_pass_for_the_router(fleet: FleetFolder) -> None:
 def test_a_revoked_member_has_no_rights_and_the_one_that_replaces_it_has(fleet: FleetFolder, tmp_path: Path) -> None:
     stolen = read_credentials(shutil.copytree(fleet.path / "r2", tmp_path / "stolen"), "test")
     keys_of = robot_role("r2")
-    fleet.revoke(keys_of)
+    fleet.revoke(keys_of, 1)
     fleet.add(keys_of, days=1)
     with guarded_by_certificates(fleet) as at:
         members = Members(at)
