@@ -69,7 +69,7 @@ def control(
     from patrol.scenario.controls import read_control
 
     read_control(asked)
-    access = read_access(run, str(run))
+    access = read_access(run, "control")
     try:
         link = open_link(access.router, wait, credentials=access.credentials)
     except LinkDown as down:

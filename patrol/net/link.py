@@ -299,8 +299,10 @@ def open_links(
         both links, which may be the same; None when `stopped` says so.
 
     Raises:
-        BadInput: when nobody has answered after `wait_s`.
+        BadInput: when nobody has answered after `wait_s`, or the credentials cannot be used at `radio`.
     """
+    if radio is not None and credentials is not None and not is_group(radio):
+        credentials.check_router(radio, "--radio")
 
     def waiting_for(where: str) -> Callable[[float], None]:
         def waiting(waited: float) -> None:

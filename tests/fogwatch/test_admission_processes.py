@@ -167,7 +167,8 @@ def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     assert (paused.returncode, paused.stdout[:18]) == (0, "paused before tick"), paused.stderr
     refused = site.command("control", str(machines["viewer"]), "go")
     assert refused.returncode == 2
-    assert "a viewer's credentials give no right to control the fleet" in refused.stderr
+    why = "a viewer's credentials give no right to control the fleet; name an operator's"
+    assert refused.stderr == f"fogwatch: control: {machines['viewer']}: {why}\n"
     page, onlooker = (
         open_fleet(Ending(), access=machines["operator"]),
         open_fleet(Ending(), credentials=machines["viewer"]),
