@@ -87,7 +87,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
                 "scenario has no such robot, or the robot has not joined yet"
             )
         else:
-            say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s)")
+            but = f"; it is not there, or {spec.name} was revoked" if met.revocable else ""
+            say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s){but}")
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
     robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model)

@@ -149,9 +149,10 @@ def _of_a_world(
 
     def waits(pause_s: float) -> bool:
         if time.monotonic() >= until:
+            revoked = ", or these credentials were revoked" if met.revocable else ""
             raise BadInput(
-                f"--fleet {keys.fleet}: no world of this fleet answers at {router}; check both, or give --scenario "
-                "FILE for robots without a world"
+                f"--fleet {keys.fleet}: no world of this fleet answers at {router}{revoked}; check both, or give "
+                "--scenario FILE for robots without a world"
             )
         return ending.wait(pause_s)
 

@@ -95,7 +95,10 @@ def read_access(path: Path, option: str) -> Access:
     if isinstance(found, Access):
         return found
     if found.token is None:
-        raise BadInput(f"{option}: {path}: a {found.role.kind}'s credentials give no right to control the fleet; name an operator's")
+        kind = found.role.kind
+        raise BadInput(
+            f"{option}: {path}: a {kind}'s credentials give no right to control the fleet; name an operator's"
+        )
     return Access(found.fleet, found.router, found.token, found)
 
 

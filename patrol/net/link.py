@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import zenoh
@@ -249,7 +250,7 @@ class Link:
 
 def _answers(query: zenoh.Query, key: str) -> Post:
     def answer(payload: bytes) -> None:
-        with query:
+        with query, suppress(zenoh.ZError):  # the link has been closed meanwhile, or whoever asked has gone
             query.reply(key, payload)
 
     return answer

@@ -76,6 +76,11 @@ class Meeting:
     keys: FleetKeys
     credentials: Credentials | None = None
 
+    @property
+    def revocable(self) -> bool:
+        """Whether the process may have been revoked: a router then lets it in, and silently forbids it everything."""
+        return self.credentials is not None and self.credentials.folder is not None
+
 
 class MeetingOptions(Protocol):
     """Those of the options that say where the fleet meets."""
