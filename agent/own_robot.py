@@ -153,7 +153,7 @@ def patrol_with(
         BadInput: One line says what is wrong and what to do instead.
     """
     from patrol.net.keys import callers_of, check_radio
-    from patrol.net.link import open_links
+    from patrol.net.open_links import open_links
     from patrol.net.roles import Kind
     from patrol.process.lifeline import INTERRUPTED
     from patrol.process.options import meeting, robot_named

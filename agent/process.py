@@ -7,7 +7,7 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ from patrol.process.options import TOGETHER, fleet_parser, meeting, prepared_as_
 if TYPE_CHECKING:
     from agent.mind import Mind
     from agent.ports import Radio
+    from agent.robots.sim import SimRobot
     from patrol.scenario import RobotSpec, Scenario
 
 HELP = f"""
@@ -76,7 +77,7 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     from agent.policies.found import policy_of
     from agent.radios.direct import tune_in
     from agent.robots.sim import Identity, join
-    from patrol.net.link import open_links
+    from patrol.net.open_links import open_links
     from patrol.net.seats import own_instance
 
     def say(line: str) -> None:
@@ -97,7 +98,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
                 "scenario has no such robot, or the robot has not joined yet"
             )
         else:
-            say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s)")
+            but = f"; it is not there, or {spec.name} was revoked" if met.revocable else ""
+            say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s){but}")
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
     robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model)
@@ -116,6 +118,11 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     if failure is not None:
         say(failure)
         return 1
+    return _left(robot, say, ending)
+
+
+def _left(robot: SimRobot, say: Callable[[str], None], ending: Ending) -> int:
+    """The exit code of a robot that has left its fleet."""
     if robot.orderly:
         return 0
     if robot.unlike:

@@ -246,7 +246,16 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
     launch = Launch(
-        folder, fleet, names, options.display, options.stop, options.port, options.urgent, absent, options.page
+        folder,
+        fleet,
+        names,
+        options.display,
+        options.stop,
+        options.port,
+        options.urgent,
+        absent,
+        options.page,
+        key=scenario.radio.key,
     )
     try:
         launch.start()

@@ -8,6 +8,7 @@ import shutil
 import ssl
 import subprocess
 import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from patrol.net.credentials import AUTHORITY, CERTIFICATE, KEY
 
 AUTHORITY_DAYS = 3650
 """How long a fleet's authority is valid, in days."""
+_DAY_S = 86400
 _CURVE = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
 _UNKNOWN_NAME = "?"
 
@@ -58,25 +60,31 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
         authority: The authority's folder.
         folder: Where the certificate, its key and the authority's certificate go.
         common_name: Whom the certificate is for.
-        days: How long it is valid.
+        days: How long it is valid; never longer than the authority, beyond which nobody would believe it.
         hosts: Names and addresses of a router; none for a member, which can then not pass for a router.
 
     Raises:
-        BadInput: openssl is missing or fails.
+        BadInput: The authority expires within a day, or openssl is missing or fails.
     """
+    left = int(facts(authority / CERTIFICATE).ends_s - time.time()) // _DAY_S
+    if left < 1:
+        raise BadInput(f"{authority}: the authority has expired, or does so within a day; make a new fleet")
     names = ",".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
     usage = f"serverAuth\nsubjectAltName=critical,{names}" if hosts else "clientAuth"
     extensions = f"basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage={usage}\n"
-    with tempfile.TemporaryDirectory(prefix="fogwatch-") as work:
-        wish, wanted = Path(work) / "wish.pem", Path(work) / "extensions"
+    with tempfile.TemporaryDirectory(prefix=".new-", dir=folder) as made:
+        work = Path(made)
+        wish, wanted = work / "wish.pem", work / "extensions"
         wanted.write_text(extensions, encoding="ascii")
         subject = ("-subj", f"/O=fogwatch/CN={common_name}")
-        _openssl("req", "-new", *_CURVE, *subject, "-keyout", str(folder / KEY), "-out", str(wish))
+        _openssl("req", "-new", *_CURVE, *subject, "-keyout", str(work / KEY), "-out", str(wish))
         signed = ("-CA", str(authority / CERTIFICATE), "-CAkey", str(authority / KEY), "-extfile", str(wanted))
         serial = ("-set_serial", f"0x{os.urandom(16).hex()}")
-        out = ("-out", str(folder / CERTIFICATE), "-days", str(days))
+        out = ("-out", str(work / CERTIFICATE), "-days", str(min(days, left)))
         _openssl("x509", "-req", "-in", str(wish), *signed, *serial, *out)
-    shutil.copyfile(authority / CERTIFICATE, folder / AUTHORITY)
+        shutil.copyfile(authority / CERTIFICATE, work / AUTHORITY)
+        for name in (KEY, CERTIFICATE, AUTHORITY):  # all that can fail has been done: no key without its certificate
+            (work / name).replace(folder / name)
 
 
 def facts(certificate: Path) -> Facts:

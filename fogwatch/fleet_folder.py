@@ -12,17 +12,18 @@ nothing.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
-import re
 import shutil
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from fogwatch.certificates import facts, issue, make_authority, problem
+from fogwatch.fleet_hosts import LOCAL, checked_hosts, listening_locator, member_locator
 from patrol.errors import BadInput
 from patrol.net.credentials import (
     AUTHORITY,
@@ -37,15 +38,16 @@ from patrol.net.credentials import (
     router_json,
     write_private,
 )
-from patrol.net.keys import check_locator, fleet_keys, is_loopback
+from patrol.net.keys import fleet_keys
 from patrol.net.roles import OPERATOR, RESERVED, WORLD_ROLE, Kind, Role, robot_role, role_of, roles_of
 
 FILE = "fleet.json"
 THE_ROUTER = "router"
 AUTHORITY_FOLDER = "authority"
-_HOST = re.compile(r"[A-Za-z0-9.:_-]{1,253}")
-_LOCAL = ("127.0.0.1", "localhost")
 _SOON_S = 30 * 86400
+_LAST_PORT = 65535
+_LOCK_S = 10.0
+"""How long to wait for another command that changes the folder, s."""
 
 
 @dataclass(slots=True)
@@ -73,15 +75,17 @@ class FleetFolder:
     @property
     def router(self) -> str:
         """The router's locator, as members use it."""
-        host = self.hosts[0]
-        return f"tls/[{host}]:{self.port}" if ":" in host else f"tls/{host}:{self.port}"
+        return member_locator(self.hosts, self.port)
 
     @property
     def listen(self) -> str:
         """The locator that the router listens on."""
-        if all(is_loopback(host) for host in self.hosts):
-            return self.router
-        return f"tls/{'[::]' if any(':' in host for host in self.hosts) else '0.0.0.0'}:{self.port}"
+        return listening_locator(self.hosts, self.port)
+
+    @property
+    def absent(self) -> list[str]:
+        """The names of members whose folders are not here; they may have been moved to their machines."""
+        return [role.name for user in self.members if not (self.path / (role := role_of(user, FILE)).name).is_dir()]
 
     def add(self, role: Role, days: int) -> None:
         """Make somebody a member.
@@ -100,52 +104,63 @@ class FleetFolder:
             raise BadInput(f"{folder}: is there already, though {role.name} is no member; move it away")
         number = self.issued.get(role.user, 0) + 1
         common_name = f"{role.user}.{number}"
-        folder.mkdir(mode=0o700)
-        issue(self.path / AUTHORITY_FOLDER, folder, common_name, days)
-        self._write_member(role)
+        with _made_whole(folder) as part:
+            issue(self.path / AUTHORITY_FOLDER, part, common_name, days)
+            self._write_member(role, part)
         self.issued[role.user], self.members[role.user] = number, common_name
         self._save()
 
-    def revoke(self, role: Role) -> None:
+    def revoke(self, role: Role, days: int) -> Role | None:
         """Take a member's rights away; those of an operator or the world take a new token for both.
 
         Args:
             role: The member.
+            days: How long a certificate is valid that has to be made anew.
+
+        Returns:
+            The member whose folder has changed and must be copied again, because it has the new token; None for nobody.
 
         Raises:
-            BadInput: It is no member.
+            BadInput: It is no member, or openssl fails.
         """
         if role.user not in self.members:
             names = ", ".join(sorted(role_of(user, FILE).name for user in self.members))
             raise BadInput(f"{role.name}: is no member of {self.fleet}; members are {names}")
         del self.members[role.user]
-        shutil.rmtree(self.path / role.name, ignore_errors=True)
-        if role in (WORLD_ROLE, OPERATOR):
+        other = {WORLD_ROLE: OPERATOR, OPERATOR: WORLD_ROLE}.get(role)
+        if other is not None:
             self.token = os.urandom(16).hex()
-            for other in (WORLD_ROLE, OPERATOR):
-                if other.user in self.members:
-                    self._write_member(other)
+        if other is None or other.user not in self.members:
+            other = None
+        elif (self.path / other.name).is_dir():
+            self._write_member(other, self.path / other.name)
+        else:  # whoever moved it away has no folder that the token could be written into
+            del self.members[other.user]
+            self.add(other, days)
         self._save()
+        shutil.rmtree(self.path / role.name, ignore_errors=True)
+        return other
 
     def renew_router(self, days: int, hosts: Sequence[str] = ()) -> None:
         """Issue a new certificate for the router.
 
         Args:
             days: How long it is valid.
-            hosts: Names and addresses of its machine; none to keep those that it has. Members use the first.
+            hosts: More names and addresses of its machine, before those that it has. Members use the first.
 
         Raises:
             BadInput: A host cannot be one, or openssl fails.
         """
         before = self.router
-        self.hosts = checked_hosts(hosts) or self.hosts
+        self.hosts = checked_hosts([*hosts, *self.hosts])
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
-        names = [*dict.fromkeys([*self.hosts, *_LOCAL])]
+        names = [*dict.fromkeys([*self.hosts, *LOCAL])]
         issue(self.path / AUTHORITY_FOLDER, folder, f"router.{self.fleet[:50]}", days, names)
         if self.router != before:
-            for user in self.members:
-                self._write_member(role_of(user, FILE))
+            for role in (role_of(user, FILE) for user in self.members):
+                if (self.path / role.name).is_dir():
+                    self._write_member(role, self.path / role.name)
         self._save()
 
     def check(self, now_s: float) -> Iterator[tuple[str, bool, str]]:
@@ -157,6 +172,10 @@ class FleetFolder:
         Yields:
             Whom a line is about, whether all is well, and what there is to say.
         """
+        try:
+            yield AUTHORITY_FOLDER, *_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
+        except BadInput as bad:
+            yield AUTHORITY_FOLDER, False, str(bad)
         for user, common_name in {THE_ROUTER: "", **self.members}.items():
             name = user if user == THE_ROUTER else role_of(user, FILE).name
             folder = self.path / name
@@ -168,11 +187,9 @@ class FleetFolder:
             except BadInput as bad:
                 yield name, False, str(bad)
 
-    def _write_member(self, role: Role) -> None:
+    def _write_member(self, role: Role, folder: Path) -> None:
         token = self.token if role in (WORLD_ROLE, OPERATOR) else None
-        file = self.path / role.name / MEMBER
-        if file.parent.is_dir():  # it may have been moved to its machine
-            replace_private(file, as_json(Credentials(self.fleet, self.router, role, token=token)))
+        replace_private(folder / MEMBER, as_json(Credentials(self.fleet, self.router, role, token=token)))
 
     def _save(self) -> None:
         """Write fleet.json, and the router's rules that follow from it."""
@@ -207,31 +224,56 @@ def make_fleet(
     Raises:
         BadInput: The folder exists, a name or host cannot be one, or openssl fails.
     """
-    keys = fleet_keys(fleet)
-    roles = [*map(_robot, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
-    made = FleetFolder(path, keys.fleet, checked_hosts(hosts) or [*_LOCAL], port, os.urandom(16).hex())
-    check_locator(made.router, "--host, --port:")
     if path.exists():
         raise BadInput(f"{path}: exists already; to add a member, use: fogwatch fleet add {path} NAME")
-    part = path.with_name(f".{path.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
+    keys = fleet_keys(fleet, "--name")
+    roles = [*map(_robot, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
+    if not _is_port(port):
+        raise BadInput(f"--port {port}: ports go from 1 to {_LAST_PORT}; choose one of them")
+    made = FleetFolder(path, keys.fleet, checked_hosts(hosts) or [*LOCAL], port, os.urandom(16).hex())
     try:
-        part.mkdir(mode=0o700, parents=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with _made_whole(path) as part:
+            made.path = part
+            write_private(part / ".gitignore", "*\n")  # keys belong into no repository
+            make_authority(part / AUTHORITY_FOLDER, fleet)
+            made.renew_router(days)
+            for role in roles:
+                made.add(role, days)
     except OSError as error:
         raise BadInput(f"{path}: cannot be made ({error.strerror}); choose another folder") from None
-    made.path = part
-    try:
-        write_private(part / ".gitignore", "*\n")  # keys belong into no repository
-        make_authority(part / AUTHORITY_FOLDER, fleet)
-        made.renew_router(days)
-        for role in roles:
-            made.add(role, days)
-        part.rename(path)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        raise
     made.path = path
     return made
+
+
+@contextmanager
+def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
+    """Open a fleet's folder to change it; others who want to change it wait until this is done.
+
+    Args:
+        path: The folder.
+
+    Yields:
+        The fleet as its folder has it.
+
+    Raises:
+        BadInput: It is none, it is not whole, or somebody else goes on changing it.
+    """
+    open_fleet_folder(path)
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    until = time.monotonic() + _LOCK_S
+    try:
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() >= until:
+                    raise BadInput(f"{path}: another command is changing it; wait until that has ended") from None
+                time.sleep(0.05)
+        yield open_fleet_folder(path)
+    finally:
+        os.close(descriptor)
 
 
 def open_fleet_folder(path: Path) -> FleetFolder:
@@ -243,12 +285,14 @@ def open_fleet_folder(path: Path) -> FleetFolder:
     Raises:
         BadInput: It is none, or not whole.
     """
+    if not (path / FILE).exists():
+        raise BadInput(f"{path}: no fleet's folder, because it holds no {FILE}; make one with: fogwatch fleet init")
     says = read_object(path / FILE, "fleet", secret=True)
     members, issued, hosts = (says.get(name, none) for name, none in (("members", {}), ("issued", {}), ("hosts", [])))
     fine = (
         isinstance(says.get("fleet"), str)
         and isinstance(says.get("token"), str)
-        and isinstance(says.get("port"), int)
+        and _is_port(says.get("port"))
         and isinstance(hosts, list)
         and isinstance(members, dict)
         and isinstance(issued, dict)
@@ -291,26 +335,33 @@ def _judge(folder: Path, authority: Path, common_name: str, now_s: float) -> tup
     found = facts(folder / CERTIFICATE)
     if common_name and found.common_name != common_name:
         return False, f"its certificate is for {found.common_name}, and the router lets in {common_name}"
-    left_s = found.ends_s - now_s
-    day = time.strftime("%Y-%m-%d", time.gmtime(found.ends_s))
-    if left_s <= 0:
+    return _expiry(found.ends_s, now_s)
+
+
+def _expiry(ends_s: int, now_s: float) -> tuple[bool, str]:
+    """Whether a certificate is still valid, and until when."""
+    day = time.strftime("%Y-%m-%d", time.gmtime(ends_s))
+    if ends_s <= now_s:
         return False, f"its certificate expired on {day}"
-    return True, f"valid until {day}{', which is soon' if left_s < _SOON_S else ''}"
+    return True, f"valid until {day}{', which is soon' if ends_s - now_s < _SOON_S else ''}"
 
 
-def checked_hosts(hosts: Sequence[str]) -> list[str]:
-    """Names and addresses of a machine, each once.
+def _is_port(value: object) -> bool:
+    return type(value) is int and 1 <= value <= _LAST_PORT
 
-    Args:
-        hosts: As given.
 
-    Raises:
-        BadInput: One cannot be a name or an address.
-    """
-    for host in hosts:
-        if not _HOST.fullmatch(host):
-            raise BadInput(f"--host {host!r}: not the name or address of a machine; write it as in 192.168.1.10")
-    return [*dict.fromkeys(hosts)]
+@contextmanager
+def _made_whole(folder: Path) -> Iterator[Path]:
+    """A new folder that gets its name when what is put into it is complete; otherwise nothing of it stays."""
+    part = folder.with_name(f".{folder.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    try:
+        part.mkdir(mode=0o700)
+        yield part
+        part.rename(folder)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
 
 
 def replace_private(file: Path, text: str) -> None:

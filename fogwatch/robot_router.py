@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fogwatch.certificates import issue
-from fogwatch.fleet_folder import AUTHORITY_FOLDER, FleetFolder, checked_hosts, replace_private
+from fogwatch.fleet_folder import AUTHORITY_FOLDER, FleetFolder, replace_private
+from fogwatch.fleet_hosts import LOCAL, checked_hosts
 from patrol.errors import BadInput
 from patrol.net.credentials import AUTHORITY, CERTIFICATE, KEY
 from patrol.net.keys import check_locator
@@ -21,7 +22,6 @@ from patrol.ros2.formats import Format
 
 FILE = "zenoh.json5"
 LOCAL_PORT = 7447
-_THIS_MACHINE = ("127.0.0.1", "localhost")
 
 
 def make_robot_router(
@@ -66,7 +66,7 @@ def make_robot_router(
     for one in (port, local_port):
         check_locator(f"tcp/127.0.0.1:{one}", "--port:")
     folder.mkdir(mode=0o700, exist_ok=True)
-    names = [*dict.fromkeys([*given, *_THIS_MACHINE])]
+    names = [*dict.fromkeys([*given, *LOCAL])]
     issue(fleet.path / AUTHORITY_FOLDER, folder, f"{robot}-router.{fleet.fleet[:40]}", days, names)
     members = {fleet.members[role.user]: agent_rights(form, namespace, commands)}
     if VIEWER.user in fleet.members:

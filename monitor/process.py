@@ -207,6 +207,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
             fleet=options.fleet,
             scenario=options.scenario,
             radio=options.radio,
+            key=options.key,
             wait_s=options.wait,
         )
 
@@ -249,7 +250,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--router", "LOCATOR", "router of a running fleet, such as tcp/127.0.0.1:7447; needs --fleet")
     add("--fleet", "NAME", "name of the fleet at the router")
     add("--replay", "RUN", "folder of a run that is over", type=Path)
-    add("--key", "FILE", "key of that run's fleet, to check the tags of its messages", type=Path)
+    add("--key", "FILE", "key of the fleet, to check the tags of its messages (default: unchecked)", type=Path)
     add("--scenario", "FILE", "scenario of robots without a world, which are shown by their positions", type=Path)
     add("--radio", "LOCATOR", "where robots without a world exchange positions (default: the router)")
     add("--host", "HOST", "address to serve on (default: 127.0.0.1)", default="127.0.0.1")

@@ -1,8 +1,9 @@
 """Opening files that others may have written: regular files only, and never more bytes than their kind may have.
 
 A path that a user gives, or that a file names, can lead to anything. Opening a named pipe waits until somebody writes
-to it, a device may have no end, and a file may be larger than the memory. So every file that is not this program's own
-is opened here (a test holds that): without waiting, and only if it is a regular file within the limit of its kind.
+to it, opening some devices does something, others have no end, and a file may be larger than the memory. So every file
+that is not this program's own is opened here, and a test finds code that opens files elsewhere. A file is looked at
+before it is opened, and opened only if it is a regular one within the limit of its kind.
 """
 
 from __future__ import annotations
@@ -73,15 +74,17 @@ def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
             in a few words.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+        place = os.open(path, os.O_PATH | os.O_CLOEXEC)  # finds the file and does not open it: nobody notices
     except ValueError:
         raise Refused(errno.EINVAL, "has a null character in its name", str(path)) from None
     try:
-        check_regular(descriptor, path, kind)
-        return os.fdopen(descriptor, "rb")
-    except BaseException:
-        os.close(descriptor)
-        raise
+        check_regular(place, path, kind)
+        # By its descriptor, so that it is the file that was checked, whatever the path leads to by now.
+        return os.fdopen(os.open(f"/proc/self/fd/{place}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(path)) from None
+    finally:
+        os.close(place)
 
 
 def check_regular(descriptor: int, path: Path, kind: Kind) -> None:

@@ -7,7 +7,7 @@ import shutil
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +21,7 @@ from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
+    from patrol.process.options import Meeting
     from patrol.scenario import Scenario
     from worldsim.fleet.sessions import Sessions
     from worldsim.radio.listener import Listener
@@ -57,14 +58,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: WorldOptions, ending: Ending) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.access import read_access
-    from patrol.net.keys import callers_of, check_radio
+    from patrol.net.keys import check_radio
     from patrol.net.roles import Kind
     from patrol.process.warmup import warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
 
     met = meeting(options, Kind.WORLD)
-    router, keys = met.router, met.keys
     token = None if met.credentials is None else met.credentials.token
     token = token if options.control is None else read_access(options.control, "--control").token
     scenario = load_scenario(options.scenario)
@@ -73,38 +73,59 @@ def _run(options: WorldOptions, ending: Ending) -> int:
     check(options.scenario, options.out)
     warm(("patrol", "worldsim"), _say)
 
-    from patrol.net.link import open_links
     from worldsim.fleet.sessions import Interrupted, Missing
-    from worldsim.wiring import Wiring
 
     prepared = prepared_as_told(scenario, options, ending)
     if prepared is None:
         return EXIT_INTERRUPTED
 
-    callers = callers_of(keys, {spec.name: spec.number for spec in scenario.roster})
-    links = open_links(router, radio, options.wait, _say, lambda: bool(ending), met.credentials, callers)
-    watched = links and open_links(router, None, options.wait, _say, lambda: bool(ending), met.credentials)
-    if links is None or watched is None:
-        return EXIT_INTERRUPTED
-    link, air = links
-    outward = watched[0]
-    wiring = Wiring(options, scenario, keys, link, outward, air, ending, _say)
-    try:
-        listener = wiring.listener()
-        wall_s = _record(wiring, prepared, wiring.gather(token), listener, token)
-    except Interrupted:
-        return EXIT_INTERRUPTED
-    except Missing as missing:
-        _say(f"{missing}; start each with: python -m agent --router {router} --fleet {keys.fleet} --robot NAME ...")
-        return UNKNOWN
-    finally:
-        outward.close()
-        air.close()
-        link.close()
+    with ExitStack() as opened:
+        wiring = _wiring(opened, options, scenario, met, radio, ending)
+        if wiring is None:
+            return EXIT_INTERRUPTED
+        try:
+            listener = wiring.listener()
+            wall_s = _record(wiring, prepared, wiring.gather(token), listener, token)
+        except Interrupted:
+            return EXIT_INTERRUPTED
+        except Missing as missing:
+            _say(f"{missing}; {_remedy(met)}")
+            return UNKNOWN
     if options.launched:
         return 0  # the journal is complete; the launcher judges it
     code = _judge(options.out, prepared, wall_s)
     return EXIT_INTERRUPTED if ending else code
+
+
+def _wiring(
+    opened: ExitStack, options: WorldOptions, scenario: Scenario, met: Meeting, radio: str | None, ending: Ending
+) -> Wiring | None:
+    """What the world is connected to; the stack closes it. None when it is time to leave."""
+    from patrol.net.keys import callers_of
+    from patrol.net.open_links import open_links
+    from worldsim.wiring import Wiring
+
+    callers = callers_of(met.keys, {spec.name: spec.number for spec in scenario.roster})
+    links = open_links(met.router, radio, options.wait, _say, lambda: bool(ending), met.credentials, callers)
+    if links is None:
+        return None
+    link, air = links
+    opened.callback(link.close)
+    if air is not link:
+        opened.callback(air.close)
+    watched = open_links(met.router, None, options.wait, _quietly, lambda: bool(ending), met.credentials)
+    if watched is None:
+        return None
+    outward = watched[0]
+    opened.callback(outward.close)
+    return Wiring(options, scenario, met.keys, link, outward, air, ending, _say)
+
+
+def _remedy(met: Meeting) -> str:
+    """What to do about robots that have not come."""
+    if met.credentials is None:
+        return f"start each with: python -m agent --router {met.router} --fleet {met.keys.fleet} --robot NAME ..."
+    return "start each with: python -m agent --credentials FOLDER ...; or one of them was revoked, or this world"
 
 
 def _check_process_control(scenario: Scenario, options: WorldOptions) -> None:
@@ -181,6 +202,10 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     for check in verdict.failed:
         _say(f"  {check.name}: {check.detail}")
     return verdict.exit_code
+
+
+def _quietly(_line: str) -> None:
+    """Nothing: the first link to the router has said that it waits."""
 
 
 def _say(line: str) -> None:

@@ -65,7 +65,7 @@ def chaos(
     With --hostile, each scenario is a small fleet of processes with a stranger beside it, who holds no secret, a
     viewer's credentials, or those of one robot. It knocks, sends garbage, reads along, floods, forges, replays, asks
     and stops reading. The fleet holds if nothing reaches the stranger that is not meant for it, no process dies, hangs
-    or takes 300 MB more than at its start, the verdict is valid, and in lockstep the trace is that of the fleet
+    or takes 300 MB more than before, the verdict is valid, and in lockstep the trace is that of the fleet
     without a stranger. A stranger with a robot's credentials may make the run invalid, if the verdict names that robot
     and no other.
     """

@@ -90,7 +90,7 @@ def control(
     from patrol.scenario.controls import read_control
 
     read_control(asked)
-    access = read_access(run, str(run))
+    access = read_access(run, "control")
     try:
         link = open_link(access.router, wait, credentials=access.credentials)
     except LinkDown as down:
@@ -99,7 +99,8 @@ def control(
         client = ControlClient(link, fleet_keys(access.fleet), access.token, time.monotonic, os.urandom)
         operated = client.ask(asked, wait)
     except Unanswered as unanswered:
-        typer.echo(f"fogwatch: {unanswered}", err=True)
+        revocable = access.credentials is not None and access.credentials.folder is not None
+        typer.echo(f"fogwatch: {unanswered}{', or this operator was revoked' if revocable else ''}", err=True)
         return UNANSWERED
     finally:
         link.close()

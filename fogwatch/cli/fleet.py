@@ -25,7 +25,9 @@ Days = Annotated[int, typer.Option(metavar="N", help="How long certificates are 
 Hosts = Annotated[
     list[str] | None,
     typer.Option(
-        "--host", metavar="HOST", help="Name or address of the router's machine. Repeatable; members use the first."
+        "--host",
+        metavar="HOST",
+        help="Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones.",
     ),
 ]
 
@@ -65,18 +67,23 @@ def add(
 
     The router knows new members after it has got its folder again and has been restarted.
     """
-    from fogwatch.fleet_folder import THE_ROUTER, member_role, open_fleet_folder
+    from fogwatch.fleet_folder import THE_ROUTER, fleet_to_change, member_role
 
     _check_days(days)
-    fleet = open_fleet_folder(folder)
-    if member == THE_ROUTER:
-        fleet.renew_router(days, host or [])
-        typer.echo(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}")
-        return
-    if host:
+    if member != THE_ROUTER and host:
         raise BadInput(f"--host {host[0]}: is for the router; leave the option out")
-    role = member_role(member)
-    fleet.add(role, days)
+    with fleet_to_change(folder) as fleet:
+        if member == THE_ROUTER:
+            before = fleet.router
+            fleet.renew_router(days, host or [])
+            typer.echo(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}")
+            if fleet.router != before:
+                typer.echo(f"the fleet meets at {fleet.router} from now on: copy all folders to their machines again")
+                for name in fleet.absent:
+                    typer.echo(f"{name}: its folder is not here; revoke and add it, for a folder with the new address")
+            return
+        role = member_role(member)
+        fleet.add(role, days)
     typer.echo(f"{folder / role.name}: copy it to its machine; {_RESTART.format(folder / THE_ROUTER)}")
 
 
@@ -90,15 +97,21 @@ def revoke(
     Its certificate stays valid, but the router lets it do nothing any more after it has got its folder again and has
     been restarted.
     """
-    from fogwatch.fleet_folder import THE_ROUTER, member_role, open_fleet_folder
+    from fogwatch.fleet_folder import THE_ROUTER, fleet_to_change, member_role
     from patrol.net.roles import Kind
 
-    fleet = open_fleet_folder(folder)
+    if member == THE_ROUTER:
+        raise BadInput(
+            f"{member}: cannot be revoked, because members believe every certificate of the fleet's authority; make a "
+            "new fleet: fogwatch fleet init"
+        )
     role = member_role(member)
-    fleet.revoke(role)
-    other = {Kind.WORLD: "operator", Kind.OPERATOR: "world"}.get(role.kind)
-    also = f"; there is a new token, so copy {folder / other} to its machine again" if other else ""
-    typer.echo(f"{member}: revoked; {_RESTART.format(folder / THE_ROUTER)}{also}")
+    with fleet_to_change(folder) as fleet:
+        other = fleet.revoke(role, DAYS)
+    typer.echo(f"{member}: revoked; {_RESTART.format(folder / THE_ROUTER)}")
+    if other is not None:
+        restart = ", and restart the world" if other.kind is Kind.WORLD else ""
+        typer.echo(f"there is a new token for operators: copy {folder / other.name} to its machine again{restart}")
 
 
 @command(

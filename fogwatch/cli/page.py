@@ -75,6 +75,7 @@ def monitor(
     token: Annotated[str, TOKEN] = "",
     browser: Annotated[bool, BROWSER] = False,
     wait: Wait = WAIT_S,
+    key: Annotated[Path | None, KEY] = None,
 ) -> int:
     """Show a running fleet on a live page, without slowing it. Ctrl-C ends the page, not the fleet.
 
@@ -87,6 +88,7 @@ def monitor(
         raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")
     what = Namespace(
         replay=None,
+        key=key,
         access=access,
         credentials=credentials,
         router=router,

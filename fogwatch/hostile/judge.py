@@ -31,7 +31,7 @@ class Seen:
         honest: The trace hash of the same scenario without a stranger; empty where it cannot be compared.
         restarts: Lines about processes that died and were started again.
         crashes: Names of logs with a traceback.
-        growth_mb: The most memory that each process took beyond that of its start, MB.
+        growth_mb: The most memory that each process took beyond what it had when the stranger began, MB.
         counts: What the stranger did, and what came of it.
         ticks: Ticks done.
         longest_s: The longest wall time between two ticks, s.
@@ -81,7 +81,7 @@ def problems(spell: Spell, seen: Seen) -> list[str]:
     found += [f"a process died: {line}" for line in seen.restarts]
     found += [f"a traceback in the log {name}" for name in seen.crashes]
     grown = {name: mb for name, mb in seen.growth_mb.items() if mb > MOST_GROWTH_MB}
-    found += [f"{name} took {mb:.0f} MB more than at its start" for name, mb in grown.items()]
+    found += [f"{name} took {mb:.0f} MB more than before the stranger came" for name, mb in grown.items()]
     return found
 
 

@@ -168,6 +168,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
     stranger = Stranger(spell, out, folder / "stranger.log", now)
 
     def begin() -> None:
+        memory.settle(time.sleep, over)
         stranger.start()
         stranger.wait(over)
         progress.begin()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from patrol.net.telemetry import Metrics, Notice
@@ -12,10 +12,10 @@ HUNG_S = 60.0
 """Wall time without a tick after which a run hangs; a busy machine takes seconds."""
 START_S = 300.0
 """The same until the first tick."""
-SETTLED_S = 10.0
-"""How long a process may take until its memory counts as that of its start."""
+SETTLED_S = 20.0
+"""How long the stranger waits, at most, for the fleet's processes to have what they need before the first tick."""
 MOST_GROWTH_MB = 300.0
-"""How much more memory a process may take than at its start."""
+"""How much more memory a process may take than when the stranger began; a whole process of a fleet takes less."""
 SAMPLE_S = 1.0
 
 _PROC = Path("/proc")
@@ -76,10 +76,10 @@ class Progress:
 
 
 class Memory:
-    """How much more memory the children of this process take than when they had started.
+    """How much more memory the children of this process take than when the stranger began.
 
     Attributes:
-        growth_mb: The most by name, MB.
+        growth_mb: The most by name, MB. A process that began after the stranger counts from its own beginning.
     """
 
     def __init__(self, now: Callable[[], float], parent: int | None = None) -> None:
@@ -92,9 +92,20 @@ class Memory:
         self.growth_mb: dict[str, float] = {}
         self._now = now
         self._parent = os.getpid() if parent is None else parent
-        self._seen: dict[int, float] = {}
         self._start_mb: dict[int, float] = {}
         self._due = 0.0
+
+    def settle(self, rest: Callable[[float], None], over: Callable[[], bool]) -> None:
+        """Wait until no child has grown for `SAMPLE_S`; from now on growth counts. The stranger must not be there yet.
+
+        Args:
+            rest: Waits, s.
+            over: Asked all the time whether to wait no longer.
+        """
+        until, before = self._now() + SETTLED_S, {0: 0.0}
+        while self._start_mb != before and self._now() < until and not over():
+            rest(SAMPLE_S)
+            before, self._start_mb = self._start_mb, {number: mb for number, _, mb in self._children(0)}
 
     def look(self, but: int) -> None:
         """Look at all children, at most every `SAMPLE_S`; where there is no proc(5), at none.
@@ -106,6 +117,12 @@ class Memory:
         if now < self._due:
             return
         self._due = now + SAMPLE_S
+        for number, name, peak_mb in self._children(but):
+            grown = peak_mb - self._start_mb.setdefault(number, peak_mb)
+            self.growth_mb[name] = max(self.growth_mb.get(name, 0.0), grown)
+
+    def _children(self, but: int) -> Iterator[tuple[int, str, float]]:
+        """Number, name and peak (MB) of each child but one."""
         for folder in _PROC.glob("[0-9]*"):
             number = int(folder.name)
             try:
@@ -114,10 +131,7 @@ class Memory:
                 peak_mb, name = _peak_mb(folder), _name(folder)
             except (OSError, ValueError, IndexError, KeyError):
                 continue  # it has ended
-            if now < self._seen.setdefault(number, now) + SETTLED_S:
-                self._start_mb[number] = peak_mb
-            grown = peak_mb - self._start_mb.setdefault(number, peak_mb)
-            self.growth_mb[name] = max(self.growth_mb.get(name, 0.0), grown)
+            yield number, name, peak_mb
 
 
 def _parent_of(folder: Path) -> int:

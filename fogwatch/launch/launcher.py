@@ -70,6 +70,7 @@ class Launch:
         urgent: Asked whether to end by force at once.
         absent: Names of robots that are not started with the others.
         page: Whether to serve a live page.
+        key: The file of the fleet's key, with which the page checks the tags of messages; None without one.
         children: The processes.
         interrupted: Whether the run ends because somebody asked for it.
     """
@@ -83,6 +84,7 @@ class Launch:
     urgent: Callable[[], bool] = lambda: False
     absent: Collection[str] = ()
     page: bool = False
+    key: str | None = None
     interrupted: bool = False
     children: Children = field(init=False)
     _control: ProcessControlServer | None = None
@@ -118,6 +120,7 @@ class Launch:
                 self._spawn_agent(name, FIRST_INCARNATION)
         if self.page:
             arguments = ["--access", str(self.folder.access), "--wait", PAGE_WAIT_S]
+            arguments += [] if self.key is None else ["--key", self.key]
             self._page_child = PageChild(self.children, arguments, self._log(PAGE), self.display.say)
             self._page_child.start()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,9 +14,11 @@ from patrol.errors import BadInput
 from patrol.net.access import FILE, read_access
 from patrol.net.credentials import MEMBER
 from patrol.net.keys import WORLD, callers_of, check_radio, fleet_keys, is_local
-from patrol.net.link import Link, LinkDown, open_link, open_links
+from patrol.net.link import Link, LinkDown, open_link
+from patrol.net.open_links import open_links
 from patrol.net.roles import Kind
 from patrol.process.options import Meeting, meeting
+from patrol.untrusted import leads_out
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
@@ -63,6 +64,7 @@ def open_fleet(
     fleet: str | None = None,
     scenario: Path | None = None,
     radio: str | None = None,
+    key: Path | None = None,
     wait_s: float = 60.0,
 ) -> Source | None:
     """Connect to a running fleet.
@@ -76,6 +78,7 @@ def open_fleet(
         fleet: The fleet's name, where neither says it.
         scenario: Scenario of robots without a world; only their positions are listened to.
         radio: Where robots without a world exchange positions; None for the router.
+        key: The file of the fleet's key, where there is a world; None to leave the tags of messages unchecked.
         wait_s: How long to wait for the fleet, s.
 
     Returns:
@@ -84,7 +87,11 @@ def open_fleet(
     Raises:
         BadInput: The arguments do not name a fleet, or it did not answer in time.
     """
+    from patrol.radio.fleet_key import fleet_key
+
     token = None
+    if key is not None and scenario is not None:
+        raise BadInput(f"--key {key}: the scenario of robots without a world names their key; leave the option out")
     if radio is not None and scenario is None:
         raise BadInput(f"--radio {radio}: applies only to robots without a world; give their --scenario FILE as well")
     if access is not None:
@@ -99,7 +106,8 @@ def open_fleet(
     else:
         met = meeting(_Named(credentials, router, fleet), Kind.VIEWER, Kind.OPERATOR)
     if scenario is None:
-        return _of_a_world(met, token, wait_s, ending, None if access is None else _own_scenario(access))
+        own = None if access is None else _own_scenario(access)
+        return _of_a_world(met, token, wait_s, ending, own, fleet_key(key))
     return _of_robots(met, scenario, radio, wait_s, ending)
 
 
@@ -113,22 +121,25 @@ class _Named:
 
 
 def _own_scenario(access: Path) -> Scenario | None:
-    """The scenario beside a control file, which whoever started the fleet has put there; None without one."""
+    """The scenario beside a control file, which whoever started the fleet has put there; None without one.
+
+    No file that the scenario names is opened: the folder may come from anybody.
+    """
     from patrol.scenario import load_scenario
 
-    file = (access if access.is_dir() else access.parent) / SCENARIO
-    return load_scenario(file) if file.is_file() else None
+    folder = access if access.is_dir() else access.parent
+    file = folder / SCENARIO
+    if leads_out(folder, file):
+        raise BadInput(f"{file}: is a link that leads out of the run's folder; put the file itself there")
+    return load_scenario(file, opens_policy=False) if file.is_file() else None
 
 
-def _of_a_world(met: Meeting, token: str | None, wait_s: float, ending: Ending, own: Scenario | None) -> Source | None:
+def _of_a_world(
+    met: Meeting, token: str | None, wait_s: float, ending: Ending, own: Scenario | None, key: bytes | None
+) -> Source | None:
     from monitor.live.feed_source import FeedSource
     from monitor.live.record_checks import is_run_of
-    from patrol.radio.fleet_key import fleet_key
 
-    key = None
-    if own is not None:
-        with suppress(BadInput):
-            key = fleet_key(own.radio.key)
     router, keys = met.router, met.keys
     links = open_links(router, None, wait_s, _say, lambda: bool(ending), met.credentials)
     if links is None:
@@ -139,9 +150,10 @@ def _of_a_world(met: Meeting, token: str | None, wait_s: float, ending: Ending, 
 
     def waits(pause_s: float) -> bool:
         if time.monotonic() >= until:
+            revoked = ", or these credentials were revoked" if met.revocable else ""
             raise BadInput(
-                f"--fleet {keys.fleet}: no world of this fleet answers at {router}; check both, or give --scenario "
-                "FILE for robots without a world"
+                f"--fleet {keys.fleet}: no world of this fleet answers at {router}{revoked}; check both, or give "
+                "--scenario FILE for robots without a world"
             )
         return ending.wait(pause_s)
 

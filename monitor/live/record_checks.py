@@ -15,7 +15,7 @@ from patrol.journal import unpack
 from patrol.journal.records import FORGED, MAX_TICKS, End, Event, Header, Record, RobotTick, Status, TickRecord
 from patrol.net.control_auth import MAX_CONTROL
 from patrol.net.feed import longest_record
-from patrol.scenario import Scenario, load_scenario, scenario_hash
+from patrol.scenario import Scenario, load_scenario, same_but_for_files
 from patrol.scenario.controls import OPERATOR, described
 
 MAX_TEXT = 500
@@ -63,7 +63,7 @@ def scenario_of(header: Header, height: int, width: int) -> Scenario | None:
     if not isinstance(scenario, Mapping) or type(facts.name) is not str or not all(map(_is_finite, numbers)):
         return None
     try:
-        loaded = load_scenario(scenario)
+        loaded = load_scenario(scenario, opens_policy=False)
     except BadInput:
         return None
     roster = tuple((spec.number, spec.name, spec.model, spec.radius) for spec in loaded.roster)
@@ -83,7 +83,7 @@ def is_run_of(own: Scenario | None, packed: bytes, height: int, width: int) -> b
     """
     header = record_of(packed)
     scenario = scenario_of(header, height, width) if isinstance(header, Header) else None
-    return scenario is not None and (own is None or scenario_hash(scenario) == scenario_hash(own))
+    return scenario is not None and (own is None or same_but_for_files(scenario, own))
 
 
 @dataclass(frozen=True, slots=True)

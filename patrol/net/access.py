@@ -4,8 +4,9 @@ A launcher keeps the secrets of its run in a private folder of this machine, and
 The file names the private folder, and holds no secret and no path: a run's folder may come from anybody, so
 only folders that are this user's own, where launchers make them, are looked into.
 
-For processes that are started by hand the file is made by hand: a JSON object with "fleet", "router" and "token". A
-fleet of several machines needs no such file, because each operator has credentials (`patrol.net.credentials`).
+For processes that are started by hand the file is made by hand: a JSON object with "fleet", "router" and "token". It
+leads to a router on this machine only, because such a file may come from anybody too. A fleet of several machines needs
+none: each operator has credentials in a folder of its own (`patrol.net.credentials`), which is never a run's.
 """
 
 from __future__ import annotations
@@ -22,12 +23,14 @@ from typing import Any
 
 from patrol.errors import BadInput
 from patrol.net.credentials import MEMBER, SHORTEST_TOKEN, Credentials, read_credentials, read_object, write_private
-from patrol.net.keys import check_locator, fleet_keys
+from patrol.net.keys import check_locator, fleet_keys, is_local
 from patrol.net.roles import OPERATOR, Role
 
 FILE = "control.json"
 _PRIVATE = re.compile(r"[0-9a-f]{16,64}")
 _FIELDS = ("fleet", "router", "token")
+_OF_A_RUN = ("journal", "scenario.yaml")
+"""What a run's folder holds, and a member's does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +95,10 @@ def read_access(path: Path, option: str) -> Access:
     if isinstance(found, Access):
         return found
     if found.token is None:
-        raise BadInput(f"{option}: {path}: a {found.role.kind}'s credentials give no right to control the fleet")
+        kind = found.role.kind
+        raise BadInput(
+            f"{option}: {path}: a {kind}'s credentials give no right to control the fleet; name an operator's"
+        )
     return Access(found.fleet, found.router, found.token, found)
 
 
@@ -117,6 +123,11 @@ def _read(path: Path, option: str, role: Role) -> Access | Credentials:
     file = path
     if path.is_dir():
         if (path / MEMBER).exists():
+            if found := next((name for name in _OF_A_RUN if (path / name).exists()), None):
+                raise BadInput(
+                    f"{option}: {path}: holds a member's credentials beside a run's {found}; if the credentials are "
+                    f"yours, name their file, {path / MEMBER}"
+                )
             return read_credentials(path, option)
         file = path / FILE
     try:
@@ -125,6 +136,8 @@ def _read(path: Path, option: str, role: Role) -> Access | Credentials:
         gone = " (it is removed when the run is over)" if path.is_dir() and not file.exists() else ""
         raise BadInput(f"{bad}{gone}") from None
     if "role" in says:
+        if file.name == FILE:
+            raise BadInput(f"{option}: {file}: holds a member's credentials; if they are yours, give it another name")
         return read_credentials(file, option)
     if "private" in says:
         return _of_a_run(says, file, option, role)
@@ -137,7 +150,12 @@ def _read(path: Path, option: str, role: Role) -> Access | Credentials:
         raise BadInput(
             f"{option}: {file}: the token has {len(token)} characters; give {SHORTEST_TOKEN} or more, random ones"
         )
-    return Access(fleet_keys(fleet).fleet, check_locator(router, f"{option}: router"), token)
+    if not is_local(check_locator(router, f"{option}: {file}: router")):
+        raise BadInput(
+            f"{option}: {file}: router = {router}: such a file leads to a router on this machine only; for another "
+            "machine's, use an operator's credentials, made with: fogwatch fleet init"
+        )
+    return Access(fleet_keys(fleet).fleet, router, token)
 
 
 def _of_a_run(says: Mapping[str, Any], file: Path, option: str, role: Role) -> Credentials:

@@ -76,6 +76,21 @@ class Credentials:
             "transport/link/tls/close_link_on_expiration": True,
         }
 
+    def check_router(self, router: str, option: str) -> str:
+        """Check that a router can ask for these credentials, so that whoever has them is not told that they are wrong.
+
+        Args:
+            router: The router's locator.
+            option: What errors call it.
+
+        Returns:
+            The locator.
+
+        Raises:
+            BadInput: A password would leave this machine, or the locator has no certificates.
+        """
+        return _check_locator_of(router, option, self.folder is None)
+
 
 def as_json(credentials: Credentials) -> str:
     """The text of a credentials file.
@@ -123,14 +138,16 @@ def read_credentials(path: Path, option: str) -> Credentials:
         for name in (AUTHORITY, CERTIFICATE):
             if not (folder / name).is_file():
                 raise BadInput(f"{option}: {folder / name}: no such file, and {file} has no password; {_REMEDY}")
-    return Credentials(
-        fleet_keys(_text(says, "fleet's name", "fleet", where)).fleet,
+    found = Credentials(
+        fleet_keys(_text(says, "fleet's name", "fleet", where), f"{where}: fleet").fleet,
         check_locator(_text(says, "router's address", "router", where), f"{where}: router"),
         role,
         password,
         token,
         folder,
     )
+    found.check_router(found.router, f"{where}: router")
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,12 +196,16 @@ class RouterSecurity:
         Raises:
             BadInput: Passwords would leave this machine, or the locator has no certificates.
         """
-        if self.passwords and not is_local(listen):
-            raise BadInput(f"--listen {listen}: passwords are for one machine; for several, {_REMEDY}")
-        if not self.passwords and not listen.startswith(_ENCRYPTED):
-            remedy = f"tls/{listen.partition('/')[2]}"
-            raise BadInput(f"--listen {listen}: the members have certificates, which need tls; write {remedy}")
-        return listen
+        return _check_locator_of(listen, "--listen", self.passwords)
+
+
+def _check_locator_of(locator: str, option: str, passwords: bool) -> str:
+    if passwords and not is_local(locator):
+        raise BadInput(f"{option} {locator}: passwords are for one machine; for several, {_REMEDY}")
+    if not passwords and not locator.startswith(_ENCRYPTED):
+        remedy = f"tls/{locator.partition('/')[2]}"
+        raise BadInput(f"{option} {locator}: the members have certificates, which need tls; write {remedy}")
+    return locator
 
 
 def read_router(path: Path, option: str) -> RouterSecurity:

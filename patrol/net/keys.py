@@ -104,18 +104,19 @@ class FleetKeys:
         return f"{ROOT}/{self.fleet}/alive/{who}"
 
 
-def fleet_keys(fleet: str) -> FleetKeys:
+def fleet_keys(fleet: str, option: str = "--fleet") -> FleetKeys:
     """The keys of a fleet.
 
     Args:
         fleet: its name.
+        option: what errors call it.
 
     Raises:
         BadInput: when the name cannot be a part of a key.
     """
     if not _FLEET.fullmatch(fleet):
         raise BadInput(
-            f"--fleet {fleet!r}: not a name for a fleet; give at most 128 letters, digits, '.', '_' and '-', "
+            f"{option} {fleet!r}: not a name for a fleet; give at most 128 letters, digits, '.', '_' and '-', "
             "the first a letter or digit"
         )
     return FleetKeys(fleet)

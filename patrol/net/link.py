@@ -11,18 +11,14 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from itertools import islice
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from patrol.errors import BadInput
-from patrol.net.keys import is_group, is_local
-from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
-from patrol.net.multicast import GroupDown, open_group
+from patrol.net.mailbox import Mailbox, Post, Presence, Question
 from patrol.net.queries import all_answers
-from patrol.net.serial_line import SerialDown, is_serial, open_serial
 from patrol.net.settings import client_settings, router_settings
 from patrol.net.zenoh_errors import first_line as _first_line
 from patrol.net.zenoh_errors import system_error as _system_error
@@ -41,9 +37,6 @@ SEE_S = 5.0
 
 TELL_S = (1.0, 5.0)
 """When somebody who waits says so for the first time, and how long after that again."""
-
-RADIO_LEASE_S = 2.0
-"""The same for a link that carries nothing but positions."""
 
 ECHO_S = 3600.0
 """How long to wait for a router that does not answer."""
@@ -262,7 +255,7 @@ class Link:
 
 def _answers(query: zenoh.Query, key: str) -> Post:
     def answer(payload: bytes) -> None:
-        with query:
+        with query, suppress(zenoh.ZError):  # the link has been closed meanwhile, or whoever asked has gone
             query.reply(key, payload)
 
     return answer
@@ -290,66 +283,6 @@ def open_link(
     return Link(open_session(client_settings(router, LEASE_S, credentials), router, wait_s, waiting, stopped))
 
 
-def open_links(
-    router: str,
-    radio: str | None,
-    wait_s: float,
-    say: Callable[[str], None],
-    stopped: Callable[[], bool],
-    credentials: Credentials | None = None,
-    callers: Mapping[int, str] = MappingProxyType({}),
-) -> tuple[Link, Air] | None:
-    """Open the link to the router and the one for positions.
-
-    Args:
-        router: the router's locator.
-        radio: where robots hear each other, or None for the same router.
-        wait_s: how long to wait for each.
-        say: takes a line now and then while the process waits.
-        stopped: whether to give up.
-        credentials: prove who this is, at both routers; None for routers that ask nobody.
-        callers: the keys under which the robots send, by their numbers, for a serial line, which carries no keys.
-
-    Returns:
-        both links, which may be the same; None when `stopped` says so.
-
-    Raises:
-        BadInput: when nobody has answered after `wait_s`.
-    """
-
-    def waiting_for(where: str) -> Callable[[float], None]:
-        def waiting(waited: float) -> None:
-            but = "; something listens there, but has not let this process in" if _listens(where) else ""
-            say(f"waiting for a router at {where} ({waited:.0f} s){but}")
-
-        return waiting
-
-    try:
-        link = open_link(router, wait_s, waiting_for(router), stopped, credentials)
-    except Refused as refused:
-        raise BadInput(str(refused)) from None
-    except LinkDown as down:
-        if stopped():
-            return None
-        how = f"--listen {router}" if credentials is None and is_local(router) else "--fleet FOLDER"
-        raise BadInput(f"{down}; start one with: python -m fogwatch.router {how}") from None
-    if radio is None:
-        return link, link
-    try:
-        if is_group(radio):
-            return link, open_group(radio)
-        if is_serial(radio):
-            return link, open_serial(radio, callers)
-        # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
-        settings = client_settings(radio, RADIO_LEASE_S, credentials)
-        return link, Link(open_session(settings, radio, wait_s, waiting_for(radio), stopped))
-    except (LinkDown, GroupDown, SerialDown) as down:
-        link.close()
-        if stopped():
-            return None
-        raise BadInput(f"--radio {radio}: {down}") from None
-
-
 def open_session(
     settings: Mapping[str, object],
     router: str,
@@ -374,7 +307,7 @@ def open_session(
     while not done.wait(0.1):
         waited = time.monotonic() - began
         if stopped() or waited >= wait_s:
-            if not stopped() and _listens(router):
+            if not stopped() and listens(router):
                 raise Refused(f"a router at {router} does not let this process in: {_ADMISSION}")
             raise LinkDown(f"no router answers at {router}")
         if waited >= tell_at:
@@ -386,7 +319,7 @@ def open_session(
     return opened
 
 
-def _listens(router: str) -> bool:
+def listens(router: str) -> bool:
     """Whether anything listens at a router's address, so that it must have refused us."""
     host, _, port = router.partition("/")[2].rpartition(":")
     try:

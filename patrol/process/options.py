@@ -52,7 +52,7 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> ar
     )
     add = parser.add_argument
     add("--credentials", type=Path, metavar="FOLDER", help="this member's, of a fleet made by: fogwatch fleet init")
-    add("--router", metavar="tcp/HOST:PORT", help="the router that the fleet meets at (default: the credentials')")
+    add("--router", metavar="LOCATOR", help="the router that the fleet meets at (default: the credentials')")
     add("--fleet", metavar="NAME", help="the fleet's name, the same for all its processes (default: the credentials')")
     add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add(
@@ -79,6 +79,11 @@ class Meeting:
     router: str
     keys: FleetKeys
     credentials: Credentials | None = None
+
+    @property
+    def revocable(self) -> bool:
+        """Whether the process may have been revoked: a router then lets it in, and silently forbids it everything."""
+        return self.credentials is not None and self.credentials.folder is not None
 
 
 class MeetingOptions(Protocol):
@@ -124,7 +129,9 @@ def meeting(options: argparse.Namespace | MeetingOptions, *kinds: Kind) -> Meeti
         raise BadInput(f"--credentials {file}: of {found.role.user}; give those of a {' or '.join(kinds)}")
     if options.fleet not in (None, found.fleet):
         raise BadInput(f"--fleet {options.fleet}: the credentials are for fleet {found.fleet}; leave the option out")
-    router = found.router if options.router is None else check_locator(options.router, "--router")
+    router = found.router
+    if options.router is not None:
+        router = found.check_router(check_locator(options.router, "--router"), "--router")
     return Meeting(router, fleet_keys(found.fleet), found)
 
 

@@ -60,9 +60,19 @@ def _beside(text: str, note: str) -> str:
 
 
 def _flow(value: Any) -> str:
-    """A value on one line."""
+    """A value on one line; characters that a terminal might act on, such as bidirectional marks, as escapes."""
+    text = _dump(value, allow_unicode=True)
+    return text if text.isprintable() else _dump(value, allow_unicode=False)
+
+
+def _dump(value: Any, *, allow_unicode: bool) -> str:
     text = yaml.dump(
-        _plain(value), Dumper=_Dumper, default_flow_style=True, sort_keys=False, width=2**31, allow_unicode=True
+        _plain(value),
+        Dumper=_Dumper,
+        default_flow_style=True,
+        sort_keys=False,
+        width=2**31,
+        allow_unicode=allow_unicode,
     )
     return text.removesuffix("...\n").strip()
 

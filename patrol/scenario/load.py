@@ -180,14 +180,38 @@ def scenario_hash(scenario: Scenario) -> str:
     Raises:
         BadInput: when the map cannot be read.
     """
-    meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
+    meaning = _meaning(scenario)
     if scenario.terrain.map is not None:
         meaning["terrain"]["map"] = map_digest(scenario.base / scenario.terrain.map)
     _forget_where_a_policy_lies(meaning["patrol"])
+    return _digest({"format": _HASH_FORMAT, **meaning})
+
+
+def same_but_for_files(one: Scenario, other: Scenario) -> bool:
+    """Whether two scenarios mean the same, as far as it can be told without opening what they name.
+
+    Args:
+        one: resolved; it may be a stranger's.
+        other: resolved.
+
+    Returns:
+        False where anything differs but names, and the map and the policy's file themselves.
+    """
+    meanings = [_meaning(scenario) for scenario in (one, other)]
+    for meaning in meanings:
+        meaning["terrain"]["map"] = meaning["terrain"]["map"] is not None
+        meaning["patrol"]["policy"] = meaning["patrol"]["policy"].rpartition(":")[2]
+        del meaning["patrol"]["policy_sha256"]
+    return meanings[0] == meanings[1]
+
+
+def _meaning(scenario: Scenario) -> dict[str, Any]:
+    """What a scenario means, with the files that it names: no names, a key by its presence alone, robots one by one."""
+    meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
     meaning["radio"]["key"] = scenario.radio.key is not None
     _forget_what_changes_nothing(meaning["radio"])
     meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
-    return _digest({"format": _HASH_FORMAT, **meaning})
+    return meaning
 
 
 def map_digest(path: Path) -> str:

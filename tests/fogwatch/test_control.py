@@ -21,13 +21,12 @@ from patrol.net.control_auth import ASK, ControlClient, Unanswered
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, open_link
 from patrol.scenario.controls import OPERATOR, Answer
+from tests.fleets import COARSE
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
-
-COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
 
 
 class Operating:

@@ -14,6 +14,7 @@ import pytest
 import fogwatch
 from fogwatch.launch.launcher import Launch
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
+from tests.fleets import COARSE
 from worldsim.lifecycle import LOOKED_AT, STOPPED
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.processes
 
-COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
 EVERYTHING: list[dict[str, Any]] = [
     {"kind": "kill", "who": "anna", "at": 3},
     {"kind": "restart", "who": "anna", "at": 7},

@@ -30,11 +30,11 @@ from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
+from tests.fleets import COARSE
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
 
-COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
 PATIENCE = 600
 """Waits of a tenth of a second."""
 

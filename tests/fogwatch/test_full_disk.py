@@ -11,17 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.fleets import COARSE
+
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
-OPEN: dict[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "patrol": {"dilatation": 0.0},
-    "robots": {"count": 2, "model": "holonomic"},
-}
+OPEN: dict[str, Any] = {**COARSE, "robots": {"count": 2, "model": "holonomic"}}
 
 
 @pytest.fixture

@@ -12,18 +12,14 @@ import pytest
 
 import fogwatch
 from patrol.journal import read_journal
+from tests.fleets import COARSE
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
-OPEN: dict[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 0.5,
-    "patrol": {"dilatation": 0.0},
-    "robots": {"count": 3, "model": "holonomic"},
-}
+OPEN: dict[str, Any] = {**COARSE, "point": 0.5, "robots": {"count": 3, "model": "holonomic"}}
 
 
 def stall(run: Run) -> None:

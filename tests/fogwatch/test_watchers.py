@@ -14,7 +14,8 @@ from urllib.request import urlopen
 
 import pytest
 
-from tests.fogwatch.test_feed_processes import COARSE, attached, until
+from tests.fleets import COARSE
+from tests.fogwatch.test_feed_processes import attached, until
 from tests.fogwatch.test_page_of_a_fleet import address_of
 
 if TYPE_CHECKING:

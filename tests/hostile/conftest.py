@@ -14,12 +14,11 @@ from patrol.net.access import FILE, read_access
 from patrol.net.control_auth import ControlClient, Unanswered
 from patrol.net.keys import fleet_keys
 from patrol.net.link import open_link
+from tests.fleets import COARSE
 from tests.fogwatch.conftest import Run, start
 from tests.hostile.attacker import Attacker
 
 __all__ = ["start"]
-
-COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
 
 
 class Target:

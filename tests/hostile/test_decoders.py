@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import msgpack
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import seed as drawn_from
@@ -30,13 +29,10 @@ from patrol.net.feed import (
     MAX_BATCH,
     Batch,
     Garbled,
-    Ground,
-    SoFar,
     batch_bytes,
     longest_record,
     read_batch,
     read_so_far,
-    so_far_bytes,
 )
 from patrol.net.keys import fleet_keys
 from patrol.net.phases import (
@@ -78,6 +74,7 @@ from patrol.radio.message import decode as decode_frame
 from patrol.radio.message import encode as encode_frame
 from patrol.random import Draws, Purpose
 from patrol.scenario.controls import read_control
+from tests.fleets import answer_so_far
 
 MB = 1 << 20
 MOST_MB = 64
@@ -123,13 +120,6 @@ def with_none(read: Callable[[], object], refused: type[Exception]) -> object:
         return read()
     except refused:
         return None
-
-
-def answer_so_far() -> bytes:
-    grid = np.ones((4, 5), dtype=np.bool_)
-    ground = Ground(grid, ~grid, (grid,), {1: 0})
-    seen, curve = np.full((4, 5), 2, dtype=np.int32), np.arange(3, dtype=np.float32)
-    return so_far_bytes(SoFar(9, b"header", None, seen, (), 0, (b"asked",), 1, curve, curve, True, None, ground))
 
 
 @dataclass(frozen=True)

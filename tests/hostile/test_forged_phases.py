@@ -26,7 +26,7 @@ from patrol.net.phases import (
     encode,
 )
 from patrol.pose import Velocity
-from tests.hostile.conftest import COARSE
+from tests.fleets import COARSE
 
 if TYPE_CHECKING:
     from tests.hostile.conftest import Target

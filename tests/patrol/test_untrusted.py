@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from patrol.untrusted import KEY, Kind, Refused, leads_out, open_untrusted, read_untrusted
+from patrol.untrusted import KEY, Kind, Refused, check_regular, leads_out, open_untrusted, read_untrusted
 
 SMALL = Kind("a note", 2048)
 
@@ -39,6 +39,37 @@ def test_nothing_is_waited_for(tmp_path: Path) -> None:
     for path, why in ((tmp_path / "pipe", "is a named pipe"), (Path("/dev/zero"), "is a device")):
         with pytest.raises(Refused, match=why):
             read_untrusted(path, KEY)
+
+
+def test_what_is_no_regular_file_is_not_even_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Opening some devices does something, and opening a pipe wakes whoever waits to write to it."""
+    os.mkfifo(tmp_path / "pipe")
+    flags: list[int] = []
+    opens = os.open
+
+    def watched(path: str, how: int) -> int:
+        flags.append(how)
+        return opens(path, how)
+
+    monkeypatch.setattr(os, "open", watched)
+    for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path):
+        with pytest.raises(OSError, match=r"is a|directory"):
+            open_untrusted(path, KEY)
+    assert len(flags) == 3
+    assert all(how & os.O_PATH for how in flags)
+
+
+def test_the_file_that_was_checked_is_the_one_that_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "note"
+    path.write_bytes(b"checked")
+
+    def replaced(descriptor: int, path: Path, kind: Kind) -> None:
+        check_regular(descriptor, path, kind)
+        path.unlink()
+        os.mkfifo(path)
+
+    monkeypatch.setattr("patrol.untrusted.check_regular", replaced)
+    assert read_untrusted(path, SMALL) == b"checked"
 
 
 def test_what_the_system_does_not_open_keeps_its_reason(tmp_path: Path) -> None:

@@ -5,10 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +20,7 @@ from patrol.net.phases import PhaseA, ReplyA, Stop, encode
 from patrol.pose import Pose
 from patrol.process.warmup import COMPILING, WAITING
 from patrol.scenario import load_scenario, scenario_hash
+from tests.fleets import Processes
 from tests.routers import free_endpoint
 from worldsim.run_record import DESERTED
 
@@ -39,26 +37,19 @@ SCENARIO: dict[str, Any] = {
 PATIENCE_S = 300.0
 
 
-class Hand:
+class Hand(Processes):
     """Starts the processes of one fleet and ends them."""
 
     def __init__(self, folder: Path) -> None:
+        super().__init__(folder, PATIENCE_S)
         self.router = free_endpoint()
-        self.folder = folder
         self.out = folder / "run"
         self.scenario = folder / "scenario.yaml"
         self.fleet = "by-hand-1"
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.write(SCENARIO)
 
     def write(self, scenario: dict[str, Any]) -> None:
         self.scenario.write_text(json.dumps(scenario), encoding="utf-8")
-
-    def start(self, name: str, module: str, *arguments: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-P", "-m", module, *arguments]
-        with self.log(name).open("ab") as output:
-            self.processes[name] = subprocess.Popen(command, stdout=output, stderr=output)
-        return self.processes[name]
 
     def start_router(self) -> None:
         self.start("router", "fogwatch.router", "--listen", self.router)
@@ -72,29 +63,9 @@ class Hand:
     def common(self) -> list[str]:
         return ["--router", self.router, "--fleet", self.fleet, "--scenario", str(self.scenario)]
 
-    def log(self, name: str) -> Path:
-        return self.folder / f"{name}.log"
-
-    def said(self, name: str) -> str:
-        return self.log(name).read_text(encoding="utf-8") if self.log(name).exists() else ""
-
     def ticks(self) -> int:
         table = self.out / "ticks.csv"
         return table.read_text(encoding="ascii").count("\n") - 1 if table.exists() else 0
-
-    def code(self, name: str) -> int:
-        return self.processes[name].wait(PATIENCE_S)
-
-    def end(self) -> None:
-        for process in self.processes.values():
-            process.kill()
-            process.wait(PATIENCE_S)
-
-    def until(self, what: Callable[[], bool]) -> None:
-        end = time.monotonic() + PATIENCE_S
-        while not what():
-            assert time.monotonic() < end, {name: self.said(name) for name in self.processes}
-            time.sleep(0.02)
 
 
 @pytest.fixture

@@ -6,12 +6,16 @@ import json
 import shutil
 import stat
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from fogwatch import certificates
 from fogwatch.certificates import facts, issue, make_authority
-from fogwatch.fleet_folder import open_fleet_folder
+from fogwatch.fleet_folder import fleet_to_change, open_fleet_folder
+from fogwatch.fleet_hosts import checked_hosts
+from patrol.errors import BadInput
 from patrol.net.credentials import read_credentials, read_router
 from patrol.net.roles import Role, robot_role
 from tests.routers import needs_openssl
@@ -101,12 +105,135 @@ def test_a_revoked_operator_s_token_is_worth_nothing(
     assert before not in after
 
 
-def test_the_router_moves(made: Path, fogwatch: Command) -> None:
+def test_a_new_token_reaches_a_world_whose_folder_was_moved_away(
+    made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    moved = (made / "world").rename(made.parent / "its machine")
+    assert fogwatch("fleet", "revoke", str(made), "operator") == 0
+    assert f"copy {made / 'world'} to its machine again, and restart the world" in capsys.readouterr().out
+    new = read_credentials(made / "world", "test")
+    assert new.token == json.loads((made / "fleet.json").read_text(encoding="utf-8"))["token"]
+    assert new.token != read_credentials(moved, "test").token
+    assert fogwatch("fleet", "check", str(made)) == 0
+    assert fogwatch("fleet", "revoke", str(made), "world") == 0
+    assert "copy" not in capsys.readouterr().out.partition("world: revoked")[2].partition("restart the router")[2]
+
+
+def test_a_stolen_router_is_no_member_that_can_be_revoked(
+    made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch("fleet", "revoke", str(made), "router") == 2
+    said = capsys.readouterr().err
+    assert "router: cannot be revoked" in said
+    assert "make a new fleet" in said
+
+
+def test_the_router_moves_and_is_still_believed_at_its_earlier_addresses(
+    made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
     certificate = (made / "router" / "certificate.pem").read_bytes()
+    shutil.rmtree(made / "r2")
     assert fogwatch("fleet", "add", str(made), "router", "--host", "198.51.100.7") == 0
+    said = capsys.readouterr().out
+    assert "the fleet meets at tls/198.51.100.7:7447 from now on: copy all folders" in said
+    assert "r2: its folder is not here; revoke and add it" in said
     assert read_credentials(made / "r1", "test").router == "tls/198.51.100.7:7447"
     assert (made / "router" / "certificate.pem").read_bytes() != certificate
+    assert open_fleet_folder(made).hosts == ["198.51.100.7", "192.0.2.10", "hub.example"]
+    assert fogwatch("fleet", "add", str(made), "router") == 0
+    assert "from now on" not in capsys.readouterr().out
     assert fogwatch("fleet", "check", str(made)) == 0
+
+
+@pytest.mark.parametrize("end", [KeyboardInterrupt(), BadInput("openssl x509 failed")])
+def test_a_member_that_could_not_be_added_leaves_nothing(
+    end: BaseException, made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def halfway(_authority: Path, folder: Path, *_: object) -> None:
+        (folder / "key.pem").touch()
+        raise end
+
+    before = sorted(str(path) for path in made.rglob("*"))
+    with monkeypatch.context() as broken:
+        broken.setattr("fogwatch.fleet_folder.issue", halfway)
+        with pytest.raises(type(end)):
+            open_fleet_folder(made).add(robot_role("r3"), 1)
+    assert sorted(str(path) for path in made.rglob("*")) == before
+    open_fleet_folder(made).add(robot_role("r3"), 1)
+
+
+def test_a_certificate_that_could_not_be_signed_leaves_the_old_key(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    openssl = certificates._openssl
+
+    def unsigned(*words: str) -> str:
+        if "-req" in words:
+            raise BadInput("openssl x509 failed")
+        return openssl(*words)
+
+    before = {path: path.read_bytes() for path in (made / "router").iterdir()}
+    monkeypatch.setattr(certificates, "_openssl", unsigned)
+    with pytest.raises(BadInput, match="openssl"):
+        open_fleet_folder(made).renew_router(1)
+    assert {path: path.read_bytes() for path in (made / "router").iterdir()} == before
+
+
+def test_members_that_are_added_at_once_are_all_members(made: Path) -> None:
+    names = [f"n{number}" for number in range(6)]
+
+    def add(name: str) -> None:
+        with fleet_to_change(made) as fleet:
+            fleet.add(robot_role(name), 1)
+
+    with ThreadPoolExecutor(len(names)) as pool:
+        list(pool.map(add, names))
+    assert {f"robot-{name}" for name in names} <= set(open_fleet_folder(made).members)
+
+
+def test_a_command_that_goes_on_for_ever_is_reported(
+    made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fogwatch.fleet_folder._LOCK_S", 0.0)
+    with fleet_to_change(made):
+        assert fogwatch("fleet", "revoke", str(made), "r1") == 2
+    assert "another command is changing it" in capsys.readouterr().err
+    assert (made / "r1").is_dir()
+
+
+def test_no_certificate_outlives_the_authority(
+    fogwatch: Command, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(certificates, "AUTHORITY_DAYS", 3)
+    assert fogwatch("fleet", "init", "short", "--robots", "r1", "--days", "3650") == 0
+    authority = facts(Path("short/authority/certificate.pem")).ends_s
+    for name in ("r1", "router", "world"):
+        assert facts(Path("short", name, "certificate.pem")).ends_s <= authority
+    capsys.readouterr()
+    assert fogwatch("fleet", "check", "short") == 0
+    assert capsys.readouterr().out.startswith("authority: valid until ")
+    make_authority(Path("ended"), "f")
+    certificates._openssl(
+        *("x509", "-in", "ended/certificate.pem", "-signkey", "ended/key.pem", "-days", "0"),
+        *("-out", "ended/again.pem"),
+    )
+    Path("ended/again.pem").replace("ended/certificate.pem")
+    with pytest.raises(BadInput, match="the authority has expired, or does so within a day; make a new fleet"):
+        issue(Path("ended"), Path("short/r1"), "r1.1", 1)
+
+
+@pytest.mark.parametrize(
+    ("host", "router"),
+    [
+        ("[2001:db8::1]", "tls/[2001:db8::1]:7447"),
+        ("2001:DB8:0::1", "tls/[2001:db8::1]:7447"),
+        ("hub-2.example", "tls/hub-2.example:7447"),
+        ("192.168.1.10", "tls/192.168.1.10:7447"),
+    ],
+)
+def test_hosts_that_can_work_become_locators(host: str, router: str, template: Path) -> None:
+    fleet = open_fleet_folder(template)
+    fleet.hosts = checked_hosts([host])
+    assert fleet.router == router
+    assert fleet.listen == ("tls/[::]:7447" if "::" in router else "tls/0.0.0.0:7447")
 
 
 def test_a_check_finds_what_is_wrong(made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]) -> None:
@@ -142,7 +269,18 @@ def test_a_check_finds_what_is_wrong(made: Path, fogwatch: Command, capsys: pyte
         (["init", "a*b", "--robots", "r1"], "not a name for a fleet"),
         (["init", "new", "--robots", "r1", "--host", "a b"], "--host 'a b': not the name or address of a machine"),
         (["init", "new", "--robots", "r1", "--host", "a,DNS:evil"], "not the name or address of a machine"),
-        (["init", "new", "--robots", "r1", "--port", "99999"], "not a router's address"),
+        (["init", "new", "--robots", "r1", "--host", "192.168.1.10:7447"], "write --host 192.168.1.10 --port 7447"),
+        (["init", "new", "--robots", "r1", "--host", "[::1]:7447"], "write --host [::1] --port 7447"),
+        (["init", "new", "--robots", "r1", "--host", "a:b"], "--host 'a:b': not the name or address of a machine"),
+        (["init", "new", "--robots", "r1", "--host", "300.1.1.1"], "not the name or address of a machine"),
+        (["init", "new", "--robots", "r1", "--host", "0.0.0.0"], "--host 0.0.0.0: is no machine's own address"),
+        (["init", "new", "--robots", "r1", "--host", "::"], "--host ::: is no machine's own address"),
+        (["init", "new", "--robots", "r1", "--host", "224.0.0.1"], "is no machine's own address"),
+        (["init", "new", "--robots", "r1", "--host", "fe80::1%eth0"], "leave %eth0 out"),
+        (["init", "new", "--robots", "r1", "--port", "99999"], "--port 99999: ports go from 1 to 65535"),
+        (["init", "new", "--robots", "r1", "--port", "0"], "--port 0: ports go from 1 to 65535"),
+        (["init", ".", "--robots", "r1"], ".: exists already"),
+        (["init", "my fleet", "--robots", "r1"], "--name 'my fleet': not a name for a fleet"),
         (["init", "new", "--robots", "r1", "--days", "0"], "--days 0: expected 1 to 3650"),
         (["init", "none/such/new", "--robots", "r1", "--days", "9999"], "--days 9999"),
         (["add", "yards-1", "r1"], "r1: is a member already"),
@@ -150,7 +288,11 @@ def test_a_check_finds_what_is_wrong(made: Path, fogwatch: Command, capsys: pyte
         (["add", "yards-1", "r3", "--host", "x"], "--host x: is for the router"),
         (["add", "yards-1", "authority"], "authority: is a folder of every fleet"),
         (["revoke", "yards-1", "r9"], "r9: is no member of yards-1; members are operator, r1, r2, viewer, world"),
-        (["check", "none"], "fleet: none/fleet.json cannot be read"),
+        (
+            ["check", "none"],
+            "none: no fleet's folder, because it holds no fleet.json; make one with: fogwatch fleet init",
+        ),
+        (["add", "none", "r3"], "none: no fleet's folder"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(

@@ -39,7 +39,7 @@ def test_a_fleet_that_is_as_without_the_stranger_has_held(holds: Holds) -> None:
         ({"trace": "b"}, "the verdict is valid, but the trace is not that of the run without the stranger"),
         ({"restarts": ["the router was killed by SIGSEGV"]}, "a process died: the router was killed by SIGSEGV"),
         ({"crashes": ["world.log"]}, "a traceback in the log world.log"),
-        ({"growth_mb": {"r1": 299.0, "worldsim": 301.0}}, "worldsim took 301 MB more than at its start"),
+        ({"growth_mb": {"r1": 299.0, "worldsim": 301.0}}, "worldsim took 301 MB more than before the stranger came"),
         ({"counts": Counter({LET_IN: 1})}, "let in: 1 times"),
         ({"counts": Counter({OVERHEARD: 2})}, "overheard: 2 times"),
         ({"counts": Counter({ASKED: 3})}, "asked in the world's place: 3 times"),

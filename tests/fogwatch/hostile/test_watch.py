@@ -65,9 +65,17 @@ def write(proc: Path, number: int, parent: int, peak_mb: float, *words: str) -> 
     (folder / "cmdline").write_text("\0".join(["python", *words, ""]), encoding="utf-8")
 
 
-def test_growth_is_counted_from_when_a_process_has_settled(proc: Path) -> None:
+def test_growth_counts_from_when_the_stranger_comes(proc: Path) -> None:
     clock = Clock()
     memory = Memory(clock, ME)
+    peaks = iter([100.0, 200.0, 200.0, 999.0])
+
+    def rest(duration_s: float) -> None:
+        clock.now += duration_s
+        write(proc, 11, ME, next(peaks), "-m", "worldsim")
+
+    memory.settle(rest, lambda: False)
+    assert clock.now == 3 * SAMPLE_S, "a process that has not grown for a while has settled"
 
     def look(world_mb: float, robot_mb: float) -> None:
         write(proc, 11, ME, world_mb, "-m", "worldsim")
@@ -77,17 +85,25 @@ def test_growth_is_counted_from_when_a_process_has_settled(proc: Path) -> None:
         (proc / "99").mkdir(exist_ok=True)  # it has just ended
         memory.look(but=STRANGER)
 
-    look(100, 50)
-    clock.now = SETTLED_S - 1.0
-    look(200, 60)
-    clock.now = SETTLED_S
-    look(200, 60)
-    assert memory.growth_mb == {"worldsim": 0.0, "r1": 0.0}
+    look(550, 50)
+    assert memory.growth_mb == {"worldsim": 350.0, "r1": 0.0}, "however soon after the stranger has come"
     clock.now += SAMPLE_S
-    look(550, 61)
+    look(560, 61)
     clock.now += SAMPLE_S / 2
     look(900, 61)
-    assert memory.growth_mb == {"worldsim": 350.0, "r1": 1.0}
+    assert memory.growth_mb == {"worldsim": 360.0, "r1": 11.0}
+
+
+@pytest.mark.parametrize("over", [False, True])
+def test_processes_that_go_on_growing_are_not_waited_for_for_ever(over: bool, proc: Path) -> None:
+    clock = Clock()
+
+    def rest(duration_s: float) -> None:
+        clock.now += duration_s
+        write(proc, 11, ME, clock.now, "-m", "worldsim")
+
+    Memory(clock, ME).settle(rest, lambda: over)
+    assert clock.now == (0.0 if over else SETTLED_S)
 
 
 def test_a_stranger_s_log_says_what_was_tried(tmp_path: Path) -> None:

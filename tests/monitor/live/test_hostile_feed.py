@@ -19,11 +19,13 @@ from patrol.errors import BadInput
 from patrol.journal import pack, unpack
 from patrol.journal.records import End, Event, Status, TickRecord
 from patrol.net.feed import Batch, read_so_far, so_far_bytes
-from patrol.scenario import load_scenario
+from patrol.scenario import as_mapping, load_scenario
 from tests.monitor.conftest import QUIET
 from tests.monitor.live.test_feed_source import FakeFeed, watched
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tests.monitor.conftest import Seen
 
 
@@ -184,6 +186,21 @@ def test_the_key_that_a_feed_names_is_never_opened(quiet: Seen, monkeypatch: pyt
     wire.send(5)
     source.set_shown(["heard", 1])
     watched(source)
+
+
+def test_no_file_is_opened_because_a_feed_names_it(
+    quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "policy.py").write_text("class Mine: ...\n", encoding="utf-8")
+    monkeypatch.setattr("patrol.scenario.load.policy_digest", lambda path: pytest.fail(f"opened {path}"))
+    answer = FakeFeed(quiet).answer()
+    height, width = answer.last_seen.shape
+    header: Any = unpack(answer.header)
+    mapped = {**QUIET, "terrain": {"map": str(tmp_path / "none.yaml")}}
+    named = {**mapped, "patrol": {"policy": f"{tmp_path / 'policy.py'}:Mine"}}
+    sent = pack(replace(header, scenario=as_mapping(load_scenario(named, opens_policy=False))))
+    assert is_run_of(load_scenario(named, opens_policy=False), sent, height, width)
+    assert not is_run_of(load_scenario(mapped, opens_policy=False), sent, height, width)
 
 
 def test_a_header_is_checked_against_its_terrain_and_the_run(quiet: Seen) -> None:

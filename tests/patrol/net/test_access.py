@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import stat
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,9 +16,11 @@ from fogwatch.launch.private import Secrets
 from patrol.errors import BadInput
 from patrol.net.access import FILE, Access, credentials_at, is_private, read_access, write_access, write_pointer
 from patrol.net.credentials import Credentials, as_json, read_credentials, read_router, write_private
-from patrol.net.roles import OPERATOR, VIEWER, WORLD_ROLE, robot_role
+from patrol.net.open_links import open_links
+from patrol.net.roles import OPERATOR, VIEWER, WORLD_ROLE, Kind, robot_role
+from patrol.process.options import meeting
 
-ROUTER = "tcp/127.0.0.1:7447"
+ROUTER, AWAY = "tcp/127.0.0.1:7447", "tcp/192.0.2.1:7447"
 
 
 @pytest.fixture(autouse=True)
@@ -179,17 +182,57 @@ def test_a_file_made_by_hand_is_read_as_before(tmp_path: Path) -> None:
         (" " * 2_000_000, "is larger than an access file may be, 64 KiB"),
         (json.dumps({"fleet": "f", "router": ROUTER, "token": "short"}), "the token has 5 characters"),
         (json.dumps({"fleet": "*", "router": ROUTER, "token": "x" * 16}), "not a name for a fleet"),
-        (json.dumps({"role": "root"}), "expected one of robot, world, viewer, operator"),
-        (json.dumps({"role": "robot", "robot": "*"}), "not a robot's name"),
-        (json.dumps({"role": "viewer", "password": 3}), "password: expected a text"),
-        (json.dumps({"role": "viewer", "password": "x"}), 'expected "fleet"'),
+        (json.dumps({"fleet": "f", "router": AWAY, "token": "x" * 16}), "leads to a router on this machine only"),
+        (as_json(Credentials("f", ROUTER, OPERATOR, "secret", "x" * 16)), "holds a member's credentials"),
     ],
 )
-def test_a_file_that_cannot_be_used_is_refused_in_one_line(text: str, says: str, tmp_path: Path) -> None:
+def test_a_control_file_that_cannot_be_used_is_refused_in_one_line(text: str, says: str, tmp_path: Path) -> None:
     write_private(tmp_path / FILE, text)
     with pytest.raises(BadInput, match=re.escape(says)) as caught:
         read_access(tmp_path, "test")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (json.dumps({"role": "root"}), "expected one of robot, world, viewer, operator"),
+        (json.dumps({"role": "robot", "robot": "*"}), "not a robot's name"),
+        (json.dumps({"role": "viewer", "password": 3}), "password: expected a text"),
+        (json.dumps({"role": "viewer", "password": "x"}), 'expected "fleet"'),
+        (as_json(Credentials("f", AWAY, OPERATOR, "secret", "x" * 16)), "passwords are for one machine"),
+    ],
+)
+def test_credentials_that_cannot_be_used_are_refused_in_one_line(text: str, says: str, tmp_path: Path) -> None:
+    write_private(tmp_path / "operator.json", text)
+    with pytest.raises(BadInput, match=re.escape(says)) as caught:
+        read_access(tmp_path / "operator.json", "test")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["journal", "scenario.yaml"])
+def test_credentials_in_a_run_s_folder_are_not_looked_for(name: str, tmp_path: Path) -> None:
+    write_private(tmp_path / "member.json", as_json(Credentials("f", ROUTER, OPERATOR, "secret", "x" * 16)))
+    assert read_access(tmp_path, "test").token == "x" * 16
+    (tmp_path / name).touch()
+    with pytest.raises(BadInput, match=f"holds a member's credentials beside a run's {name}; if .* name their file"):
+        read_access(tmp_path, "test")
+    assert read_access(tmp_path / "member.json", "test").token == "x" * 16
+
+
+def test_credentials_are_used_only_at_a_router_that_can_ask_for_them(tmp_path: Path) -> None:
+    own = Credentials("f", "tls/192.0.2.1:7447", OPERATOR, token="x" * 16, folder=tmp_path)
+    assert own.check_router("quic/192.0.2.1:7447", "--router") == "quic/192.0.2.1:7447"
+    with pytest.raises(BadInput, match=f"--router {AWAY}: the members have certificates.* write tls/192.0.2.1:7447"):
+        own.check_router(AWAY, "--router")
+    with pytest.raises(BadInput, match=f"--radio {AWAY}: the members have certificates"):
+        open_links(own.router, AWAY, 0.1, lambda _line: None, lambda: False, own)
+    for name in ("key.pem", "authority.pem", "certificate.pem"):
+        write_private(tmp_path / name, "")
+    write_private(tmp_path / "member.json", as_json(own))
+    named = Namespace(credentials=tmp_path, router=AWAY, fleet=None)
+    with pytest.raises(BadInput, match=f"--router {AWAY}: the members have certificates"):
+        meeting(named, Kind.OPERATOR)
 
 
 @pytest.mark.timeout(60)

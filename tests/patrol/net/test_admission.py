@@ -16,8 +16,9 @@ from fogwatch.fleet_folder import FleetFolder, open_fleet_folder
 from patrol.errors import BadInput
 from patrol.net.credentials import Credentials, read_credentials
 from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.link import Link, Refused, open_link, open_links
+from patrol.net.link import Link, Refused, open_link
 from patrol.net.mailbox import Mailbox, Presence, Question
+from patrol.net.open_links import open_links
 from patrol.net.roles import robot_role
 from tests.routers import (
     PATIENCE_S,
@@ -280,7 +281,7 @@ def test_a_member_cannot_pass_for_the_router(fleet: FleetFolder) -> None:
 def test_a_revoked_member_has_no_rights_and_the_one_that_replaces_it_has(fleet: FleetFolder, tmp_path: Path) -> None:
     stolen = read_credentials(shutil.copytree(fleet.path / "r2", tmp_path / "stolen"), "test")
     keys_of = robot_role("r2")
-    fleet.revoke(keys_of)
+    fleet.revoke(keys_of, 1)
     fleet.add(keys_of, days=1)
     with guarded_by_certificates(fleet) as at:
         members = Members(at)

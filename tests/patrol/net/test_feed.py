@@ -18,15 +18,13 @@ from patrol.net.feed import (
     MAX_RECORDS,
     Batch,
     Garbled,
-    Ground,
-    SoFar,
     batch_bytes,
     longest_record,
     read_batch,
     read_so_far,
-    so_far_bytes,
     thinned,
 )
+from tests.fleets import answer_so_far
 
 MB = 1 << 20
 
@@ -41,11 +39,7 @@ def test_what_is_thinned_lets_the_values_grow() -> None:
 @pytest.fixture
 def answer() -> dict[str, Any]:
     """The fields of an answer on a terrain of 4 x 5 points."""
-    grid = np.ones((4, 5), dtype=np.bool_)
-    ground = Ground(grid, ~grid, (grid,), {1: 0})
-    seen, curve = np.full((4, 5), 2, dtype=np.int32), np.arange(3, dtype=np.float32)
-    so_far = SoFar(9, b"header", None, seen, (), 0, (b"asked",), 1, curve, curve, True, None, ground)
-    says: dict[str, Any] = msgpack.unpackb(so_far_bytes(so_far))
+    says: dict[str, Any] = msgpack.unpackb(answer_so_far())
     assert read_so_far(msgpack.packb(says)).asked == (b"asked",)
     return says
 

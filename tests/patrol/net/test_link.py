@@ -4,11 +4,24 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
+import zenoh
 
-from patrol.net.link import Link, LinkDown, open_link, open_router
+from patrol.net.link import Link, LinkDown, _answers, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.settings import MAX_MESSAGE
 from tests.routers import PATIENCE_S, free_endpoint, routed
+
+
+def test_an_answer_that_comes_too_late_is_nobody_s_failure() -> None:
+    class Closed:
+        def __enter__(self) -> None: ...
+
+        def __exit__(self, *_: object) -> None: ...
+
+        def reply(self, key: str, payload: bytes) -> None:
+            raise zenoh.ZError(f"closed: {key} {payload!r}")
+
+    _answers(Closed(), "k")(b"late")  # type: ignore[arg-type]
 
 
 def whole(payload: bytes) -> int:

@@ -269,6 +269,17 @@ def test_a_dump_loads_back_equal(raw: dict[str, Any], tmp_path: Path) -> None:
     assert dump_scenario(load_scenario(tmp_path / "0.yaml")) == dump_scenario(scenario)
 
 
+@pytest.mark.parametrize("strange", ["\u202e", "\u200b", "\x85", "\x9b2J", "\u2028", "\ufeff"])
+def test_a_dump_shows_no_character_that_a_terminal_acts_on(strange: str, tmp_path: Path) -> None:
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "radio": {"key": f"/caf\xe9/{strange}fleet.key"}})
+    dump = dump_scenario(scenario)
+    assert all(line.isprintable() for line in dump.split("\n"))
+    assert load_scenario(write(tmp_path / "dump.yaml", dump)) == scenario
+    assert "/caf\xe9/fleet.key" in dump_scenario(
+        load_scenario({"terrain": {"builtin": "open"}, "radio": {"key": "/caf\xe9/fleet.key"}})
+    )
+
+
 def test_a_dump_says_the_same_to_any_yaml_reader() -> None:
     import yaml
 

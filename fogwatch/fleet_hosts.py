@@ -1,0 +1,77 @@
+"""Names and addresses of the machine that a fleet's router runs on: which can work, and the locators that follow."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from collections.abc import Sequence
+
+from patrol.errors import BadInput
+from patrol.net.keys import is_loopback
+
+LOCAL = ("127.0.0.1", "localhost")
+"""Those of every machine itself."""
+
+_LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
+_NAME = re.compile(rf"(?=.{{1,253}}\Z){_LABEL}(?:\.{_LABEL})*")
+_NUMBERS = re.compile(r"[0-9.]*")
+_WITH_PORT = re.compile(r"(?:[^:]+|\[.*\]):[0-9]+")
+
+
+def checked_hosts(hosts: Sequence[str]) -> list[str]:
+    """Check hosts, and write each in one way.
+
+    Args:
+        hosts: Names and addresses; those of IPv6 may stand in brackets.
+
+    Returns:
+        Each of them once, addresses without brackets.
+
+    Raises:
+        BadInput: Other machines could not reach a router by one of them.
+    """
+    return [*dict.fromkeys(_checked(host) for host in hosts)]
+
+
+def member_locator(hosts: Sequence[str], port: int) -> str:
+    """The locator that members use: that of the first host.
+
+    Args:
+        hosts: The router's, checked.
+        port: The router's TCP port.
+    """
+    return f"tls/[{hosts[0]}]:{port}" if ":" in hosts[0] else f"tls/{hosts[0]}:{port}"
+
+
+def listening_locator(hosts: Sequence[str], port: int) -> str:
+    """The locator that the router listens on: all addresses of its machine, or this machine alone.
+
+    Args:
+        hosts: The router's, checked.
+        port: The router's TCP port.
+    """
+    if all(is_loopback(host) for host in hosts):
+        return member_locator(hosts, port)
+    return f"tls/{'[::]' if any(':' in host for host in hosts) else '0.0.0.0'}:{port}"
+
+
+def _checked(host: str) -> str:
+    bare = host[1:-1] if host[:1] == "[" and host[-1:] == "]" else host
+    try:
+        address = ipaddress.ip_address(bare)
+    except ValueError:
+        return _checked_name(host)
+    if address.is_unspecified or address.is_multicast:
+        raise BadInput(f"--host {host}: is no machine's own address; give the one that members reach the router at")
+    if "%" in bare:
+        raise BadInput(f"--host {host}: a certificate cannot name an interface; leave {bare[bare.index('%') :]} out")
+    return str(address)
+
+
+def _checked_name(host: str) -> str:
+    if _WITH_PORT.fullmatch(host):
+        name, _, port = host.rpartition(":")
+        raise BadInput(f"--host {host!r}: holds a port; write --host {name} --port {port}")
+    if not _NAME.fullmatch(host) or _NUMBERS.fullmatch(host):
+        raise BadInput(f"--host {host!r}: not the name or address of a machine; write it as in 192.168.1.10")
+    return host

@@ -1,0 +1,65 @@
+"""What tests of whole fleets have in common: a quick scenario, what a viewer is told, and processes one by one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from patrol.net.feed import Ground, SoFar, so_far_bytes
+
+COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
+"""The beginning of a scenario whose ticks take little time."""
+
+
+class Processes:
+    """Processes that are started one by one, and what they say.
+
+    Args:
+        folder: Where their logs go.
+        patience_s: How long anything may take, s.
+    """
+
+    def __init__(self, folder: Path, patience_s: float) -> None:
+        self.folder = folder
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._patience_s = patience_s
+
+    def start(self, name: str, module: str, *arguments: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-P", "-m", module, *arguments]
+        with self.log(name).open("ab") as output:
+            self.processes[name] = subprocess.Popen(command, stdout=output, stderr=output)
+        return self.processes[name]
+
+    def log(self, name: str) -> Path:
+        return self.folder / f"{name}.log"
+
+    def said(self, name: str) -> str:
+        return self.log(name).read_text(encoding="utf-8") if self.log(name).exists() else ""
+
+    def code(self, name: str) -> int:
+        return self.processes[name].wait(self._patience_s)
+
+    def until(self, what: Callable[[], bool]) -> None:
+        end = time.monotonic() + self._patience_s
+        while not what():
+            assert time.monotonic() < end, {name: self.said(name) for name in self.processes}
+            time.sleep(0.02)
+
+    def end(self) -> None:
+        for process in self.processes.values():
+            process.kill()
+            process.wait(self._patience_s)
+
+
+def answer_so_far() -> bytes:
+    """A world's answer to a viewer, on a terrain of 4 x 5 points."""
+    grid = np.ones((4, 5), dtype=np.bool_)
+    ground = Ground(grid, ~grid, (grid,), {1: 0})
+    seen, curve = np.full((4, 5), 2, dtype=np.int32), np.arange(3, dtype=np.float32)
+    return so_far_bytes(SoFar(9, b"header", None, seen, (), 0, (b"asked",), 1, curve, curve, True, None, ground))
