@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.lifeline import Ending
+    from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec, Scenario
 
 COMPLAIN_S = 10.0
@@ -55,6 +56,8 @@ class Site:
         step: s per tick.
         factor: Seconds of the robot's time in one of ours; 1 but for simulations.
         fog: What the robot will believe of the fog, to be shown.
+        peers: The other robots heard so far, by number; goes on to change.
+        radii: Of all robots, by number, m.
         orders: Makes the place where operators' orders to stop wait, for a robot that obeys them.
     """
 
@@ -65,6 +68,8 @@ class Site:
     step: float
     factor: float
     fog: Fog
+    peers: Mapping[int, Peer]
+    radii: Mapping[int, float]
     orders: Callable[[], StopOrders]
 
 
@@ -245,7 +250,6 @@ class _Driver:
         _check_epoch(epoch_s, time.time(), self.say)
         clock.keeper = KeptClock(step_s, epoch_s, time.time, self.ending.wait)
         start = self.prepared.starts[self.spec.number - 1]
-        fog = self.mind.belief.fog
         site = Site(
             spec=self.spec,
             start=start,
@@ -253,7 +257,9 @@ class _Driver:
             clock=clock,
             step=scenario.step,
             factor=scenario.factor,
-            fog=fog,
+            fog=self.mind.belief.fog,
+            peers=self.mind.belief.peers,
+            radii=self.mind.facts.radii,
             orders=lambda: StopOrders(link, keys, name),
         )
         robot = make(site)

@@ -225,6 +225,7 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Ro
     from agent.robots.ros2.driver import Pace, Ros2Robot
     from agent.robots.ros2.fence import Fence
     from agent.robots.ros2.governor import Governor, Rule
+    from agent.robots.ros2.others import Others
     from agent.robots.ros2.shown import Shown, show_map
     from agent.robots.ros2.steering import GoalSteering, Steering, VelocitySteering
 
@@ -243,7 +244,7 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Ro
         fence = Fence(
             site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.acceleration
         )
-        steering = VelocitySteering(hardware, Governor(rule, fence))
+        steering = VelocitySteering(hardware, Governor(rule, fence), Others(site.peers, site.radii, site.step))
     if shows_map and not show_map(hardware.link, settings, site.terrain, hardware.stamp_ns()):
         say(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
     shown = Shown(hardware.link, settings, site.terrain, site.fog, hardware.stamp_ns)

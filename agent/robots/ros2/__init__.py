@@ -5,6 +5,7 @@ Pure cores, which are told the time:
     localisation.py   from odometry and a correction of its drift to where the robot is now
     commands.py       from commands of ours to velocities in the body's frame
     fence.py          how fast a command may be obeyed so that the body can still stop on the ground
+    others.py         where the other robots will be in a moment
     governor.py       what the robot is told next: limits, fence, stops
     stops.py          who has told the robot to stop, and has not released it
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from agent.robots.ros2.commands import nearer
 from agent.robots.ros2.fence import Fence
+from agent.robots.ros2.others import Other
 from patrol.pose import Command, Limits, Pose, halted, is_halt
 
 
@@ -59,7 +61,9 @@ class Governor:
         self._wanted = command.limited(self._rule.limits)
         self._until_s = now_s + self._rule.hold_s
 
-    def step(self, pose: Pose | None, now_s: float, since_s: float, stopped: str) -> Command:
+    def step(
+        self, pose: Pose | None, now_s: float, since_s: float, stopped: str, others: Sequence[Other] = ()
+    ) -> Command:
         """What to tell the robot now.
 
         Args:
@@ -67,6 +71,7 @@ class Governor:
             now_s: The time, s.
             since_s: Time since the last step, s.
             stopped: Why it has to stand whatever the mind wants; empty if it has not.
+            others: The other robots.
         """
         self.why = stopped or ("nobody knows where it is" if pose is None else "")
         self.fenced = False
@@ -76,10 +81,10 @@ class Governor:
         wanted = self._wanted if now_s < self._until_s else self._halt
         rule = self._rule
         eased = nearer(self.command, wanted, rule.acceleration * since_s, rule.limits.radius)
-        self.command = self._fence.allowed(pose, eased.limited(rule.limits))
+        self.command = self._fence.allowed(pose, eased.limited(rule.limits), others)
         self.fenced = self.command.speed_mps < eased.speed_mps
         if self.fenced:
-            self.why = "a wall is too near"
+            self.why = "a wall or a robot is too near"
         elif is_halt(wanted) and now_s >= self._until_s:
             self.why = "no command has come"
         return self.command

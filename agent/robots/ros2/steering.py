@@ -10,6 +10,7 @@ from agent.robots.ros2.commands import steering_of, velocity_of
 from agent.robots.ros2.governor import Governor
 from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.localisation import Fix
+from agent.robots.ros2.others import Others
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose
 from patrol.ros2.frames import travelled
@@ -70,9 +71,10 @@ class Steering(Protocol):
 class VelocitySteering:
     """Tells a robot its velocity (`Steering`)."""
 
-    def __init__(self, hardware: Hardware, governor: Governor) -> None:
+    def __init__(self, hardware: Hardware, governor: Governor, others: Others) -> None:
         self._hardware = hardware
         self._governor = governor
+        self._others = others
         self._send = _sender(hardware)
         self._progress = Progress()
         self._steps = 0
@@ -83,13 +85,15 @@ class VelocitySteering:
         """The command counts; the goal does not."""
         del goal
         self._governor.want(command, now_s)
+        self._others.look(now_s)
 
     def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
         """Send the velocity that is safe."""
         if self._ended:
             return "it was stopped for good"
         told = self._governor.command
-        command = self._governor.step(None if fix is None else fix.pose, now_s, since_s, stopped)
+        pose = None if fix is None else fix.pose
+        command = self._governor.step(pose, now_s, since_s, stopped, self._others.around(now_s))
         self._send(command, 0.0 if fix is None else fix.pose.heading)
         self._progress.told(told, since_s)
         self._steps += 1

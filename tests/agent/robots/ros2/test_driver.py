@@ -15,6 +15,7 @@ from agent.robots.ros2.fence import Fence
 from agent.robots.ros2.governor import Governor, Rule
 from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.localisation import LocalisationSettings
+from agent.robots.ros2.others import Others
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
 from patrol.ground.terrain import Terrain
@@ -64,7 +65,8 @@ class Bench:
             self.steering = GoalSteering(self.hardware)
         else:
             rule = Rule(model, spec.limits, 1e6, 60.0)
-            self.steering = VelocitySteering(self.hardware, Governor(rule, Fence(terrain, 0.3, 0.1, 1e6)))
+            governor = Governor(rule, Fence(terrain, 0.3, 0.1, 1e6))
+            self.steering = VelocitySteering(self.hardware, governor, Others({}, {}, STEP_S))
         self.ticks = Ticks(*range(1000))
         self.driver = Ros2Robot(
             self.hardware, self.steering, self.ticks, Pace(STEP_S, 1.0, 20.0), None, None, self.said.append
