@@ -32,7 +32,7 @@ def run(seed: int, radio: dict[str, object]) -> Outcome:
 @pytest.fixture(scope="module")
 def unlimited_s() -> float:
     """The mean MFoW without a limit, s."""
-    return mean(run(seed, {}).summary["mfow_mean_s"] for seed in SEEDS)
+    return mean(float(run(seed, {}).summary["mfow_mean_s"]) for seed in SEEDS)
 
 
 @pytest.mark.parametrize("adaptive", [None, {"error": 2, "silence": 4}], ids=["periodic", "adaptive"])
