@@ -23,7 +23,7 @@ from patrol.scenario.model import (
     SensorSpec,
     TerrainSpec,
 )
-from patrol.scenario.radio_spec import RadioSpec
+from patrol.scenario.radio_spec import AdaptiveSpec, BudgetSpec, RadioSpec
 from patrol.values.section import Section
 
 _SECTIONS: dict[str, type[Section]] = {
@@ -35,6 +35,7 @@ _SECTIONS: dict[str, type[Section]] = {
     "faults": Fault,
     "nemesis": NemesisSpec,
 }
+_OF_RADIO: dict[str, type[Section]] = {"budget": BudgetSpec, "adaptive": AdaptiveSpec}
 _OF_FAULTS: dict[str, type[Section]] = {
     **dict.fromkeys(("who", "from", "to", "as"), Some),
     "delay": Wait,
@@ -168,6 +169,8 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
             section = _SECTIONS.get(part, Scenario)
         elif top == "faults":
             section = _OF_FAULTS.get(part, section)
+        elif top == "radio":
+            section = _OF_RADIO.get(part, section)
     return section, note
 
 
@@ -182,7 +185,8 @@ def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
 
 def _nearest_key(key: str, section: type[Section]) -> str:
     """The known key that is nearest, of this section or with the section that it belongs under; or this section's."""
-    everywhere: dict[str, type[Section]] = {"robots": RobotGroup, **_SECTIONS, "": Scenario}
+    of_radio = {f"radio.{name}": other for name, other in _OF_RADIO.items()}
+    everywhere: dict[str, type[Section]] = {"robots": RobotGroup, **_SECTIONS, **of_radio, "": Scenario}
     spelled = {
         name: f"{home}.{name}" if home else f"{name} at the top level"
         for home, other in everywhere.items()

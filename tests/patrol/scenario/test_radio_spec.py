@@ -53,7 +53,11 @@ def test_each_saving_changes_the_hash_and_survives_being_written_down(radio: dic
 @pytest.mark.parametrize(
     ("raw", "expected"),
     [
-        (with_radio(budget={}), "radio.budget.bits_per_s: missing"),
+        (with_radio(budget={}), "radio.budget.bits_per_s: missing; give bit/s on the air of all robots together"),
+        (with_radio(budget=1200), "radio.budget = 1200: expected keys and values (bits_per_s, overhead, frame)"),
+        (with_radio(budget={"bit_per_s": 1}), "radio.budget.bit_per_s: unknown key; did you mean bits_per_s?"),
+        (with_radio(bits_per_s=1), "radio.bits_per_s: unknown key; did you mean radio.budget.bits_per_s?"),
+        (with_radio(adaptive={"silense": 1}), "radio.adaptive.silense: unknown key; did you mean silence?"),
         (with_radio(budget={"bits_per_s": 0}), "radio.budget.bits_per_s = 0: expected a number above 0"),
         (
             with_radio(budget={**BUDGET, "overhead": 1001}),
