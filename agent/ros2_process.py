@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 FLEET = "patrol"
 """The fleet's name unless options say otherwise."""
 
+FAILED = 1
+"""The exit code of a robot that can no longer be driven."""
+
 NODE = "fogwatch"
 """The name of our node in the ROS graph, in the robot's namespace."""
 
@@ -76,6 +79,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> int:
     from agent.own_robot import Ticks, Where, patrol_with
+    from agent.robots.ros2.driver import Failed
     from agent.robots.ros2.hardware import Hardware
     from patrol.net.link import LinkDown
     from patrol.scenario import load_scenario, parse_overrides
@@ -112,7 +116,13 @@ def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> i
         alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
         where = Where(options.credentials, *_meeting(options, say), options.radio)
         ticks = Ticks(options.epoch, options.wait, alone_s)
-        return patrol_with(lambda site: _robot(site, hardware, shows_map, say), scenario, name, where, ticks, ending)
+        try:
+            return patrol_with(
+                lambda site: _robot(site, hardware, shows_map, say), scenario, name, where, ticks, ending
+            )
+        except Failed as failed:
+            say(str(failed))
+            return FAILED
 
 
 def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
