@@ -78,8 +78,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> int:
-    from agent.own_robot import Ticks, Where, patrol_with
-    from agent.robots.ros2.driver import Failed
+    """Find the robot, and patrol with it; the exit code."""
     from agent.robots.ros2.hardware import Hardware
     from patrol.net.link import LinkDown
     from patrol.scenario import load_scenario, parse_overrides
@@ -101,28 +100,43 @@ def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> i
         if pose is None:
             return INTERRUPTED
         say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
-        if given is not None:
-            scenario: Scenario | None = given
-        else:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
-            map_file = options.map or _robots_map(link, settings, folder, options.wait, ending, say)
-            scenario = None if map_file is None else _scenario(options, name, map_file, pose, overrides)
-        if scenario is None:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
+        has_map = given is not None or options.map is not None
+        map_file = options.map if has_map else _robots_map(link, settings, folder, options.wait, ending, say)
+        if given is None and map_file is None:
             return INTERRUPTED
+        scenario = given or _scenario(options, name, map_file, pose, overrides)
         if options.write_scenario is not None:
             _write(scenario, options.write_scenario)
-        shows_map = options.scenario is not None or options.map is not None
-        numbers = {spec.name: spec.number for spec in scenario.roster}
-        alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
-        where = Where(options.credentials, *_meeting(options, say), options.radio)
-        ticks = Ticks(options.epoch, options.wait, alone_s)
-        try:
-            return patrol_with(
-                lambda site: _robot(site, hardware, shows_map, say), scenario, name, where, ticks, ending
-            )
-        except Failed as failed:
-            say(str(failed))
-            return FAILED
+        return _patrol(options, name, scenario, hardware, has_map, ending, say)
+
+
+def _patrol(
+    options: argparse.Namespace,
+    name: str,
+    scenario: Scenario,
+    hardware: Hardware,
+    shows_map: bool,
+    ending: Ending,
+    say: _Say,
+) -> int:
+    """Patrol with a robot that was found; the exit code."""
+    from agent.own_robot import Ticks, Where, patrol_with
+    from agent.robots.ros2.driver import Failed
+
+    numbers = {spec.name: spec.number for spec in scenario.roster}
+    alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
+    where = Where(options.credentials, *_meeting(options, say), options.radio)
+    ticks = Ticks(options.epoch, options.wait, alone_s)
+
+    def make(site: Site) -> Ros2Robot:
+        return _robot(site, hardware, shows_map, say)
+
+    try:
+        return patrol_with(make, scenario, name, where, ticks, ending)
+    except Failed as failed:
+        say(str(failed))
+        return FAILED
 
 
 def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
