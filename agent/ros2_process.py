@@ -102,13 +102,14 @@ def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> i
         say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
         has_map = given is not None or options.map is not None
-        map_file = options.map if has_map else _robots_map(link, settings, folder, options.wait, ending, say)
-        if given is None and map_file is None:
-            return INTERRUPTED
-        scenario = given or _scenario(options, name, map_file, pose, overrides)
+        if given is None:
+            map_file = options.map or _robots_map(link, settings, folder, options.wait, ending, say)
+            if map_file is None:
+                return INTERRUPTED
+            given = _scenario(options, name, map_file, pose, overrides)
         if options.write_scenario is not None:
-            _write(scenario, options.write_scenario)
-        return _patrol(options, name, scenario, hardware, has_map, ending, say)
+            _write(given, options.write_scenario)
+        return _patrol(options, name, given, hardware, has_map, ending, say)
 
 
 def _patrol(
