@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 FLEET = "patrol"
 """The fleet's name unless options say otherwise."""
 
+FAILED = 1
+"""The exit code of a robot that can no longer be driven."""
+
 NODE = "fogwatch"
 """The name of our node in the ROS graph, in the robot's namespace."""
 
@@ -75,7 +78,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> int:
-    from agent.own_robot import Ticks, Where, patrol_with
+    """Find the robot, and patrol with it; the exit code."""
     from agent.robots.ros2.hardware import Hardware
     from patrol.net.link import LinkDown
     from patrol.scenario import load_scenario, parse_overrides
@@ -97,22 +100,44 @@ def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> i
         if pose is None:
             return INTERRUPTED
         say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
-        if given is not None:
-            scenario: Scenario | None = given
-        else:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
+        has_map = given is not None or options.map is not None
+        if given is None:
             map_file = options.map or _robots_map(link, settings, folder, options.wait, ending, say)
-            scenario = None if map_file is None else _scenario(options, name, map_file, pose, overrides)
-        if scenario is None:
-            return INTERRUPTED
+            if map_file is None:
+                return INTERRUPTED
+            given = _scenario(options, name, map_file, pose, overrides)
         if options.write_scenario is not None:
-            _write(scenario, options.write_scenario)
-        shows_map = options.scenario is not None or options.map is not None
-        numbers = {spec.name: spec.number for spec in scenario.roster}
-        alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
-        where = Where(options.credentials, *_meeting(options, say), options.radio)
-        ticks = Ticks(options.epoch, options.wait, alone_s)
-        return patrol_with(lambda site: _robot(site, hardware, shows_map, say), scenario, name, where, ticks, ending)
+            _write(given, options.write_scenario)
+        return _patrol(options, name, given, hardware, has_map, ending, say)
+
+
+def _patrol(
+    options: argparse.Namespace,
+    name: str,
+    scenario: Scenario,
+    hardware: Hardware,
+    shows_map: bool,
+    ending: Ending,
+    say: _Say,
+) -> int:
+    """Patrol with a robot that was found; the exit code."""
+    from agent.own_robot import Ticks, Where, patrol_with
+    from agent.robots.ros2.driver import Failed
+
+    numbers = {spec.name: spec.number for spec in scenario.roster}
+    alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
+    where = Where(options.credentials, *_meeting(options, say), options.radio)
+    ticks = Ticks(options.epoch, options.wait, alone_s)
+
+    def make(site: Site) -> Ros2Robot:
+        return _robot(site, hardware, shows_map, say)
+
+    try:
+        return patrol_with(make, scenario, name, where, ticks, ending)
+    except Failed as failed:
+        say(str(failed))
+        return FAILED
 
 
 def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:

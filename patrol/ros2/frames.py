@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from patrol.pose import Pose, wrap
-from patrol.ros2.messages import Twist
+
+if TYPE_CHECKING:
+    from patrol.ros2.messages import Twist
 
 _SMALL_TURN = 1e-6
 

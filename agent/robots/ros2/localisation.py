@@ -13,10 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from patrol.pose import Pose
 from patrol.ros2.frames import composed, inverted, travelled
-from patrol.ros2.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Twist
+
+if TYPE_CHECKING:
+    from patrol.ros2.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Twist
 
 LONGEST_S = 0.5
 """The longest time over which a pose is carried on by its velocity, s."""

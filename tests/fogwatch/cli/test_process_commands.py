@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -48,6 +50,19 @@ def test_what_cannot_be_used_is_one_line(
     shown = capsys.readouterr().err.strip()
     assert said in shown
     assert "\n" not in shown
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("words", [["--robot", "ros2", "--help"], ["--help"]])
+def test_the_help_of_an_agent_loads_no_heavy_library(words: list[str]) -> None:
+    program = (
+        "import sys\nfrom agent.process import main\n"
+        f"try:\n    main({words!r})\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'numba', 'zenoh', 'pydantic', 'rosbags', 'PIL', 'worldsim', 'monitor'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_an_option_that_there_is_not_is_bad_input(fogwatch: Callable[..., int]) -> None:
