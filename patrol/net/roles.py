@@ -1,10 +1,9 @@
 """Who may do what at a fleet's router: the roles, and the router's access rules that follow from them.
 
-    robot     the simulated body's phases, its own position and telemetry, answers to orders to stop, nothing in another
-              robot's name
-    world     phases to all robots, the truth, answers to viewers and operators
-    viewer    reads what is meant for observers, and asks the world for the fog so far
-    operator  a viewer that may also ask the world for something, and robots to stop
+    robot     answers its own phases and orders to stop, sends its own position and telemetry, hears all positions
+    world     sends phases to all robots and the truth to observers, and answers viewers and operators
+    viewer    hears what is meant for observers, and asks the world for the run so far
+    operator  is a viewer that also asks the world to control the run, and robots to stop
 
 A router denies everything that no rule allows. A fleet's name and a robot's name hold none of the characters that mean
 something in a key expression (``*``, ``$``, ``#``, ``?``, ``/``), so a rule for one name never covers another.

@@ -28,6 +28,7 @@ from patrol.net.telemetry import Telemetry, pack_view
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
+from patrol.radio.fleet_key import new_key
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 from tests.fleets import COARSE
@@ -186,3 +187,15 @@ def test_a_fleet_that_is_not_there_is_said_so(router: str) -> None:
         open_fleet(Ending(), router=router, fleet="nobody-1", wait_s=0.3)
     with pytest.raises(BadInput, match="no fleet named"):
         open_fleet(Ending())
+
+
+def test_the_page_of_a_run_is_given_the_run_s_key(start: Callable[..., Run], tmp_path: Path) -> None:
+    key = tmp_path / "fleet.key"
+    new_key(key)
+    scenario = {**COARSE, "duration": 100_000, "robots": {"count": 1, "model": "holonomic"}, "radio": {"key": str(key)}}
+    run = start(scenario, "--page", "--no-recording", "--no-report")
+    run.until(lambda: "monitor" in run.children())
+    words = Path("/proc", str(run.children()["monitor"]), "cmdline").read_text(encoding="utf-8").split("\0")
+    assert words[words.index("--key") + 1] == str(key)
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
