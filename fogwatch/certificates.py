@@ -59,13 +59,14 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
         folder: Where the certificate, its key and the authority's certificate go.
         common_name: Whom the certificate is for.
         days: How long it is valid.
-        hosts: Names and addresses of a router; none for a member, which can then not pass for a router.
+        hosts: Names and addresses of a router, which may also connect to another one; none for a member, which can then
+            not pass for a router.
 
     Raises:
         BadInput: openssl is missing or fails.
     """
     names = ",".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
-    usage = f"serverAuth\nsubjectAltName=critical,{names}" if hosts else "clientAuth"
+    usage = f"serverAuth,clientAuth\nsubjectAltName=critical,{names}" if hosts else "clientAuth"
     extensions = f"basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage={usage}\n"
     with tempfile.TemporaryDirectory(prefix="fogwatch-") as work:
         wish, wanted = Path(work) / "wish.pem", Path(work) / "extensions"

@@ -38,7 +38,7 @@ from patrol.net.credentials import (
     write_private,
 )
 from patrol.net.keys import check_locator, fleet_keys, is_loopback
-from patrol.net.roles import OPERATOR, RESERVED, WORLD_ROLE, Kind, Role, robot_role, role_of, roles_of
+from patrol.net.roles import OPERATOR, RESERVED, WORLD_ROLE, Kind, Role, robot_role, role_of, roles_of, router_name
 
 FILE = "fleet.json"
 THE_ROUTER = "router"
@@ -141,9 +141,7 @@ class FleetFolder:
         self.hosts = _checked(hosts) or self.hosts
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
-        issue(
-            self.path / _AUTHORITY, folder, f"router.{self.fleet[:50]}", days, [*dict.fromkeys([*self.hosts, *_LOCAL])]
-        )
+        issue(self.path / _AUTHORITY, folder, router_name(self.fleet), days, [*dict.fromkeys([*self.hosts, *_LOCAL])])
         if self.router != before:
             for user in self.members:
                 self._write_member(role_of(user, FILE))

@@ -162,7 +162,10 @@ class RouterSecurity:
             "transport/link/tls/root_ca_certificate": str(self.folder / AUTHORITY),
             "transport/link/tls/listen_certificate": str(self.folder / CERTIFICATE),
             "transport/link/tls/listen_private_key": str(self.folder / KEY),
+            "transport/link/tls/connect_certificate": str(self.folder / CERTIFICATE),
+            "transport/link/tls/connect_private_key": str(self.folder / KEY),
             "transport/link/tls/enable_mtls": True,
+            "transport/link/tls/verify_name_on_connect": True,
             "transport/link/tls/close_link_on_expiration": True,
             "access_control": access_control(self.keys, self.members, COMMON_NAMES),
         }
@@ -185,6 +188,25 @@ class RouterSecurity:
             remedy = f"tls/{listen.partition('/')[2]}"
             raise BadInput(f"--listen {listen}: the members have certificates, which need tls; write {remedy}")
         return listen
+
+    def check_connect(self, other: str) -> str:
+        """Check that a link to another router of the fleet is guarded.
+
+        Args:
+            other: The other router's locator.
+
+        Returns:
+            The locator.
+
+        Raises:
+            BadInput: The fleet has passwords, which routers cannot prove themselves with, or the locator is not
+                encrypted.
+        """
+        if self.passwords:
+            raise BadInput(f"--connect {other}: a fleet with passwords is on one machine, with one router; {_REMEDY}")
+        if not other.startswith(_ENCRYPTED):
+            raise BadInput(f"--connect {other}: the link would not be encrypted; write tls/{other.partition('/')[2]}")
+        return other
 
 
 def read_router(path: Path, option: str) -> RouterSecurity:

@@ -10,7 +10,7 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import zenoh
@@ -27,8 +27,9 @@ from patrol.net.zenoh_errors import system_error as _system_error
 if TYPE_CHECKING:
     from patrol.net.credentials import Credentials, RouterSecurity
 
-LEASE_S = 60.0
-"""A client that is silent for so long is gone for the router; longer than a paused robot may take to answer."""
+LEASE_S = 600.0
+"""A client that is silent for so long is gone for the router; longer than a paused robot may take to answer, and than a
+host may be cut off. One whose process ends is gone at once, since its connection ends."""
 
 CLOSE_S = 2.0
 """How long closing may take; under loss it has been seen to take longer."""
@@ -378,18 +379,19 @@ def _listens(router: str) -> bool:
     return True
 
 
-def open_router(listen: str, security: RouterSecurity | None = None) -> Link:
+def open_router(listen: str, security: RouterSecurity | None = None, others: Sequence[str] = ()) -> Link:
     """Be a router.
 
     Args:
         listen: the locator to listen at.
         security: says who may connect and do what; None to let everybody do everything.
+        others: locators of the fleet's routers at other sites, to connect to.
 
     Raises:
         LinkDown: in one line, when it cannot listen there.
     """
     try:
-        return Link(zenoh.open(_config(router_settings(listen, security))))
+        return Link(zenoh.open(_config(router_settings(listen, security, others))))
     except zenoh.ZError as error:
         if _system_error(error) == errno.EADDRINUSE:
             raise PortBusy(f"{listen}: the port is busy; choose another") from None
