@@ -4,12 +4,11 @@
     sudo .venv/bin/python deploy/testbed.py examples/direct-radio.yaml --out runs/bed --loss 0.3 --cut r2:20:10
     sudo .venv/bin/python deploy/testbed.py examples/three-hosts.yaml --by fleet --out runs/hosts --cut r2:90:60
 
-Each robot has a wire to a hub, the host of the router and the world: a veth pair. With `--by fleet` it carries
-everything: what the world tells the robot of its body, its commands, and all positions. Otherwise a second wire is its
-radio: a pair of TAP devices between which this script carries Ethernet frames, or loses them on their way to the robot,
-with a probability that you choose. Robots then hear each other by a multicast group, one datagram a position, or by a
-router that is reached over TCP. A cut takes all wires of a robot down for a while. Every process is started once, with
-its member's folder of a fleet (`fogwatch fleet init`), and speaks TLS; nothing is started again.
+Each robot has a wire to a hub, the host of router and world: a veth pair. With `--by fleet` it carries all
+traffic. Otherwise a second wire is its radio: a pair of TAP devices between which this script carries Ethernet frames,
+or loses them on their way to the robot, with a probability that you choose. Robots then hear each other by a multicast
+group, one datagram a position, or by a router over TCP. A cut takes all wires of a robot down for a while. Processes
+have the folders of a fleet's members (`fogwatch fleet init`) and speak TLS; each is started once, and never again.
 
 Needs Linux, root, iproute2, util-linux and /dev/net/tun, and fogwatch with its extra `sim`. Namespaces and processes
 are gone when it ends; those of one that was killed are cleared up by the next. The run folder gets what any run leaves,
@@ -37,7 +36,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 
 from agent.ports import State
 from fogwatch.fleet_folder import FleetFolder, make_fleet
@@ -301,17 +299,18 @@ def report(out: Path, log: Path) -> Iterator[str]:
     if not (out / "summary.json").exists():
         yield f"there is no summary; the world said:\n{log.read_text(encoding='utf-8', errors='replace')}"
         return
-    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    network = json.loads((out / "network.json").read_text(encoding="utf-8"))
+    summary, network = (json.loads((out / f"{name}.json").read_text("utf-8")) for name in ("summary", "network"))
     for name, wire in network["wires"].items():
         total = wire["passed"] + wire["lost"]
         yield f"{name}: radio wire lost {wire['lost']} of {total} frames towards it ({_share(wire['lost'], total)})"
     for link, counts in summary.get("direct", {}).get("links", {}).items():
         yield f"{link}: heard {counts['heard']} of {counts['sent']} ({_share(counts['heard'], counts['sent'])})"
-    journal = read_journal(out / "journal")
-    for down, up in zip(network["cuts"], network["cuts"][1:], strict=False):
-        if (down["robot"], down["link"], up["robot"], up["link"]) == (up["robot"], "down", down["robot"], "up"):
-            yield _course(journal, down["robot"], down["tick"], up["tick"])
+    down: dict[str, int] = {}
+    for switch in network["cuts"]:
+        if switch["link"] == "down":
+            down[switch["robot"]] = switch["tick"]
+        else:
+            yield _course(read_journal(out / "journal"), switch["robot"], down[switch["robot"]], switch["tick"])
     yield f"mean MFoW {summary['mfow_mean_s']:.1f} s; verdict {summary['verdict']['outcome']}; {out}"
 
 
@@ -332,7 +331,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--cut", action="append", default=[], metavar="ROBOT:AT:FOR", help="take a robot's wires down, simulated s"
     )
     options = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         scenario, cuts = _check(options)
         check_rights()
@@ -364,15 +363,11 @@ def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut]]:
     scenario = load_scenario(options.scenario)
     if options.by == "fleet":
         if scenario.pace == "lockstep":
-            raise BadInput(
-                f"{options.scenario}: pace = lockstep: the world would wait for a host that is cut off; set realtime"
-            )
+            raise BadInput(f"{options.scenario}: pace = lockstep waits for a host that is cut off; set realtime")
         if options.loss:
             raise BadInput(f"--loss {options.loss:g}: only radio wires lose frames; leave out --by fleet")
     elif scenario.radio.via != "direct":
-        raise BadInput(
-            f"{options.scenario}: radio.via = {scenario.radio.via}: the wires would carry nothing; set direct"
-        )
+        raise BadInput(f"{options.scenario}: radio.via = {scenario.radio.via}: wires would carry nothing; set direct")
     if len(scenario.roster) > MOST_ROBOTS:
         raise BadInput(f"{options.scenario}: {len(scenario.roster)} robots; a test bed has at most {MOST_ROBOTS}")
     if scenario.spares:
@@ -400,11 +395,11 @@ def _course(journal: Journal, name: str, down: int, up: int) -> str:
     step, place = journal.header.scenario["step"], [robot.name for robot in journal.header.robots].index(name)
     ticks = list(journal.ticks)
     spans = (("before", ticks[:down]), ("during", ticks[down:up]), ("after", ticks[up:]))
-    mfow = ", ".join(f"{what} {step * sum(t.mfow for t in span) / max(len(span), 1):.1f} s" for what, span in spans)
+    mfow = ", ".join(f"{step * sum(t.mfow for t in span) / len(span):.1f} s {what}" for what, span in spans if span)
     rows = ((tick.k, tick.robots[place]) for tick in ticks[up:])
     back = next((k for k, row in rows if row.decision_ms is not None and row.state != State.HOLDING), None)
     again = "never decided again" if back is None else f"decided again {(back - up) * step:g} s after its link was back"
-    return f"{name} {again}; mean MFoW {mfow} of its cut"
+    return f"{name} {again}; mean MFoW {mfow} its cut"
 
 
 def _share(part: int, whole: int) -> str:
@@ -419,10 +414,6 @@ def _tap(name: str) -> int:
     except OSError as error:
         raise Impossible(f"{_TUN}: {error.strerror}") from None
     return device
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

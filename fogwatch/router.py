@@ -9,15 +9,17 @@ everybody do everything; beyond this machine it then starts only when it is told
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.net.credentials import RouterSecurity, read_router
-from patrol.net.keys import check_locator, is_local
+from patrol.net.keys import check_locator, fleet_keys, is_local
 from patrol.net.link import LinkDown, PortBusy, open_router
 from patrol.process.lifeline import heed, run_process
+from patrol.process.notify import Notifier
 from patrol.process.readiness import StartFailure, report_failure, report_ready
 
 HELP = """
@@ -38,6 +40,9 @@ the router of its own site:
 
 Without --fleet anybody who can reach the router can read, send and forge everything.
 """
+
+PULSE, PULSE_S = fleet_keys("router").alive("router"), 1.0
+"""A liveliness token that the router asks its own tables for, to see that they answer, and how often, s."""
 
 OPEN = "it is open: anybody who can reach {listen} can read, send and forge everything, positions and controls included"
 
@@ -66,8 +71,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     linked = f"; linked to {', '.join(others)}" if others else ""
     print(f"router ready at {listen}; {who}{linked}", flush=True)
     report_ready(options.ready, listen)
-    while not ending.wait(3600.0):
-        pass
+    notifier = Notifier(os.environ)
+    notifier.alive()
+    answered = router.pulse(PULSE)
+    while not ending.wait(PULSE_S):
+        if answered():
+            notifier.alive()
+            answered = router.pulse(PULSE)
     router.close()
     return 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
 import time
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
+from patrol.process.notify import Notifier
 from patrol.process.options import meeting, prepared_as_told
 from worldsim.options import WorldOptions, parse_options
 from worldsim.run_record import Unwritten
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from worldsim.wiring import Wiring
 
 UNKNOWN = 3
+JUDGING_S = 3600.0
+"""How long a service manager is asked to wait for the verdict, s."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -87,7 +91,8 @@ def _run(options: WorldOptions, ending: Ending) -> int:
         return EXIT_INTERRUPTED
     link, air = links
     outward = watched[0]
-    wiring = Wiring(options, scenario, keys, link, outward, air, ending, _say)
+    notifier = Notifier(os.environ)
+    wiring = Wiring(options, scenario, keys, link, outward, air, ending, _say, notifier.alive)
     try:
         listener = wiring.listener()
         wall_s = _record(wiring, prepared, wiring.gather(token), listener, token)
@@ -102,6 +107,7 @@ def _run(options: WorldOptions, ending: Ending) -> int:
         link.close()
     if options.launched:
         return 0  # the journal is complete; the launcher judges it
+    notifier.busy(JUDGING_S)
     code = _judge(options.out, prepared, wall_s)
     return EXIT_INTERRUPTED if ending else code
 
@@ -146,7 +152,7 @@ def _record(
         reason = INTERRUPTED
         began = time.monotonic()
         try:
-            reason = run_ticks(world, fleet, on_tick, on_event, lambda: bool(wiring.ending), control, operator)
+            reason = run_ticks(world, fleet, on_tick, on_event, wiring.leaving, control, operator)
         except Interrupted:
             pass
         except BaseException as error:

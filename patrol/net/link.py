@@ -212,10 +212,19 @@ class Link:
         Returns:
             whether the router has answered.
         """
+        back = self.pulse(key)
+        return lambda: back() and self.connected  # it comes back as well when the link is cut
+
+    def pulse(self, key: str) -> Callable[[], bool]:
+        """The same for a router itself: whether its own tables answer.
+
+        Args:
+            key: of a token.
+        """
         back = threading.Event()
         handler: Any = zenoh.handlers.Callback(lambda _: None, back.set, indirect=False)
         self._session.liveliness().get(key, handler=handler, timeout=ECHO_S)
-        return lambda: back.is_set() and self.connected  # it comes back as well when the link is cut
+        return back.is_set
 
     def live(self, key: str) -> None:
         """Declare a liveliness token, which ends with this process or its link.
