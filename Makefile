@@ -65,7 +65,7 @@ test-network: install ## run a fleet in network namespaces (Linux, root; otherwi
 	$(BIN)/python -m pytest -m network -rs
 
 .PHONY: test-hosts
-test-hosts: install ## a router and two robots, a host each: one robot is cut off for a minute (Linux, root; six minutes)
+test-hosts: install ## a router and two robots, a host each: one robot is cut off for a minute (Linux, root; eight minutes)
 	$(BIN)/python -P deploy/testbed.py examples/three-hosts.yaml --by fleet --cut r2:90:60 \
 		--out runs/hosts-$$(date +%Y%m%d-%H%M%S)
 

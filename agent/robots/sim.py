@@ -177,8 +177,6 @@ class SimRobot:
         self._answer_a = (self._k, payload)
         self._post(payload)
         self._transcript.note(self._k, REPLY_A, digest_of(payload))
-        if self._transcript.due and self._answered >= 0:
-            self._report(self._answered)
 
     def hear(self) -> list[bytes] | None:
         """Wait for phase B.
@@ -186,6 +184,8 @@ class SimRobot:
         Returns:
             All frames since the last decision, or None when there is nothing to decide.
         """
+        if self._transcript.due and self._answered >= 0:  # here, where the frames have left, by whatever radio
+            self._report(self._answered)
         while self._heard_k < self._k and self._k not in self._early:
             if self._next is not None or not self._receive():
                 return None
