@@ -59,8 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     try:
         listen, security = _security(options)
-        ending = heed(options.lifeline)
         others = _others(options, security)
+        ending = heed(options.lifeline)
         router = open_router(listen, security, others)
     except (LinkDown, BadInput) as error:
         print(f"fogwatch router: {error}", file=sys.stderr)

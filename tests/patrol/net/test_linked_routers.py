@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import pytest
 
+import fogwatch.router
 from fogwatch.fleet_folder import FleetFolder
+from fogwatch.launch.private import Secrets
 from patrol.net.credentials import Credentials, read_credentials, read_router
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import Link, open_link, open_router
@@ -16,6 +20,8 @@ from tests.routers import PATIENCE_S, free_endpoint, make_local_fleet, needs_ope
 
 pytestmark = needs_openssl
 
+TRIES_S = 2.0
+"""How long a stranger tries."""
 TRY_S = 0.05
 """How often to send until something arrives: a subscription takes a moment to be known at the other site."""
 
@@ -126,6 +132,54 @@ def test_the_rules_hold_from_one_site_to_the_other(sites: Sites) -> None:
         assert arrived is not None
         seen.append(arrived)
     assert {key for key, _ in seen} == {own}
+
+
+def test_a_router_with_the_certificates_of_another_authority_is_not_linked(sites: Sites, tmp_path: Path) -> None:
+    sites.start_first()
+    theirs = make_local_fleet(tmp_path / "f", ("r1", "r2"))
+    assert theirs.fleet == sites.keys.fleet, "only the authority differs"
+    where = free_tls()
+    stranger = open_router(where, read_router(theirs.path, "test"), [sites.where[0]])
+    forger = open_link(where, PATIENCE_S, credentials=read_credentials(theirs.path / "r2", "test"))
+    viewer = sites.join(Role(Kind.VIEWER), 0)
+    own, others = sites.keys.position("r1"), sites.keys.position("r2")
+    mailbox: Mailbox[bytes] = Mailbox([own, others], bytes, 100)
+    viewer.subscribe(sites.keys.position("*"), mailbox)
+    forge = forger.broadcast(others)
+    until = time.monotonic() + TRIES_S
+    while time.monotonic() < until:
+        forge(b"forged")
+        assert mailbox.get(TRY_S) is None
+    assert not viewer.sees(sites.keys.alive("r2"))
+    assert heard(sites.join(robot_role("r1"), 0), own, viewer) == b"here"
+    assert forger.close(PATIENCE_S)
+    assert stranger.close(PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--connect", "tls/10.0.0.1"], "not a router's address"),
+        (["--connect", "tcp/10.0.0.1:7447"], "would not be encrypted; write tls/10.0.0.1:7447"),
+    ],
+)
+def test_a_link_that_nobody_would_guard_is_refused(
+    words: Sequence[str], says: str, fleet: FleetFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch.router.main(["--fleet", str(fleet.path), *words]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_routers_without_certificates_link_on_this_machine_only(capsys: pytest.CaptureFixture[str]) -> None:
+    assert fogwatch.router.main(["--connect", "tcp/10.0.0.1:7447"]) == 2
+    assert "nobody would be asked who they are" in capsys.readouterr().err
+    secrets = Secrets("f", ["r1"])
+    try:
+        folder = secrets.for_router("tcp/127.0.0.1:7447")
+        assert fogwatch.router.main(["--fleet", str(folder), "--connect", "tls/127.0.0.1:7448"]) == 2
+        assert "a fleet with passwords is on one machine" in capsys.readouterr().err
+    finally:
+        secrets.remove()
 
 
 def test_the_link_comes_back_when_a_router_does(sites: Sites) -> None:
