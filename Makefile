@@ -65,6 +65,11 @@ test-bounds-quick: install
 test-network: install ## run a fleet in network namespaces (Linux, root; otherwise it is skipped, with the reason)
 	$(BIN)/python -m pytest -m network -rs
 
+.PHONY: test-hosts
+test-hosts: install ## a router and two robots, a host each: one robot is cut off for a minute (Linux, root; eight minutes)
+	$(BIN)/python -P deploy/testbed.py examples/three-hosts.yaml --by fleet --cut r2:90:60 \
+		--out runs/hosts-$$(date +%Y%m%d-%H%M%S)
+
 .PHONY: accept
 accept: install ## the long checks: measure what the project promises
 	$(BIN)/python -m pytest -m accept --timeout=3600

@@ -16,6 +16,7 @@ from patrol.errors import BadInput
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.notify import Notifier
 from patrol.process.options import TOGETHER, fleet_parser, meeting, prepared_as_told, robot_named
 
 if TYPE_CHECKING:
@@ -102,7 +103,8 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
             say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s){but}")
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
-    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model)
+    alive = Notifier(os.environ).alive
+    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model, alive)
     telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
     radio: Radio = robot
     if scenario.radio.via == "direct":

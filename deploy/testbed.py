@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""A fleet of several machines on one: each robot in a network namespace of its own, with direct radio between them.
+"""A fleet of several machines on one: each robot is a host, a network namespace of its own.
 
     sudo .venv/bin/python deploy/testbed.py examples/direct-radio.yaml --out runs/bed --loss 0.3 --cut r2:20:10
+    sudo .venv/bin/python deploy/testbed.py examples/three-hosts.yaml --by fleet --out runs/hosts --cut r2:90:60
 
-Each robot has two wires to a hub, where the router and the world run. One stands for its body: a veth pair, over which
-the world tells it where it is and takes its commands. The other is its radio: a pair of TAP devices between which this
-script carries Ethernet frames, or loses them on their way to the robot, with a probability that you choose. Robots hear
-each other by a multicast group, one datagram a position, or by a router that is reached over TCP. A cut takes both
-wires of a robot down for a while.
+Each robot has a wire to a hub, the host of router and world: a veth pair. With `--by fleet` it carries all
+traffic. Otherwise a second wire is its radio: a pair of TAP devices between which this script carries Ethernet frames,
+or loses them on their way to the robot, with a probability that you choose. Robots then hear each other by a multicast
+group, one datagram a position, or by a router over TCP. A cut takes all wires of a robot down for a while. Processes
+have the folders of a fleet's members (`fogwatch fleet init`) and speak TLS; each is started once, and never again.
 
 Needs Linux, root, iproute2, util-linux and /dev/net/tun, and fogwatch with its extra `sim`. Namespaces and processes
 are gone when it ends; those of one that was killed are cleared up by the next. The run folder gets what any run leaves,
@@ -35,10 +36,11 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 
+from agent.ports import State
 from fogwatch.fleet_folder import FleetFolder, make_fleet
 from patrol.errors import BadInput
+from patrol.journal import Journal, read_journal
 from patrol.random import draw
 from patrol.scenario import Scenario, load_scenario
 
@@ -49,6 +51,8 @@ HUB = 254
 GROUP, BODY_PORT, RADIO_PORT = "224.0.0.225", 7447, 7448
 MOST_ROBOTS = 100
 GRACE_S = 3.0
+PATIENCE_S = 600.0
+"""How long a process waits for the router and for the others, also where it is cut off from them."""
 
 _TUN = Path("/dev/net/tun")
 _TUNSETIFF, _IFF_TAP, _IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
@@ -123,6 +127,7 @@ class Bed:
     scenario: Scenario
     out: Path
     relay: Relay
+    radio_wires: bool
     mark: str = f"fogwatch-{os.getpid()}"
     names: dict[int, str] = field(default_factory=dict)
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
@@ -139,7 +144,7 @@ class Bed:
     def build(self) -> None:
         """Make all namespaces and wires."""
         self._namespace(self.hub)
-        for bridge, network in (("body", BODY), ("radio", RADIO)):
+        for bridge, network in (("body", BODY), ("radio", RADIO))[: 1 + self.radio_wires]:
             # A bridge that looks for listeners would lose groups until a querier is there, and there is none.
             ip("-n", self.hub, "link", "add", bridge, "type", "bridge", "mcast_snooping", "0")
             ip("-n", self.hub, "address", "add", f"{network}.{HUB}/24", "dev", bridge)
@@ -148,7 +153,8 @@ class Bed:
             self.names[spec.number] = spec.name
             self._namespace(self.space(spec.number))
             self._wire_body(spec.number)
-            self._wire_radio(spec.number)
+            if self.radio_wires:
+                self._wire_radio(spec.number)
         self.relay.start()
 
     def clear(self) -> None:
@@ -175,8 +181,8 @@ class Bed:
             self.processes[name] = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
 
     def cut(self, robot: int, *, down: bool) -> None:
-        """Take both wires of a robot down, or up again, at the hub's end."""
-        for kind in ("body", "radio"):
+        """Take all wires of a robot down, or up again, at the hub's end."""
+        for kind in ("body", "radio")[: 1 + self.radio_wires]:
             ip("-n", self.hub, "link", "set", f"{kind}{robot}", "down" if down else "up")
 
     def ticks(self) -> int:
@@ -213,7 +219,7 @@ class Bed:
 
 @dataclass(frozen=True)
 class Cut:
-    """A robot's wires are down from a simulated time on, for so long (s)."""
+    """A robot's wires are down from a simulated time on, for so long (both in s)."""
 
     robot: int
     at: float
@@ -267,7 +273,8 @@ def run(bed: Bed, by: str, cuts: Sequence[Cut], scenario: Path, fleet: FleetFold
     if by == "tcp":
         radio = f"tls/{RADIO}.{HUB}:{RADIO_PORT}"
         bed.start("radio-router", bed.hub, "fogwatch.router", *guarded, "--listen", radio)
-    common = ["--radio", radio, "--scenario", str(scenario), "--credentials"]
+    common = [*(["--radio", radio] if bed.radio_wires else []), "--scenario", str(scenario)]
+    common += ["--wait", str(PATIENCE_S), "--credentials"]
     bed.start("world", bed.hub, "worldsim", *common, str(fleet.path / "world"), "--out", str(bed.out))
     for number, name in bed.names.items():
         bed.start(f"robot-{name}", bed.space(number), "agent", *common, str(fleet.path / name))
@@ -292,34 +299,44 @@ def report(out: Path, log: Path) -> Iterator[str]:
     if not (out / "summary.json").exists():
         yield f"there is no summary; the world said:\n{log.read_text(encoding='utf-8', errors='replace')}"
         return
-    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    network = json.loads((out / "network.json").read_text(encoding="utf-8"))
+    summary, network = (json.loads((out / f"{name}.json").read_text("utf-8")) for name in ("summary", "network"))
     for name, wire in network["wires"].items():
         total = wire["passed"] + wire["lost"]
         yield f"{name}: radio wire lost {wire['lost']} of {total} frames towards it ({_share(wire['lost'], total)})"
-    for link, counts in summary["direct"]["links"].items():
+    for link, counts in summary.get("direct", {}).get("links", {}).items():
         yield f"{link}: heard {counts['heard']} of {counts['sent']} ({_share(counts['heard'], counts['sent'])})"
+    down: dict[str, int] = {}
+    for switch in network["cuts"]:
+        if switch["link"] == "down":
+            down[switch["robot"]] = switch["tick"]
+        else:
+            yield _course(read_journal(out / "journal"), switch["robot"], down[switch["robot"]], switch["tick"])
     yield f"mean MFoW {summary['mfow_mean_s']:.1f} s; verdict {summary['verdict']['outcome']}; {out}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Build, run, report, clear; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenario", type=Path, help="with radio.via direct and the pace of a clock")
+    parser.add_argument("scenario", type=Path, help="at the pace of a clock; without --by fleet with radio.via direct")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="run folder, new or empty")
-    parser.add_argument("--by", choices=("group", "tcp"), default="group", help="multicast group, or a router")
+    parser.add_argument(
+        "--by",
+        choices=("group", "tcp", "fleet"),
+        default="group",
+        help="multicast group, router for positions alone, or the fleet's own router",
+    )
     parser.add_argument("--loss", type=float, default=0.0, metavar="P", help="share lost on each radio's wire, 0 to 1")
     parser.add_argument("--seed", type=int, default=1, metavar="K", help="of what is lost (default: %(default)s)")
     parser.add_argument(
         "--cut", action="append", default=[], metavar="ROBOT:AT:FOR", help="take a robot's wires down, simulated s"
     )
     options = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         scenario, cuts = _check(options)
         check_rights()
         clear_up_after_others()
-        bed = Bed(scenario, options.out, Relay(options.loss, options.seed))
+        bed = Bed(scenario, options.out, Relay(options.loss, options.seed), radio_wires=options.by != "fleet")
         with tempfile.TemporaryDirectory(prefix="fogwatch-bed-") as secrets:
             names = [spec.name for spec in scenario.roster]
             hosts = [f"{BODY}.{HUB}", f"{RADIO}.{HUB}"]
@@ -344,10 +361,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut]]:
     scenario = load_scenario(options.scenario)
-    if scenario.radio.via != "direct":
-        raise BadInput(
-            f"{options.scenario}: radio.via = {scenario.radio.via}: the wires would carry nothing; set direct"
-        )
+    if options.by == "fleet":
+        if scenario.pace == "lockstep":
+            raise BadInput(f"{options.scenario}: pace = lockstep waits for a host that is cut off; set realtime")
+        if options.loss:
+            raise BadInput(f"--loss {options.loss:g}: only radio wires lose frames; leave out --by fleet")
+    elif scenario.radio.via != "direct":
+        raise BadInput(f"{options.scenario}: radio.via = {scenario.radio.via}: wires would carry nothing; set direct")
     if len(scenario.roster) > MOST_ROBOTS:
         raise BadInput(f"{options.scenario}: {len(scenario.roster)} robots; a test bed has at most {MOST_ROBOTS}")
     if scenario.spares:
@@ -370,6 +390,18 @@ def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut]]:
     return scenario, cuts
 
 
+def _course(journal: Journal, name: str, down: int, up: int) -> str:
+    """What the fog did before, during and after a cut, and when the robot that was cut off decided again."""
+    step, place = journal.header.scenario["step"], [robot.name for robot in journal.header.robots].index(name)
+    ticks = list(journal.ticks)
+    spans = (("before", ticks[:down]), ("during", ticks[down:up]), ("after", ticks[up:]))
+    mfow = ", ".join(f"{step * sum(t.mfow for t in span) / len(span):.1f} s {what}" for what, span in spans if span)
+    rows = ((tick.k, tick.robots[place]) for tick in ticks[up:])
+    back = next((k for k, row in rows if row.decision_ms is not None and row.state != State.HOLDING), None)
+    again = "never decided again" if back is None else f"decided again {(back - up) * step:g} s after its link was back"
+    return f"{name} {again}; mean MFoW {mfow} its cut"
+
+
 def _share(part: int, whole: int) -> str:
     return f"{100.0 * part / whole:.1f} %" if whole else "none"
 
@@ -382,10 +414,6 @@ def _tap(name: str) -> int:
     except OSError as error:
         raise Impossible(f"{_TUN}: {error.strerror}") from None
     return device
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

@@ -61,7 +61,8 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
         folder: Where the certificate, its key and the authority's certificate go.
         common_name: Whom the certificate is for.
         days: How long it is valid; never longer than the authority, beyond which nobody would believe it.
-        hosts: Names and addresses of a router; none for a member, which can then not pass for a router.
+        hosts: Names and addresses of a router, which may also connect to another one; none for a member, which can then
+            not pass for a router.
 
     Raises:
         BadInput: The authority expires within a day, or openssl is missing or fails.
@@ -70,7 +71,7 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
     if left < 1:
         raise BadInput(f"{authority}: the authority has expired, or does so within a day; make a new fleet")
     names = ",".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
-    usage = f"serverAuth\nsubjectAltName=critical,{names}" if hosts else "clientAuth"
+    usage = f"serverAuth,clientAuth\nsubjectAltName=critical,{names}" if hosts else "clientAuth"
     extensions = f"basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage={usage}\n"
     with tempfile.TemporaryDirectory(prefix=".new-", dir=folder) as made:
         work = Path(made)

@@ -39,7 +39,7 @@ from patrol.net.credentials import (
     write_private,
 )
 from patrol.net.keys import fleet_keys
-from patrol.net.roles import OPERATOR, RESERVED, WORLD_ROLE, Kind, Role, robot_role, role_of, roles_of
+from patrol.net.roles import OPERATOR, RESERVED, WORLD_ROLE, Kind, Role, robot_role, role_of, roles_of, router_name
 
 FILE = "fleet.json"
 THE_ROUTER = "router"
@@ -156,7 +156,7 @@ class FleetFolder:
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
         names = [*dict.fromkeys([*self.hosts, *LOCAL])]
-        issue(self.path / AUTHORITY_FOLDER, folder, f"router.{self.fleet[:50]}", days, names)
+        issue(self.path / AUTHORITY_FOLDER, folder, router_name(self.fleet), days, names)
         if self.router != before:
             for role in (role_of(user, FILE) for user in self.members):
                 if (self.path / role.name).is_dir():

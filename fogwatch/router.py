@@ -9,15 +9,17 @@ everybody do everything; beyond this machine it then starts only when it is told
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.net.credentials import RouterSecurity, read_router
-from patrol.net.keys import check_locator, is_local
+from patrol.net.keys import check_locator, fleet_keys, is_local
 from patrol.net.link import LinkDown, PortBusy, open_router
 from patrol.process.lifeline import heed, run_process
+from patrol.process.notify import Notifier
 from patrol.process.readiness import StartFailure, report_failure, report_ready
 
 HELP = """
@@ -30,8 +32,17 @@ On the router's host, and on every host of the fleet with the folder of its memb
   python -m fogwatch.router --fleet yards-1
   python -m agent --credentials yards-1/r1 --scenario yards.yaml
 
+A fleet at two sites has a router at each, with the same folder. One connects to the other, and each process connects to
+the router of its own site:
+
+  python -m fogwatch.router --fleet yards-1 --connect tls/192.168.1.10:7447
+  python -m agent --credentials yards-1/r2 --router tls/192.168.2.10:7447 --scenario yards.yaml
+
 Without --fleet anybody who can reach the router can read, send and forge everything.
 """
+
+PULSE, PULSE_S = fleet_keys("router").alive("router"), 1.0
+"""A liveliness token that the router asks its own tables for, to see that they answer, and how often, s."""
 
 OPEN = "it is open: anybody who can reach {listen} can read, send and forge everything, positions and controls included"
 
@@ -48,18 +59,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     try:
         listen, security = _security(options)
+        others = _others(options, security)
         ending = heed(options.lifeline)
-        router = open_router(listen, security)
+        router = open_router(listen, security, others)
     except (LinkDown, BadInput) as error:
         print(f"fogwatch router: {error}", file=sys.stderr)
         failure = StartFailure.PORT_BUSY if isinstance(error, PortBusy) else StartFailure.OTHER
         report_failure(options.ready, failure, str(error))
         return 2
     who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
-    print(f"router ready at {listen}; {who}", flush=True)
+    linked = f"; linked to {', '.join(others)}" if others else ""
+    print(f"router ready at {listen}; {who}{linked}", flush=True)
     report_ready(options.ready, listen)
-    while not ending.wait(3600.0):
-        pass
+    notifier = Notifier(os.environ)
+    notifier.alive()
+    answered = router.pulse(PULSE)
+    while not ending.wait(PULSE_S):
+        if answered():
+            notifier.alive()
+            answered = router.pulse(PULSE)
     router.close()
     return 0
 
@@ -81,6 +99,20 @@ def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
     return listen, None
 
 
+def _others(options: argparse.Namespace, security: RouterSecurity | None) -> list[str]:
+    """The routers to connect to. Raises BadInput for an address that is none, or a link that nobody would guard."""
+    others = [check_locator(where, "--connect") for where in options.connect]
+    for where in others:
+        if security is not None:
+            security.check_connect(where)
+        elif not options.open and not is_local(where):
+            raise BadInput(
+                f"--connect {where}: nobody would be asked who they are; give --fleet FOLDER (or --open, to let "
+                "everybody do everything)"
+            )
+    return others
+
+
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m fogwatch.router",
@@ -96,6 +128,13 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument(
         "--fleet", type=Path, metavar="FOLDER", help="let in only the members of this fleet (fogwatch fleet init)"
+    )
+    parser.add_argument(
+        "--connect",
+        action="append",
+        default=[],
+        metavar="tls/HOST:PORT",
+        help="link to this fleet's router at another site, whenever it is there; repeatable",
     )
     parser.add_argument("--open", action="store_true", help="let everybody do everything, from other machines too")
     parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.notify import Notifier
 from patrol.process.readiness import report_ready
 
 if TYPE_CHECKING:
@@ -154,10 +155,12 @@ def _run_server(
         timeout_graceful_shutdown=SHUTDOWN_S,
     )
     server = uvicorn.Server(config)
+    notifier = Notifier(os.environ)
 
     async def run() -> None:
         serving = asyncio.create_task(server._serve([listening]))  # serve() would take over the signals
         while not serving.done():
+            notifier.alive()
             if ending or hub.failure is not None:
                 server.should_exit = True
             await asyncio.sleep(0.1)

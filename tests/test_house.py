@@ -96,6 +96,7 @@ def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
         "process.py",
         "__main__.py",
         "lifeline.py",
+        "notify.py",
         "link.py",
         "mailbox.py",
         "multicast.py",

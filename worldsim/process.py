@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
 import time
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
+from patrol.process.notify import Notifier
 from patrol.process.options import meeting, prepared_as_told
 from worldsim.options import WorldOptions, parse_options
 from worldsim.run_record import Unwritten
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from worldsim.wiring import Wiring
 
 UNKNOWN = 3
+JUDGING_S = 3600.0
+"""How long a service manager is asked to wait for the verdict, s."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -79,8 +83,9 @@ def _run(options: WorldOptions, ending: Ending) -> int:
     if prepared is None:
         return EXIT_INTERRUPTED
 
+    notifier = Notifier(os.environ)
     with ExitStack() as opened:
-        wiring = _wiring(opened, options, scenario, met, radio, ending)
+        wiring = _wiring(opened, options, scenario, met, radio, ending, notifier)
         if wiring is None:
             return EXIT_INTERRUPTED
         try:
@@ -93,12 +98,19 @@ def _run(options: WorldOptions, ending: Ending) -> int:
             return UNKNOWN
     if options.launched:
         return 0  # the journal is complete; the launcher judges it
+    notifier.busy(JUDGING_S)
     code = _judge(options.out, prepared, wall_s)
     return EXIT_INTERRUPTED if ending else code
 
 
 def _wiring(
-    opened: ExitStack, options: WorldOptions, scenario: Scenario, met: Meeting, radio: str | None, ending: Ending
+    opened: ExitStack,
+    options: WorldOptions,
+    scenario: Scenario,
+    met: Meeting,
+    radio: str | None,
+    ending: Ending,
+    notifier: Notifier,
 ) -> Wiring | None:
     """What the world is connected to; the stack closes it. None when it is time to leave."""
     from patrol.net.keys import callers_of
@@ -118,7 +130,7 @@ def _wiring(
         return None
     outward = watched[0]
     opened.callback(outward.close)
-    return Wiring(options, scenario, met.keys, link, outward, air, ending, _say)
+    return Wiring(options, scenario, met.keys, link, outward, air, ending, _say, notifier.alive)
 
 
 def _remedy(met: Meeting) -> str:
@@ -168,7 +180,7 @@ def _record(
         reason = INTERRUPTED
         began = time.monotonic()
         try:
-            reason = run_ticks(world, fleet, on_tick, on_event, lambda: bool(wiring.ending), control, operator)
+            reason = run_ticks(world, fleet, on_tick, on_event, wiring.leaving, control, operator)
         except Interrupted:
             pass
         except BaseException as error:

@@ -71,6 +71,7 @@ class Wiring:
         air: What carries frames where robots hear each other directly.
         ending: Whether the process should end.
         say: Reports a line to people.
+        alive: Called in each round of waiting, and between ticks.
         run: Random number of the run.
     """
 
@@ -82,6 +83,7 @@ class Wiring:
     air: Air
     ending: Ending
     say: Callable[[str], None]
+    alive: Callable[[], None]
     run: int = field(default_factory=_random_run)
 
     @cached_property
@@ -89,6 +91,11 @@ class Wiring:
         """Says whether the router answers."""
         token = self.keys.alive(WORLD)
         return RouterWatch(lambda: self.link.connected, lambda: self.link.echo(token), time.monotonic, self.say)
+
+    def leaving(self) -> bool:
+        """Whether the process should end; whatever waits or loops asks this in each round."""
+        self.alive()
+        return bool(self.ending)
 
     def gather(self, token: str | None) -> Sessions:
         """Announce the world and wait until each robot's process has come.
@@ -114,9 +121,7 @@ class Wiring:
             )
         lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
         posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
-        connection = FleetConnection(
-            keys, names, posts, mailbox, self.router.settled, time.monotonic, lambda: bool(self.ending)
-        )
+        connection = FleetConnection(keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving)
         absent = Timeline(self.scenario).starts_absent
         sessions = Sessions(connection, self._identity(token, names), absent)
         link.subscribe(keys.reply("*"), mailbox)

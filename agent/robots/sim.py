@@ -96,6 +96,7 @@ class SimRobot:
         blind_s: float = math.inf,
         waiting: Callable[[float], None] = lambda _waited: None,
         now: Callable[[], float] = time.monotonic,
+        alive: Callable[[], None] = lambda: None,
     ) -> None:
         """Join a run; `join` connects everything.
 
@@ -110,6 +111,7 @@ class SimRobot:
                 waits.
             waiting: Called at intervals with the time that the robot has waited for a world's greeting, s.
             now: Monotonic clock, s.
+            alive: Called in each round of waiting.
         """
         self.farewell = ""
         self.orderly = False
@@ -121,6 +123,7 @@ class SimRobot:
         self._blind_s = blind_s
         self._waiting = waiting
         self._now = now
+        self._alive = alive
         self._posed = now()
         self._model = model
         self._answer: ReplyB | None = None  # the last one, unless withdrawn
@@ -174,8 +177,6 @@ class SimRobot:
         self._answer_a = (self._k, payload)
         self._post(payload)
         self._transcript.note(self._k, REPLY_A, digest_of(payload))
-        if self._transcript.due and self._answered >= 0:
-            self._report(self._answered)
 
     def hear(self) -> list[bytes] | None:
         """Wait for phase B.
@@ -183,6 +184,8 @@ class SimRobot:
         Returns:
             All frames since the last decision, or None when there is nothing to decide.
         """
+        if self._transcript.due and self._answered >= 0:  # here, where the frames have left, by whatever radio
+            self._report(self._answered)
         while self._heard_k < self._k and self._k not in self._early:
             if self._next is not None or not self._receive():
                 return None
@@ -241,6 +244,7 @@ class SimRobot:
         """Wait for one message and process it; False when it is time to leave."""
         self._checked = self._now()
         while not self._ending and not self.farewell:
+            self._alive()
             self._mind_the_silence()  # each time: messages that are not for us break no silence
             arrived = self._mailbox.get(_POLL_S)
             if arrived is not None:
@@ -383,6 +387,7 @@ def join(
     waiting: Callable[[float], None],
     blind_s: float = math.inf,
     model: str = "holonomic",
+    alive: Callable[[], None] = lambda: None,
 ) -> SimRobot:
     """Take a robot's place in a fleet.
 
@@ -398,12 +403,15 @@ def join(
         waiting: Called at intervals with the time that the robot has waited for a world's greeting, s.
         blind_s: Time without a new pose after which the robot stops, s.
         model: Body model.
+        alive: Called in each round of waiting.
     """
     mailbox: Mailbox[ToRobot | Presence] = Mailbox(
         (keys.tick(identity.name), keys.alive(WORLD)), decode_to_robot, max_to_robot(robots)
     )
     post = link.post(keys.reply(identity.name))
-    robot = SimRobot(mailbox, post, identity, ending, patience_s, model=model, blind_s=blind_s, waiting=waiting)
+    robot = SimRobot(
+        mailbox, post, identity, ending, patience_s, model=model, blind_s=blind_s, waiting=waiting, alive=alive
+    )
     link.subscribe(keys.tick(identity.name), mailbox)
     link.watch(keys.alive(WORLD), mailbox)
     link.live(keys.alive(identity.name))

@@ -31,6 +31,9 @@ USERS = "users.txt"
 AUTHORITY, CERTIFICATE, KEY = "authority.pem", "certificate.pem", "key.pem"
 """The certificate of the fleet's authority, a member's own, and its key."""
 
+GIVEN = "CREDENTIALS_DIRECTORY"
+"""Variable of the environment with the folder of secrets that a service manager gives."""
+
 SHORTEST_TOKEN = 16
 """Characters of the shortest token."""
 _ENCRYPTED = ("tls/", "quic/")
@@ -179,7 +182,10 @@ class RouterSecurity:
             "transport/link/tls/root_ca_certificate": str(self.folder / AUTHORITY),
             "transport/link/tls/listen_certificate": str(self.folder / CERTIFICATE),
             "transport/link/tls/listen_private_key": str(self.folder / KEY),
+            "transport/link/tls/connect_certificate": str(self.folder / CERTIFICATE),
+            "transport/link/tls/connect_private_key": str(self.folder / KEY),
             "transport/link/tls/enable_mtls": True,
+            "transport/link/tls/verify_name_on_connect": True,
             "transport/link/tls/close_link_on_expiration": True,
             "access_control": access_control(self.keys, self.members, COMMON_NAMES),
         }
@@ -197,6 +203,25 @@ class RouterSecurity:
             BadInput: Passwords would leave this machine, or the locator has no certificates.
         """
         return _check_locator_of(listen, "--listen", self.passwords)
+
+    def check_connect(self, other: str) -> str:
+        """Check that a link to another router of the fleet is guarded.
+
+        Args:
+            other: The other router's locator.
+
+        Returns:
+            The locator.
+
+        Raises:
+            BadInput: The fleet has passwords, which routers cannot prove themselves with, or the locator is not
+                encrypted.
+        """
+        if self.passwords:
+            raise BadInput(f"--connect {other}: a fleet with passwords is on one machine, with one router; {_REMEDY}")
+        if not other.startswith(_ENCRYPTED):
+            raise BadInput(f"--connect {other}: the link would not be encrypted; write tls/{other.partition('/')[2]}")
+        return other
 
 
 def _check_locator_of(locator: str, option: str, passwords: bool) -> str:
@@ -261,8 +286,19 @@ def check_private(file: Path, option: str) -> None:
         raise BadInput(f"{option}: {file} cannot be read: {error.strerror}; {_REMEDY}") from None
     if not stat.S_ISREG(status.st_mode):
         raise BadInput(f"{option}: {file}: is no regular file; {_REMEDY}")
-    if status.st_mode & 0o077:
+    if _exposed(file, status.st_mode):
         raise BadInput(f"{option}: {file}: others can read it (mode {status.st_mode & 0o777:o}); run chmod 600 {file}")
+
+
+def _exposed(file: Path, mode: int) -> bool:
+    """Whether others than its owner can read or change a file.
+
+    A service manager gives a service its secrets in a folder of their own, by an access list that names the service's
+    user. Such a list shows in the mode as a right of the group to read.
+    """
+    given = os.environ.get(GIVEN)
+    allowed = 0o040 if given and file.parent == Path(given) else 0
+    return bool(mode & 0o077 & ~allowed)
 
 
 def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, Any]:
@@ -282,7 +318,7 @@ def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, A
             text = opened.read(ACCESS.most)
     except OSError as error:
         raise BadInput(f"{option}: {file} cannot be read: {error.strerror}") from None
-    if secret and mode & 0o077:
+    if secret and _exposed(file, mode):
         raise BadInput(f"{option}: {file}: others can read it (mode {mode:o}); run chmod 600 {file}")
     try:
         says = json.loads(text)

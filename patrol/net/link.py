@@ -10,7 +10,7 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -26,8 +26,9 @@ from patrol.net.zenoh_errors import system_error as _system_error
 if TYPE_CHECKING:
     from patrol.net.credentials import Credentials, RouterSecurity
 
-LEASE_S = 60.0
-"""A client that is silent for so long is gone for the router; longer than a paused robot may take to answer."""
+LEASE_S = 600.0
+"""A client that is silent for so long is gone for the router; longer than a paused robot may take to answer, and than a
+host may be cut off. One whose process ends is gone at once, since its connection ends."""
 
 CLOSE_S = 2.0
 """How long closing may take; under loss it has been seen to take longer."""
@@ -217,10 +218,19 @@ class Link:
         Returns:
             whether the router has answered.
         """
+        back = self.pulse(key)
+        return lambda: back() and self.connected  # it comes back as well when the link is cut
+
+    def pulse(self, key: str) -> Callable[[], bool]:
+        """The same for a router itself: whether its own tables answer.
+
+        Args:
+            key: of a token.
+        """
         back = threading.Event()
         handler: Any = zenoh.handlers.Callback(lambda _: None, back.set, indirect=False)
         self._session.liveliness().get(key, handler=handler, timeout=ECHO_S)
-        return lambda: back.is_set() and self.connected  # it comes back as well when the link is cut
+        return back.is_set
 
     def live(self, key: str) -> None:
         """Declare a liveliness token, which ends with this process or its link.
@@ -329,18 +339,19 @@ def listens(router: str) -> bool:
     return True
 
 
-def open_router(listen: str, security: RouterSecurity | None = None) -> Link:
+def open_router(listen: str, security: RouterSecurity | None = None, others: Sequence[str] = ()) -> Link:
     """Be a router.
 
     Args:
         listen: the locator to listen at.
         security: says who may connect and do what; None to let everybody do everything.
+        others: locators of the fleet's routers at other sites, to connect to.
 
     Raises:
         LinkDown: in one line, when it cannot listen there.
     """
     try:
-        return Link(zenoh.open(_config(router_settings(listen, security))))
+        return Link(zenoh.open(_config(router_settings(listen, security, others))))
     except zenoh.ZError as error:
         if _system_error(error) == errno.EADDRINUSE:
             raise PortBusy(f"{listen}: the port is busy; choose another") from None

@@ -4,6 +4,7 @@
     world     sends phases to all robots and the truth to observers, and answers viewers and operators
     viewer    hears what is meant for observers, and asks the world for the run so far
     operator  is a viewer that also asks the world to control the run, and robots to stop
+    router    passes on what another router of the fleet has let through
 
 A router denies everything that no rule allows. A fleet's name and a robot's name hold none of the characters that mean
 something in a key expression (``*``, ``$``, ``#``, ``?``, ``/``), so a rule for one name never covers another.
@@ -178,6 +179,15 @@ def rights_of(role: Role, keys: FleetKeys) -> Rights:
             )
 
 
+def router_name(fleet: str) -> str:
+    """The common name of the certificate of a fleet's routers; no member has it.
+
+    Args:
+        fleet: The fleet's name.
+    """
+    return f"router.{fleet[:50]}"  # a common name has at most 64 characters
+
+
 def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) -> dict[str, Any]:
     """A router's access rules, as Zenoh's configuration takes them (`access_control`).
 
@@ -187,7 +197,8 @@ def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) 
         known_by: `USERNAMES` or `COMMON_NAMES`.
 
     Returns:
-        The configuration: deny everything, but for the rights of each member.
+        The configuration: deny everything, but for the rights of each member. Another router of the fleet, which is
+        known by its certificate, may pass on whatever belongs to the fleet: it has applied the same rules.
     """
     rules: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
@@ -195,12 +206,38 @@ def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) 
         own = rules_of(name, rights_of(role, keys), (keys.anything,))
         rules += own
         policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
+    subjects = [{"id": name, known_by: [name]} for name in members]
+    if known_by == COMMON_NAMES:
+        other = router_name(keys.fleet)
+        rules.append(_everything(other, keys))
+        policies.append({"subjects": [other], "rules": [other]})
+        subjects.append({"id": other, known_by: [other]})
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
-        "subjects": [{"id": name, known_by: [name]} for name in members],
+        "subjects": subjects,
         "policies": policies,
+    }
+
+
+def _everything(name: str, keys: FleetKeys) -> dict[str, Any]:
+    """The rule of one who may send and be sent whatever belongs to the fleet."""
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": ["ingress", "egress"],
+        "messages": [
+            "put",
+            "declare_subscriber",
+            "query",
+            "reply",
+            "declare_queryable",
+            "liveliness_token",
+            "declare_liveliness_subscriber",
+            "liveliness_query",
+        ],
+        "key_exprs": [keys.anything],
     }
 
 

@@ -6,6 +6,7 @@ tick and its reader, which received the tick seconds late; with small ones the d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -62,18 +63,25 @@ def client_settings(router: str, lease_s: float, credentials: Credentials | None
     }
 
 
-def router_settings(listen: str, security: RouterSecurity | None = None) -> dict[str, object]:
+def router_settings(
+    listen: str, security: RouterSecurity | None = None, others: Sequence[str] = ()
+) -> dict[str, object]:
     """Settings of a router that listens at one locator.
 
     Args:
         listen: The locator.
         security: Says who may connect and do what; None to let everybody do everything.
+        others: Locators of routers of the same fleet, at other sites, to connect to; one that is not there, or goes, is
+            tried again for ever.
     """
     return {
         **_QUIET,
         "mode": "router",
         "listen/endpoints": [listen],
-        "connect/endpoints": [],
+        "connect/endpoints": list(others),
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": _RETRY,
         _CLOSE: _CLOSE_US,
         **({} if security is None else security.session()),
     }

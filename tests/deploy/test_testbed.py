@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from agent.ports import State
-from patrol.journal import TickRecord, read_journal
+from patrol.journal import Status, TickRecord, read_journal
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "testbed.py"
 IMPOSSIBLE = 4
@@ -85,6 +85,8 @@ def decided(ticks: Sequence[TickRecord], place: int) -> list[int]:
         ({"pace": "lockstep"}, (), "pace is lockstep"),
         ({"robots": {"count": 2, "spare": 1}}, (), "has spare robots"),
         ({}, ("--loss", "1.5"), "--loss 1.5"),
+        ({"radio": {"via": "ether"}, "pace": "lockstep"}, ("--by", "fleet"), "pace = lockstep"),
+        ({}, ("--by", "fleet", "--loss", "0.1"), "only radio wires lose frames"),
         ({}, ("--cut", "r2:soon"), "--cut r2:soon: expected ROBOT:AT:FOR"),
         ({}, ("--cut", "r9:1:2"), "no robot of"),
     ],
@@ -145,6 +147,22 @@ def test_a_robot_that_is_cut_off_halts_and_comes_back_while_the_others_go_on(bed
         cut = [k for k in decided(ticks, number - 1) if down + 4 <= k < up]
         assert lost[link] >= overheard >= 0.8 * len(cut) > 0, "it has heard what it cannot have heard"
     assert lost["r1 to r3"] <= STARTING * TICKS
+
+
+@pytest.mark.network
+@pytest.mark.parametrize("via", ["direct", "ether"])
+def test_a_host_that_is_cut_off_from_the_fleet_s_router_comes_back_by_itself(via: str, bed: Bed) -> None:
+    """Longer than the router's other end waits: the session ends, and the robot keeps its seat all the same."""
+    at_pace = {**SCENARIO, "robots": {"count": 2, "model": "holonomic"}, "radio": {"via": via}, "pace": "realtime"}
+    ran = bed({**at_pace, "duration": 50.0, "watchdog": 2.0}, "--by", "fleet", "--cut", "r2:10:20")
+    assert ran.code == 0, ran.said
+    assert "r2 decided again" in ran.said
+    down, up = (switch["tick"] for switch in ran.file("network.json")["cuts"])
+    quiet = range(down + 6, up)
+    assert not set(decided(ran.ticks, 1)) & set(quiet)
+    assert len(set(decided(ran.ticks, 0)) & set(quiet)) > ENOUGH * len(quiet), "r1 stood still too"
+    assert [k for k in decided(ran.ticks, 1) if k > up], "it has not come back"
+    assert {robot.status for tick in ran.ticks for robot in tick.robots} == {Status.ALIVE}
 
 
 @pytest.mark.network

@@ -1,26 +1,93 @@
-"""The service units call commands and options that exist."""
+"""The service units: their command lines can be read, they keep what they hold, and a hung process is restarted."""
 
 from __future__ import annotations
 
 import re
+import shlex
+import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-UNITS = sorted((Path(__file__).parents[2] / "deploy" / "systemd").glob("*.service"))
+from patrol.net.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER
+from tests.deploy.command_lines import DEPLOY, options_in
+
+UNITS = {path.stem: path for path in sorted((DEPLOY / "systemd").glob("*.service"))}
+SPECIFIERS = {"%i": "r1", "%d": "/run/credentials/unit", "%%": "%"}
+HARDENED = {
+    "NoNewPrivileges": "yes",
+    "CapabilityBoundingSet": "",
+    "ProtectSystem": "strict",
+    "PrivateTmp": "yes",
+    "RestrictAddressFamilies": "AF_INET AF_INET6 AF_NETLINK AF_UNIX",
+    "UMask": "0077",
+    "User": "fogwatch",
+}
 
 
-@pytest.mark.processes
-@pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.name)
-def test_a_unit_starts_a_module_with_options_that_it_has(unit: Path) -> None:
-    (line,) = re.findall(r"^ExecStart=.*/python -P -m (.+)$", unit.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    module, *words = line.split()
-    shown = subprocess.run([sys.executable, "-P", "-m", module, "--help"], capture_output=True, text=True, check=True)
-    for option in (word for word in words if word.startswith("--")):
-        assert option in shown.stdout
+def service(name: str) -> list[tuple[str, str]]:
+    """The assignments in a unit's section [Service], in their order; a name may stand there several times."""
+    section = UNITS[name].read_text(encoding="utf-8").partition("[Service]\n")[2].partition("\n[")[0]
+    lines = (line for line in section.splitlines() if line and not line.startswith("#"))
+    return [(key, value) for key, _, value in (line.partition("=") for line in lines)]
+
+
+def command(name: str) -> list[str]:
+    """The words of a unit's command line, from `-m` on, with the specifiers of the service manager replaced."""
+    line = dict(service(name))["ExecStart"]
+    line = re.sub("%[id%]", lambda found: SPECIFIERS[found[0]], line)
+    assert "%" not in line.replace("date +%Y%m%d-%H%M%S", "")
+    words = shlex.split(line)
+    if words[0] == "/bin/sh":
+        words = shlex.split(words[2].replace("$(date +%Y%m%d-%H%M%S)", "now"))[1:]
+    assert words[:2] == ["/opt/fogwatch/venv/bin/python", "-P"]
+    return [word for word in words[2:] if not re.fullmatch(r"\$FOGWATCH(_ROUTER)?_OPTIONS", word)]
 
 
 def test_there_is_a_unit_for_each_process() -> None:
-    assert [path.stem for path in UNITS] == ["fogwatch-agent@", "fogwatch-router", "fogwatch-world"]
+    started = {name: options_in(command(name))[0] for name in UNITS}
+    assert started == {
+        "fogwatch-agent@": "agent",
+        "fogwatch-monitor": "monitor",
+        "fogwatch-router": "fogwatch.router",
+        "fogwatch-world": "worldsim",
+    }
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_a_unit_gives_its_process_the_credentials_that_the_manager_keeps(name: str) -> None:
+    module, options = options_in(command(name))
+    folder = options.fleet if module == "fogwatch.router" else options.credentials
+    assert folder == Path(SPECIFIERS["%d"])
+    given = dict(value.split(":") for key, value in service(name) if key == "LoadCredential")
+    assert set(given) == {ROUTER if module == "fogwatch.router" else MEMBER, AUTHORITY, CERTIFICATE, KEY}
+    for file, source in given.items():
+        assert Path(source).name == file
+        assert Path(source).parents[1] == Path("/etc/fogwatch")
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_a_unit_is_restarted_watched_and_hardened(name: str) -> None:
+    says = dict(service(name))
+    assert says["Type"] == "notify"
+    assert says["Restart"] == ("on-abnormal" if name == "fogwatch-world" else "always")
+    assert 0 < int(says["WatchdogSec"]) <= 60
+    for key, value in HARDENED.items():
+        assert says[key] == value, key
+    first, *_ = UNITS.values()
+    hardening = first.read_text(encoding="utf-8").partition("# What it cannot do")[2].partition("\n\n")[0]
+    assert hardening in UNITS[name].read_text(encoding="utf-8"), "all units are hardened alike"
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="the command systemd-analyze is not installed")
+@pytest.mark.parametrize("name", UNITS)
+def test_systemd_understands_a_unit(name: str, tmp_path: Path) -> None:
+    text = UNITS[name].read_text(encoding="utf-8").replace("/opt/fogwatch/venv/bin/python", "/bin/true")
+    unit = tmp_path / UNITS[name].name
+    unit.write_text(text, encoding="utf-8")
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(unit)], capture_output=True, text=True, check=False
+    )
+    said = [line for line in done.stderr.splitlines() if "fogwatch" in line]
+    assert (done.returncode, said) == (0, [])

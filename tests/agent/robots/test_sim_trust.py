@@ -122,6 +122,19 @@ def test_it_reports_what_it_has_sent_and_acted_on_every_few_ticks_and_when_it_le
     assert first.lines[3] == Line(3, (told_a, told_b, digest_of(sent[ReplyA, 3]), digest_of(sent[ReplyB, 3])))
 
 
+def test_it_reports_as_often_where_another_radio_carries_its_frames() -> None:
+    scene = Scene()
+    for k in range(3 * LINES):
+        scene.tell(a(k), b(k))
+        assert scene.robot.tick() == k
+        assert scene.robot.decide()
+        scene.robot.act(Velocity(0.0, 0.0))
+    reports = [message for message in scene.sent if isinstance(message, Report)]
+    assert len(reports) >= 2
+    assert [line.k for report in reports for line in report.lines] == list(range(reports[-1].k + 1))
+    assert reports[-1].k >= 2 * LINES - 2
+
+
 def test_repeats_and_ticks_that_it_has_skipped_are_not_reported() -> None:
     scene = Scene()
     scene.tell(a(0), a(1))

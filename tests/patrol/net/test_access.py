@@ -172,6 +172,24 @@ def test_a_file_made_by_hand_is_read_as_before(tmp_path: Path) -> None:
         credentials_at(tmp_path, "test", VIEWER)
 
 
+def test_a_service_manager_s_folder_may_hold_secrets_that_an_access_list_lets_one_user_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "viewer.json"
+    write_private(file, as_json(Credentials("f", ROUTER, VIEWER, "secret")))
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path))
+    file.chmod(0o440)
+    assert read_credentials(file, "test").role == VIEWER
+    for mode in (0o444, 0o460):
+        file.chmod(mode)
+        with pytest.raises(BadInput, match="others can read it"):
+            read_credentials(file, "test")
+    file.chmod(0o440)
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path.parent))
+    with pytest.raises(BadInput, match="others can read it"):
+        read_credentials(file, "test")
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [

@@ -1,0 +1,1 @@
+"""The launch file of fogwatch's agent, as a package that colcon builds; fogwatch itself comes from pip."""
