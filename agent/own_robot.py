@@ -6,7 +6,6 @@ A driver only has to call `drive`; see ``examples/my_robot.py``.
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.process.logs import Log
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 
@@ -94,7 +94,7 @@ def drive(
     try:
         return _drive(make, Path(scenario), robot, where, epoch_s, wait_s, ending)
     except BadInput as bad:
-        print(f"{robot}: {bad}", file=sys.stderr)
+        Log(robot).error(str(bad))
         return 2
 
 
@@ -124,9 +124,8 @@ def _drive(
     from patrol.process.options import meeting, robot_named
     from patrol.scenario import load_scenario
 
-    def say(line: str) -> None:
-        print(f"{name}: {line}", file=sys.stderr, flush=True)
-
+    log = Log(name)
+    say = log.info
     scenario = load_scenario(path)
     spec = _spec_of(scenario, name, path)
     met = meeting(where, Kind.ROBOT)
@@ -150,7 +149,7 @@ def _drive(
         air.close()
         link.close()
     if failure is not None:
-        say(failure)
+        log.error(failure)
     return INTERRUPTED if failure is None else 1
 
 

@@ -9,7 +9,6 @@ everybody do everything; beyond this machine it then starts only when it is told
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,7 +17,10 @@ from patrol.net.credentials import RouterSecurity, read_router
 from patrol.net.keys import check_locator, is_local
 from patrol.net.link import LinkDown, PortBusy, open_router
 from patrol.process.lifeline import heed, run_process
+from patrol.process.logs import Log
 from patrol.process.readiness import StartFailure, report_failure, report_ready
+from patrol.process.supervision import add_supervision, followed, take_supervision
+from patrol.process.vitals import CONNECTIONS
 
 HELP = """
 A fleet on several hosts needs one router that all of them can reach. Once, for all of them:
@@ -47,21 +49,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _options(arguments)
     try:
-        listen, security = _security(options)
-        ending = heed(options.lifeline)
-        router = open_router(listen, security)
+        _route(options)
     except (LinkDown, BadInput) as error:
-        print(f"fogwatch router: {error}", file=sys.stderr)
+        Log("router", "fogwatch router: ").error(str(error))
         failure = StartFailure.PORT_BUSY if isinstance(error, PortBusy) else StartFailure.OTHER
         report_failure(options.ready, failure, str(error))
         return 2
-    who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
-    print(f"router ready at {listen}; {who}", flush=True)
-    report_ready(options.ready, listen)
-    while not ending.wait(3600.0):
-        pass
-    router.close()
     return 0
+
+
+def _route(options: argparse.Namespace) -> None:
+    """Route until asked to stop. Raises BadInput or LinkDown where it cannot begin."""
+    supervision = take_supervision(options)
+    log = supervision.begin_log("router")
+    listen, security = _security(options)
+    ending = heed(options.lifeline)
+    fleet = {} if security is None else {"fleet": security.keys.fleet}
+    with followed(supervision, log, fleet) as vitals:
+        router = open_router(listen, security)
+        vitals.probe(CONNECTIONS, lambda: router.connections)
+        who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
+        Log("router", "").announce(f"router ready at {listen}; {who}")
+        report_ready(options.ready, listen)
+        while not ending.wait(3600.0):
+            pass
+    router.close()
 
 
 def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
@@ -100,6 +112,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--open", action="store_true", help="let everybody do everything, from other machines too")
     parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
     parser.add_argument("--ready", type=int, metavar="FD", help="report the start on this pipe (set by the launcher)")
+    add_supervision(parser)
     return parser.parse_args(arguments)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -15,18 +14,23 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
+from patrol.process.logs import Log
 from patrol.process.options import meeting, prepared_as_told
+from patrol.process.supervision import followed
 from worldsim.options import WorldOptions, parse_options
 from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
+    from patrol.process.options import Meeting
+    from patrol.process.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.fleet.sessions import Sessions
     from worldsim.radio.listener import Listener
     from worldsim.wiring import Wiring
 
 UNKNOWN = 3
+_LOG = Log("world")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,15 +42,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    options = parse_options(arguments)
+    try:
+        options = parse_options(arguments)
+    except BadInput as bad:
+        _LOG.error(str(bad))
+        return 2
+    options.supervision.begin_log(_LOG.process)
     ending = heed(options.lifeline)
     try:
-        return _run(options, ending)
+        return _follow(options, ending)
     except BadInput as bad:
-        print(f"world: {bad}", file=sys.stderr)
+        _LOG.error(str(bad))
         return 2
     except Unwritten as unwritten:
-        _say(str(unwritten))
+        _LOG.error(str(unwritten))
         return UNKNOWN
     finally:
         if options.launched and options.static is not None and ending:
@@ -54,16 +63,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 shutil.rmtree(static, ignore_errors=True)
 
 
-def _run(options: WorldOptions, ending: Ending) -> int:
+def _follow(options: WorldOptions, ending: Ending) -> int:
+    """Run the world while others may follow how it does; the exit code."""
+    from patrol.net.roles import Kind
+
+    met = meeting(options, Kind.WORLD)
+    with followed(options.supervision, _LOG, {"fleet": met.keys.fleet}) as vitals:
+        return _run(options, met, ending, vitals)
+
+
+def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.access import read_access
     from patrol.net.keys import check_radio
-    from patrol.net.roles import Kind
     from patrol.process.warmup import warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
 
-    met = meeting(options, Kind.WORLD)
     router, keys = met.router, met.keys
     token = None if met.credentials is None else met.credentials.token
     token = token if options.control is None else read_access(options.control, "--control").token
@@ -71,7 +87,7 @@ def _run(options: WorldOptions, ending: Ending) -> int:
     _check_process_control(scenario, options)
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
-    warm(("patrol", "worldsim"), _say)
+    warm(("patrol", "worldsim"), _LOG.info)
 
     from patrol.net.link import open_links
     from worldsim.fleet.sessions import Interrupted, Missing
@@ -81,20 +97,22 @@ def _run(options: WorldOptions, ending: Ending) -> int:
     if prepared is None:
         return EXIT_INTERRUPTED
 
-    links = open_links(router, radio, options.wait, _say, lambda: bool(ending), met.credentials)
-    watched = links and open_links(router, None, options.wait, _say, lambda: bool(ending), met.credentials)
+    links = open_links(router, radio, options.wait, _LOG.info, lambda: bool(ending), met.credentials)
+    watched = links and open_links(router, None, options.wait, _LOG.info, lambda: bool(ending), met.credentials)
     if links is None or watched is None:
         return EXIT_INTERRUPTED
     link, air = links
     outward = watched[0]
-    wiring = Wiring(options, scenario, keys, link, outward, air, ending, _say)
+    wiring = Wiring(options, scenario, keys, link, outward, air, ending, _LOG, vitals)
     try:
         listener = wiring.listener()
         wall_s = _record(wiring, prepared, wiring.gather(token), listener, token)
     except Interrupted:
         return EXIT_INTERRUPTED
     except Missing as missing:
-        _say(f"{missing}; start each with: python -m agent --router {router} --fleet {keys.fleet} --robot NAME ...")
+        _LOG.error(
+            f"{missing}; start each with: python -m agent --router {router} --fleet {keys.fleet} --robot NAME ..."
+        )
         return UNKNOWN
     finally:
         outward.close()
@@ -174,13 +192,9 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     mean = summary["mfow_mean_s"]
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"
     warned = ", with warnings" if verdict.warnings else ""
-    _say(f"verdict {verdict.outcome}{warned}, {mfow}; see {out / 'summary.json'}")
+    _LOG.info(f"verdict {verdict.outcome}{warned}, {mfow}; see {out / 'summary.json'}")
     for line in verdict.warnings:
-        _say(f"  warning: {line}")
+        _LOG.warning(f"  warning: {line}")
     for check in verdict.failed:
-        _say(f"  {check.name}: {check.detail}")
+        _LOG.error(f"  {check.name}: {check.detail}")
     return verdict.exit_code
-
-
-def _say(line: str) -> None:
-    print(f"world: {line}", file=sys.stderr, flush=True)

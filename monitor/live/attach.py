@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from patrol.net.credentials import MEMBER
 from patrol.net.keys import WORLD, check_radio, fleet_keys, is_local
 from patrol.net.link import Link, LinkDown, open_link, open_links
 from patrol.net.roles import Kind
+from patrol.process.logs import Log
 from patrol.process.options import Meeting, meeting
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 SCENARIO = "scenario.yaml"
 """What a run's folder calls its scenario."""
+
+_LOG = Log("monitor")
 
 POLL_S = 0.2
 ANSWER_S = 2.0
@@ -130,7 +132,7 @@ def _of_a_world(met: Meeting, token: str | None, wait_s: float, ending: Ending, 
         with suppress(BadInput):
             key = fleet_key(own.radio.key)
     router, keys = met.router, met.keys
-    links = open_links(router, None, wait_s, _say, lambda: bool(ending), met.credentials)
+    links = open_links(router, None, wait_s, _LOG.info, lambda: bool(ending), met.credentials)
     if links is None:
         return None
     link: Link = links[0]
@@ -164,9 +166,5 @@ def _of_robots(met: Meeting, scenario: Path, radio: str | None, wait_s: float, e
 
     loaded = load_scenario(scenario)
     on_air = check_radio(radio, "--radio", loaded.radio.via)
-    links = open_links(met.router, on_air, wait_s, _say, lambda: bool(ending), met.credentials)
+    links = open_links(met.router, on_air, wait_s, _LOG.info, lambda: bool(ending), met.credentials)
     return None if links is None else PositionsSource(met.keys, prepare(loaded), *links)
-
-
-def _say(line: str) -> None:
-    print(f"monitor: {line}", file=sys.stderr, flush=True)
