@@ -107,7 +107,7 @@ class TickFigures:
             MFOW: decision.mfow * facts.step,
         }
         self._vitals.beat(sensed.k, figures)
-        self._log.debug(f"tick {sensed.k}: {decision.state}, {peers} peers heard, decided in {decision_ms:.1f} ms")
+        self._log.debug(f"tick {sensed.k}: {decision.state}, peers heard: {peers}, decided in {decision_ms:.1f} ms")
 
 
 class TelemetrySender:

@@ -6,6 +6,7 @@ done no tick.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -83,14 +84,14 @@ _TOLD: Mapping[Figure, Callable[[Value], str]] = {
     SINCE_TICK: lambda value: f"last one {_sum(value):.1f} s ago",
     MFOW: lambda value: f"MFoW {_sum(value):.0f} s",
     ROBOTS: lambda value: f"robots: {_listed(value)}",
-    PEERS: lambda value: f"{_sum(value):.0f} peers heard",
+    PEERS: lambda value: f"peers heard: {_sum(value):.0f}",
     REFUSED: lambda value: f"frames refused: {_listed(value)}",
     DROPPED: lambda value: f"messages dropped: {_listed(value)}",
-    QUEUE: lambda value: f"{_sum(value):.0f} waiting",
+    QUEUE: lambda value: f"messages waiting: {_sum(value):.0f}",
     DECISION: lambda value: f"decision {1000.0 * _sum(value):.1f} ms",
     ROUTER_SILENT: lambda value: f"router silent for {_sum(value):.0f} s in all",
-    CONNECTIONS: lambda value: f"{_sum(value):.0f} connections",
-    PAGES: lambda value: f"{_sum(value):.0f} pages open",
+    CONNECTIONS: lambda value: f"connections: {_sum(value):.0f}",
+    PAGES: lambda value: f"pages open: {_sum(value):.0f}",
     MEMORY: lambda value: f"{_sum(value) / 1e6:.0f} MB",
 }
 """How a health line tells each figure, in the order in which it does."""
@@ -102,7 +103,14 @@ def facts_of(figures: Figures) -> dict[str, object]:
     Args:
         figures: The figures.
     """
-    return {figure.name: dict(value) if isinstance(value, Mapping) else value for figure, value in figures.items()}
+    return {figure.name: _as_fact(value) for figure, value in figures.items()}
+
+
+def _as_fact(value: Value) -> object:
+    """A number or numbers as JSON has them: it has none that is not finite."""
+    if isinstance(value, Mapping):
+        return {label: _as_fact(number) for label, number in value.items()}
+    return value if math.isfinite(value) else None
 
 
 class HealthLines:
