@@ -192,7 +192,8 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     mean = summary["mfow_mean_s"]
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"
     warned = ", with warnings" if verdict.warnings else ""
-    _LOG.info(f"verdict {verdict.outcome}{warned}, {mfow}; see {out / 'summary.json'}")
+    tell = _LOG.info if verdict.exit_code == 0 else _LOG.error
+    tell(f"verdict {verdict.outcome}{warned}, {mfow}; see {out / 'summary.json'}")
     for line in verdict.warnings:
         _LOG.warning(f"  warning: {line}")
     for check in verdict.failed:

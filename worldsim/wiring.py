@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Event, Header, JournalWriter, Status, TickRecord
+from patrol.journal.records import standing_after
 from patrol.net.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
 from patrol.net.feed import FOG, TICKS
 from patrol.net.keys import WORLD, FleetKeys
@@ -270,9 +271,8 @@ class Wiring:
                 recorder.event(event)
             notice = progress.event(event)
             to_events(pack_view(notice))
-            self.log.info(
-                " ".join(part for part in (f"tick {event.k}:", notice.robot, f"{event.kind}:", event.detail) if part)
-            )
+            tell = self.log.warning if standing_after(event.kind) in (Status.DEAD, Status.LOST) else self.log.info
+            tell(" ".join(part for part in (f"tick {event.k}:", notice.robot, f"{event.kind}:", event.detail) if part))
 
         return on_tick, on_event
 
