@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from agent.ports import Telemetry
 from patrol.errors import BadInput
 from patrol.process.logs import Log
 from patrol.radio.message import MAX_TIME_MS
@@ -22,13 +23,17 @@ if TYPE_CHECKING:
     from agent.mind import Mind
     from agent.ports import FleetClock, Radio, Robot
     from agent.radios.direct import DirectRadio
+    from patrol.ground.fog import Fog
     from patrol.ground.terrain import Terrain
     from patrol.net.keys import FleetKeys
     from patrol.net.link import Link
     from patrol.net.mailbox import Air
+    from patrol.net.stop_orders import StopOrders
     from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.lifeline import Ending
+    from patrol.process.vitals import Vitals
+    from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec, Scenario
 
 COMPLAIN_S = 10.0
@@ -50,6 +55,11 @@ class Site:
         terrain: The map.
         clock: Waits for the next tick.
         step: s per tick.
+        factor: Seconds of the robot's time in one of ours; 1 but for simulations.
+        fog: What the robot will believe of the fog, to be shown.
+        peers: The other robots heard so far, by number; goes on to change.
+        radii: Of all robots, by number, m.
+        orders: Makes the place where operators' orders to stop wait, for a robot that obeys them.
     """
 
     spec: RobotSpec
@@ -57,6 +67,11 @@ class Site:
     terrain: Terrain
     clock: FleetClock
     step: float
+    factor: float
+    fog: Fog
+    peers: Mapping[int, Peer]
+    radii: Mapping[int, float]
+    orders: Callable[[], StopOrders]
 
 
 def drive(
@@ -88,19 +103,20 @@ def drive(
         Exit code: 1 when the robot's policy has failed, 2 for bad input, 130 when interrupted.
     """
     from patrol.process.lifeline import heed
+    from patrol.scenario import load_scenario
 
     ending = heed(None)
-    where = _Where(None if credentials is None else Path(credentials), router, fleet, radio)
+    where = Where(None if credentials is None else Path(credentials), router, fleet, radio)
     try:
-        return _drive(make, Path(scenario), robot, where, epoch_s, wait_s, ending)
+        return patrol_with(make, load_scenario(Path(scenario)), robot, where, Ticks(epoch_s, wait_s), ending)
     except BadInput as bad:
         Log(robot).error(str(bad))
         return 2
 
 
 @dataclass(frozen=True, slots=True)
-class _Where:
-    """Where the fleet meets, as `drive` was told."""
+class Where:
+    """Where the fleet meets, as `drive` is told."""
 
     credentials: Path | None
     router: str | None
@@ -108,26 +124,56 @@ class _Where:
     radio: str | None
 
 
-def _drive(
+@dataclass(frozen=True, slots=True)
+class Ticks:
+    """From when on ticks are counted.
+
+    Attributes:
+        epoch_s: When tick 0 begins, Unix time in s; None to count on from the first position heard.
+        wait_s: How long to wait for the router and for that position, s.
+        alone_s: How long to listen for one before counting from now, s; None if somebody must be heard.
+    """
+
+    epoch_s: float | None
+    wait_s: float
+    alone_s: float | None = None
+
+
+def patrol_with(
     make: Callable[[Site], Robot],
-    path: Path,
+    scenario: Scenario,
     name: str,
-    where: _Where,
-    epoch_s: float | None,
-    wait_s: float,
+    where: Where,
+    ticks: Ticks,
     ending: Ending,
+    vitals: Vitals | None = None,
 ) -> int:
+    """Let a robot patrol with a fleet until it is asked to leave; a robot that is `Telemetry` too sees all decisions.
+
+    Args:
+        make: Makes the robot.
+        scenario: With ``radio.via: direct`` and the robot in its roster.
+        name: In the roster.
+        where: Where the fleet meets.
+        ticks: From when on ticks are counted.
+        ending: Whether to leave.
+        vitals: Gets the process's figures, if anybody wants them.
+
+    Returns:
+        Exit code: 1 when the robot's policy has failed, 130 when interrupted.
+
+    Raises:
+        BadInput: One line says what is wrong and what to do instead.
+    """
     from patrol.net.keys import check_radio
     from patrol.net.link import open_links
     from patrol.net.roles import Kind
     from patrol.process.lifeline import INTERRUPTED
     from patrol.process.options import meeting, robot_named
-    from patrol.scenario import load_scenario
 
     log = Log(name)
     say = log.info
-    scenario = load_scenario(path)
-    spec = _spec_of(scenario, name, path)
+    spec = _spec_of(scenario, name)
     met = meeting(where, Kind.ROBOT)
     robot_named(name, met.credentials)
     keys = met.keys
@@ -135,16 +181,16 @@ def _drive(
     # Its counts of frames begin anew, so whoever adds them up must not take it for the process before.
     incarnation = int(time.time()) % 2**31
     prepared, mind = _mind_of(scenario, spec.number, incarnation, say)
-    links = open_links(met.router, on_air, wait_s, say, lambda: bool(ending), met.credentials)
+    links = open_links(met.router, on_air, ticks.wait_s, say, lambda: bool(ending), met.credentials)
     if links is None:
         return INTERRUPTED
     link, air = links
-    driver = _Driver(prepared, spec, mind, incarnation, say, ending)
+    driver = _Driver(prepared, spec, mind, incarnation, log, ending, vitals)
     try:
         if link.sees(keys.alive(name)):
             raise BadInput(f"robot {name}: another process is {name} already; end that one, or choose another robot")
         link.live(keys.alive(name))
-        failure = driver.run(make, link, air, keys, epoch_s, wait_s)
+        failure = driver.run(make, link, air, keys, ticks)
     finally:
         air.close()
         link.close()
@@ -177,8 +223,9 @@ class _Driver:
     spec: RobotSpec
     mind: Mind
     incarnation: int
-    say: Callable[[str], None]
+    log: Log
     ending: Ending
+    vitals: Vitals | None
 
     def run(
         self,
@@ -186,38 +233,55 @@ class _Driver:
         link: Link,
         air: Air,
         keys: FleetKeys,
-        epoch_s: float | None,
-        wait_s: float,
+        ticks: Ticks,
     ) -> str | None:
         """Patrol until it is time to leave; how the policy has failed, or None. The robot is stopped in any case."""
         from agent.clock import KeptClock, Skew
-        from agent.mind_loop import TelemetrySender, run_mind
+        from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
         from agent.radios.direct import tune_in
+        from patrol.net.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
 
-        scenario, name = self.prepared.scenario, self.spec.name
+        scenario, name, say = self.prepared.scenario, self.spec.name, self.log.info
         assert scenario.factor is not None  # a direct radio is refused in lockstep
         step_s = scenario.step / scenario.factor
         names = {one.name: one.number for one in scenario.roster}
         clock = LateClock()
         radio = tune_in(air, keys, name, names, clock)
+        epoch_s = ticks.epoch_s
         if epoch_s is None:
-            epoch_s = _listen(radio, step_s, self.mind.facts.key, wait_s, self.say, self.ending)
+            epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, say, self.ending)
         if epoch_s is None:
             return None
-        _check_epoch(epoch_s, time.time(), self.say)
+        _check_epoch(epoch_s, time.time(), say)
         clock.keeper = KeptClock(step_s, epoch_s, time.time, self.ending.wait)
         start = self.prepared.starts[self.spec.number - 1]
-        robot = make(Site(self.spec, start, self.prepared.terrain, clock, scenario.step))
+        site = Site(
+            spec=self.spec,
+            start=start,
+            terrain=self.prepared.terrain,
+            clock=clock,
+            step=scenario.step,
+            factor=scenario.factor,
+            fog=self.mind.belief.fog,
+            peers=self.mind.belief.peers,
+            radii=self.mind.facts.radii,
+            orders=lambda: StopOrders(link, keys, name),
+        )
+        robot = make(site)
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
         skew = Skew({number: other for other, number in names.items() if other != name})
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
-        self.say(f"patrols with fleet {keys.fleet}")
+        told: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
+        if self.vitals is not None:
+            radio.show(self.vitals)
+            told = Both(told, TickFigures(self.mind, self.vitals, self.log))
+        say(f"patrols with fleet {keys.fleet}")
         failure = None
         try:
-            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, self.say), telemetry, limit_s)
+            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, self.log.warning), told, limit_s)
         finally:
             robot.stop(failure or self.ending.reason or "the driver ends")
         telemetry.close()
@@ -274,14 +338,16 @@ class _Watched:
         return heard
 
 
-def _spec_of(scenario: Scenario, name: str, path: Path) -> RobotSpec:
+def _spec_of(scenario: Scenario, name: str) -> RobotSpec:
     if scenario.radio.via != "direct":
-        raise BadInput(f"{path}: radio.via = ether, which only a world carries; set radio: {{via: direct}}")
+        raise BadInput(
+            f"scenario {scenario.name}: radio.via = ether, which only a world carries; set radio: {{via: direct}}"
+        )
     for spec in scenario.roster:
         if spec.name == name:
             return spec
     names = ", ".join(spec.name for spec in scenario.roster[:8])
-    raise BadInput(f"robot {name!r}: no robot of {path}; its first are {names}")
+    raise BadInput(f"robot {name!r}: no robot of scenario {scenario.name}; its first are {names}")
 
 
 def _check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> None:
@@ -297,21 +363,25 @@ def _check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> No
 
 
 def _listen(
-    radio: DirectRadio, step_s: float, key: bytes | None, wait_s: float, say: Callable[[str], None], ending: Ending
+    radio: DirectRadio, step_s: float, key: bytes | None, ticks: Ticks, say: Callable[[str], None], ending: Ending
 ) -> float | None:
     """When tick 0 began, Unix time in s, by the first position heard; None when it is time to leave."""
     from agent.clock import epoch_of
 
     say("listens for a position, to count ticks as the others do")
-    until = time.monotonic() + wait_s
+    began = time.monotonic()
     while not ending:
         frame = radio.overhear(_LISTEN_S)
         epoch_s = None if frame is None else epoch_of(frame, time.time(), step_s, key)
         if epoch_s is not None:
             return epoch_s
-        if time.monotonic() >= until:
+        waited_s = time.monotonic() - began
+        if ticks.alone_s is not None and waited_s >= ticks.alone_s:
+            say("no position was heard, so ticks count from now")
+            return time.time()
+        if waited_s >= ticks.wait_s:
             raise BadInput(
-                f"no position was heard within {wait_s:g} s; check router and fleet, start another robot first, or "
-                "pass epoch_s"
+                f"no position was heard within {ticks.wait_s:g} s; check router and fleet, start another robot first, "
+                "or pass epoch_s"
             )
     return None

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from patrol.exchange import Sensed
 from patrol.pose import Command
@@ -318,6 +318,7 @@ class FleetClock(Protocol):
         ...
 
 
+@runtime_checkable
 class Telemetry(Protocol):
     """Who looks on. Nothing that it does may change a decision."""
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from agent.robots.ros2.options import wanted as is_for_ros2
 from patrol.errors import BadInput
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
@@ -29,6 +31,8 @@ One robot of a fleet whose router and world run elsewhere. {TOGETHER}
 
 The processes may start in any order. With radio.via: direct in the scenario, --radio names the network on which the
 robots hear each other: a multicast group, which needs no router, or a separate router (default: the fleet's router).
+
+A ROS 2 robot is driven with --robot ros2 --connect LOCATOR; python -m agent --robot ros2 --help says how.
 
 Exit codes: 0 the run is over, 1 the robot failed or was left out of the run, 2 bad input, 130 interrupted.
 """
@@ -60,7 +64,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         Exit code.
     """
-    options = _options(arguments)
+    told = sys.argv[1:] if arguments is None else arguments
+    if is_for_ros2(told):
+        from agent.ros2_process import main as drive_ros2
+
+        return drive_ros2(told)
+    options = _options(told)
     log = Log(options.robot or "agent")
     ending = heed(options.lifeline)
     try:
@@ -182,7 +191,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
         raise BadInput(str(failed)) from None
 
 
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser = fleet_parser("agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
     add = parser.add_argument
     add("--robot", metavar="NAME", help="the robot's name in the scenario (default: the credentials')")

@@ -42,7 +42,7 @@ from patrol.net.roles import OPERATOR, RESERVED, WORLD_ROLE, Kind, Role, robot_r
 
 FILE = "fleet.json"
 THE_ROUTER = "router"
-_AUTHORITY = "authority"
+AUTHORITY_FOLDER = "authority"
 _HOST = re.compile(r"[A-Za-z0-9.:_-]{1,253}")
 _LOCAL = ("127.0.0.1", "localhost")
 _SOON_S = 30 * 86400
@@ -101,7 +101,7 @@ class FleetFolder:
         number = self.issued.get(role.user, 0) + 1
         common_name = f"{role.user}.{number}"
         folder.mkdir(mode=0o700)
-        issue(self.path / _AUTHORITY, folder, common_name, days)
+        issue(self.path / AUTHORITY_FOLDER, folder, common_name, days)
         self._write_member(role)
         self.issued[role.user], self.members[role.user] = number, common_name
         self._save()
@@ -138,12 +138,11 @@ class FleetFolder:
             BadInput: A host cannot be one, or openssl fails.
         """
         before = self.router
-        self.hosts = _checked(hosts) or self.hosts
+        self.hosts = checked_hosts(hosts) or self.hosts
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
-        issue(
-            self.path / _AUTHORITY, folder, f"router.{self.fleet[:50]}", days, [*dict.fromkeys([*self.hosts, *_LOCAL])]
-        )
+        names = [*dict.fromkeys([*self.hosts, *_LOCAL])]
+        issue(self.path / AUTHORITY_FOLDER, folder, f"router.{self.fleet[:50]}", days, names)
         if self.router != before:
             for user in self.members:
                 self._write_member(role_of(user, FILE))
@@ -165,7 +164,7 @@ class FleetFolder:
                 yield name, True, "its folder is not here (it may have been moved to its machine)"
                 continue
             try:
-                yield name, *_judge(folder, self.path / _AUTHORITY / CERTIFICATE, common_name, now_s)
+                yield name, *_judge(folder, self.path / AUTHORITY_FOLDER / CERTIFICATE, common_name, now_s)
             except BadInput as bad:
                 yield name, False, str(bad)
 
@@ -173,7 +172,7 @@ class FleetFolder:
         token = self.token if role in (WORLD_ROLE, OPERATOR) else None
         file = self.path / role.name / MEMBER
         if file.parent.is_dir():  # it may have been moved to its machine
-            _replace(file, as_json(Credentials(self.fleet, self.router, role, token=token)))
+            replace_private(file, as_json(Credentials(self.fleet, self.router, role, token=token)))
 
     def _save(self) -> None:
         """Write fleet.json, and the router's rules that follow from it."""
@@ -185,11 +184,11 @@ class FleetFolder:
             "members": self.members,
             "issued": self.issued,
         }
-        _replace(self.path / FILE, f"{json.dumps(says, indent=2)}\n")
+        replace_private(self.path / FILE, f"{json.dumps(says, indent=2)}\n")
         roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
-        _replace(folder / ROUTER, router_json(fleet_keys(self.fleet), self.listen, roles))
+        replace_private(folder / ROUTER, router_json(fleet_keys(self.fleet), self.listen, roles))
 
 
 def make_fleet(
@@ -210,7 +209,7 @@ def make_fleet(
     """
     keys = fleet_keys(fleet)
     roles = [*map(_robot, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
-    made = FleetFolder(path, keys.fleet, _checked(hosts) or [*_LOCAL], port, os.urandom(16).hex())
+    made = FleetFolder(path, keys.fleet, checked_hosts(hosts) or [*_LOCAL], port, os.urandom(16).hex())
     check_locator(made.router, "--host, --port:")
     if path.exists():
         raise BadInput(f"{path}: exists already; to add a member, use: fogwatch fleet add {path} NAME")
@@ -223,7 +222,7 @@ def make_fleet(
     made.path = part
     try:
         write_private(part / ".gitignore", "*\n")  # keys belong into no repository
-        make_authority(part / _AUTHORITY, fleet)
+        make_authority(part / AUTHORITY_FOLDER, fleet)
         made.renew_router(days)
         for role in roles:
             made.add(role, days)
@@ -261,7 +260,7 @@ def open_fleet_folder(path: Path) -> FleetFolder:
     for user in members:
         role_of(user, f"fleet: {path / FILE}")
     keys = fleet_keys(says["fleet"])
-    return FleetFolder(path, keys.fleet, _checked(hosts), says["port"], says["token"], members, issued)
+    return FleetFolder(path, keys.fleet, checked_hosts(hosts), says["port"], says["token"], members, issued)
 
 
 def member_role(name: str) -> Role:
@@ -299,15 +298,28 @@ def _judge(folder: Path, authority: Path, common_name: str, now_s: float) -> tup
     return True, f"valid until {day}{', which is soon' if left_s < _SOON_S else ''}"
 
 
-def _checked(hosts: Sequence[str]) -> list[str]:
+def checked_hosts(hosts: Sequence[str]) -> list[str]:
+    """Names and addresses of a machine, each once.
+
+    Args:
+        hosts: As given.
+
+    Raises:
+        BadInput: One cannot be a name or an address.
+    """
     for host in hosts:
         if not _HOST.fullmatch(host):
             raise BadInput(f"--host {host!r}: not the name or address of a machine; write it as in 192.168.1.10")
     return [*dict.fromkeys(hosts)]
 
 
-def _replace(file: Path, text: str) -> None:
-    """Write a file that only its owner can read, whole or not at all."""
+def replace_private(file: Path, text: str) -> None:
+    """Write a file that only its owner can read, whole or not at all.
+
+    Args:
+        file: The file, which may be there already.
+        text: What it is to hold.
+    """
     part = file.with_name(f".{file.name}.part")
     with suppress(FileNotFoundError):
         part.unlink()

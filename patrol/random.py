@@ -38,6 +38,7 @@ class Purpose(IntEnum):
     UNSTUCK = 10
     POLICY = 11
     STRANGER = 12
+    ODOMETRY = 13
 
 
 def mix(*values: SupportsIndex) -> int:

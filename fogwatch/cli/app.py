@@ -17,12 +17,14 @@ import typer
 from fogwatch.cli import (
     chaos_command,
     control,
+    doctor_command,
     experiment,
     fleet,
     key,
     map_commands,
     page,
     paper,
+    process_commands,
     recording_commands,
     report_commands,
     scenario,
@@ -56,7 +58,9 @@ for group, name, panel in (
     (paper.app, "paper", MANY),
 ):
     app.add_typer(group, name=name, rich_help_panel=panel)
+process_commands.register(app, START)
 command(app, examples=page.MONITOR_EXAMPLES, exit_codes=page.EXIT_CODES, panel=RUNNING)(page.monitor)
+command(app, examples=doctor_command.EXAMPLES, exit_codes=doctor_command.EXIT_CODES, panel=START)(doctor_command.doctor)
 command(app, examples=control.EXAMPLES, exit_codes=control.EXIT_CODES, panel=RUNNING)(control.control)
 command(
     app,

@@ -20,6 +20,9 @@ ORDER = (
     "scenario",
     "key",
     "fleet",
+    "doctor",
+    "agent",
+    "robot-sim",
     "monitor",
     "control",
     "record",
@@ -84,6 +87,7 @@ def command(
     examples: Sequence[str],
     exit_codes: str = "0 done, 2 bad input",
     panel: str | None = None,
+    kind: type[HelpfulCommand] = HelpfulCommand,
 ) -> Callable[[F], F]:
     """Register a function as a command; its docstring is the help text.
 
@@ -93,6 +97,7 @@ def command(
         examples: Command lines that show how the command is used, at least one.
         exit_codes: What its exit codes mean, as in "0 done, 2 bad input".
         panel: The panel that the group's help lists it in.
+        kind: How its arguments are read.
 
     Returns:
         A decorator that returns the function as it is.
@@ -102,7 +107,7 @@ def command(
         title = "Example" if len(examples) == 1 else "Examples"
         lines = [f"{title}:", *(f"  {example}" for example in examples), "", f"Exit codes: {exit_codes}."]
         epilog = "\n".join(lines)
-        helpful = type("Command", (HelpfulCommand,), {"example": examples[0]})
+        helpful = type("Command", (kind,), {"example": examples[0]})
         app.command(name, cls=helpful, help=reflowed(function), epilog=epilog, rich_help_panel=panel)(function)
         return function
 

@@ -24,8 +24,12 @@ EXAMPLES = [
     "fogwatch control RUN heal op1",
     "fogwatch control RUN intruder '[12, 30]'",
     "fogwatch control yards-1/operator pause",
+    "fogwatch control yards-1/operator stop robot1",
+    "fogwatch control tcp/192.168.1.20:7447 stop --fleet patrol",
 ]
 EXIT_CODES = "0 done, 1 refused, 2 bad input, 3 no answer"
+ROBOTS_S = 3.0
+"""How long robots may take to answer an order to stop, s, unless --wait says less."""
 WAIT_S = 15.0
 """How long a world may take to answer: it ends its tick first, and starts the robots that the request needs."""
 
@@ -43,24 +47,41 @@ VALUES = {
 
 def control(
     run: Annotated[
-        Path, typer.Argument(metavar="RUN", help="Folder of a running fleet, or an operator's credentials.")
+        Path,
+        typer.Argument(
+            metavar="RUN",
+            help="Folder of a running fleet, an operator's credentials, or to stop robots a router's address.",
+        ),
     ],
-    do: Annotated[str, typer.Argument(metavar="WHAT", help="pause, go, step, pace, fault, heal or intruder.")],
+    do: Annotated[
+        str,
+        typer.Argument(metavar="WHAT", help="pause, go, step, pace, fault, heal or intruder; stop or release robots."),
+    ],
     value: Annotated[
         str | None,
         typer.Argument(
             metavar="[VALUE]",
             help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the fault's id; "
-            "intruder: its place as [X, Y] in m.",
+            "intruder: its place as [X, Y] in m; stop, release: the robot (default: all robots).",
         ),
     ] = None,
     wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer, in s.")] = WAIT_S,
+    fleet: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The fleet's name, where RUN is a router's address.")
+    ] = None,
 ) -> int:
     """Control a running fleet: pause, resume or step it, change its pace, inject and heal faults, add an intruder.
 
     The request is carried out between two ticks and recorded in the journal and in timeline.yaml. RUN stands for the
     run's folder, such as runs/yards-20260101-120000.
+
+    Robots that no world simulates, such as ROS 2 robots, can be told to stop, and to be released. They answer
+    themselves; one that is stopped stands until whoever stopped it releases it.
     """
+    if do in {"stop", "release"}:
+        return _stop(run, do, value, fleet, wait)
+    if fleet is not None:
+        raise BadInput(f"--fleet {fleet}: is for stop and release; leave the option out")
     asked = control_of(do, value)
     from patrol.net.access import read_access
     from patrol.net.control_auth import ControlClient, Unanswered
@@ -86,6 +107,39 @@ def control(
         typer.echo(f"fogwatch: {operated.warning}", err=True)
     typer.echo(operated.answer.text, err=not operated.answer.done)
     return 0 if operated.answer.done else REFUSED
+
+
+def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float) -> int:
+    """Ask robots to stop, or release them; the exit code."""
+    from patrol.net.access import read_access
+    from patrol.net.keys import check_locator, fleet_keys
+    from patrol.net.link import LinkDown, open_link
+    from patrol.net.roles import robot_role
+    from patrol.net.stop_orders import Order, ask_robots
+
+    credentials = None
+    if fleet is not None:
+        router, keys = check_locator(str(run), "RUN"), fleet_keys(fleet)
+    else:
+        access = read_access(run, str(run))
+        router, keys, credentials = access.router, fleet_keys(access.fleet), access.credentials
+    whom = None if robot is None else robot_role(robot).robot
+    try:
+        link = open_link(router, wait, credentials=credentials)
+    except LinkDown as down:
+        raise BadInput(f"{run}: {down}; is the fleet still running?") from None
+    answered = 0
+    try:
+        for answer in ask_robots(link, keys, whom, Order(do), min(wait, ROBOTS_S)):
+            typer.echo(answer)
+            answered += 1
+    finally:
+        link.close()
+    if not answered:
+        who = "no robot" if robot is None else robot
+        typer.echo(f"fogwatch: {who} of fleet {keys.fleet} has answered; use another way to stop it", err=True)
+        return UNANSWERED
+    return 0
 
 
 def control_of(do: str, value: str | None) -> dict[str, Any]:

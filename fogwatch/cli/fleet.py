@@ -17,6 +17,8 @@ WRONG = 1
 DAYS = 365
 LONGEST_DAYS = 3650
 PORT = 7447
+ROBOT_PORT = 7448
+"""Beside the port of the robot's own programs."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the fleet.")]
 Days = Annotated[int, typer.Option(metavar="N", help="How long certificates are valid, in days.")]
@@ -97,6 +99,54 @@ def revoke(
     other = {Kind.WORLD: "operator", Kind.OPERATOR: "world"}.get(role.kind)
     also = f"; there is a new token, so copy {folder / other} to its machine again" if other else ""
     typer.echo(f"{member}: revoked; {_RESTART.format(folder / THE_ROUTER)}{also}")
+
+
+@command(
+    app,
+    "robot-router",
+    examples=["fogwatch fleet robot-router yards-1 r1 --namespace robot1 --host 192.168.1.20 --place /etc/fogwatch"],
+)
+def robot_router(
+    folder: Folder,
+    robot: Annotated[str, typer.Argument(metavar="NAME", help="The robot of the fleet whose agent drives it.")],
+    namespace: Annotated[str, typer.Option(metavar="NAME", help="The ROS 2 robot's namespace (default: none).")] = "",
+    domain: Annotated[int, typer.Option(metavar="N", help="Its ROS_DOMAIN_ID.")] = 0,
+    form: Annotated[
+        str, typer.Option("--format", metavar="NAME", help="What it speaks: rmw_zenoh, rmw_zenoh-humble or bridge.")
+    ] = "rmw_zenoh",
+    command_topic: Annotated[
+        list[str] | None,
+        typer.Option("--command", metavar="TOPIC", help="Topic that drives it (default: cmd_vel, ackermann_cmd)."),
+    ] = None,
+    host: Hosts = None,
+    port: Annotated[int, typer.Option(metavar="N", help="TCP port for the fleet's members.")] = ROBOT_PORT,
+    place: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the folder will lie on the robot (default: where it is).")
+    ] = None,
+    days: Days = DAYS,
+) -> None:
+    """Make the configuration of a ROS 2 robot's Zenoh router, so that only its agent can drive it over the network.
+
+    The robot's own programs connect as before, over loopback. Members of the fleet come over TLS with certificates: the
+    robot's agent may command it, a viewer may look. Nobody else is let in.
+    """
+    from fogwatch.fleet_folder import open_fleet_folder
+    from fogwatch.robot_router import FILE, make_robot_router
+    from patrol.ros2.access import COMMANDS
+    from patrol.ros2.formats import format_named
+    from patrol.ros2.names import check_domain, check_name
+
+    _check_days(days)
+    check_name(namespace, "--namespace")
+    spoken = format_named(form, check_domain(domain, "--domain"), "--format")
+    topics = [check_name(topic, "--command") for topic in command_topic or COMMANDS]
+    fleet = open_fleet_folder(folder)
+    made = make_robot_router(fleet, robot, spoken, namespace, host or [], port, place, days, commands=topics)
+    lies = made if place is None else place
+    typer.echo(
+        f"{made}: copy it to the robot as {lies}, and start its router with ZENOH_ROUTER_CONFIG_URI={lies / FILE}; its "
+        f"agent then connects with --connect tls/{(host or ['127.0.0.1'])[0]}:{port} --credentials {folder / robot}"
+    )
 
 
 @command(app, examples=["fogwatch fleet check yards-1"], exit_codes="0 all is well, 1 something is wrong, 2 bad input")

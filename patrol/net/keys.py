@@ -5,6 +5,7 @@
     fogwatch/<fleet>/telemetry/<robot>           what a robot decided, for observers; agents never read it
     fogwatch/<fleet>/truth/<topic>               what the world knows, for observers; may be dropped
     fogwatch/<fleet>/control/<what>              what an operator asks of the world
+    fogwatch/<fleet>/stop/<robot>                what an operator asks of a robot that no world carries
     fogwatch/<fleet>/alive/<robot>               liveliness tokens
 
 A robot's name has no dot (`patrol.scenario.load`), so that `WORLD` can never be one.
@@ -83,6 +84,14 @@ class FleetKeys:
             what: such as `patrol.scenario.controls.ASK`.
         """
         return f"{ROOT}/{self.fleet}/control/{what}"
+
+    def stop(self, robot: str) -> str:
+        """Key of an operator's orders to stop, which the robot answers.
+
+        Args:
+            robot: its name, or ``*`` for all robots.
+        """
+        return f"{ROOT}/{self.fleet}/stop/{robot}"
 
     def alive(self, who: str) -> str:
         """Key of a liveliness token.

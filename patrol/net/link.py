@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import zenoh
@@ -170,6 +171,16 @@ class Link:
         """
         return any(reply.ok is not None for reply in self._session.liveliness().get(key, timeout=SEE_S))
 
+    def seen(self, key: str, most: int) -> list[str]:
+        """The keys of liveliness tokens that somebody holds now.
+
+        Args:
+            key: a key expression.
+            most: how many are of interest.
+        """
+        replies = self._session.liveliness().get(key, timeout=SEE_S)
+        return [str(reply.ok.key_expr) for reply in islice(replies, most) if reply.ok is not None]
+
     def attend(self, key: str, longest: int, mailbox: Mailbox[Question]) -> None:
         """Put queries into a mailbox, to be answered later.
 
@@ -279,7 +290,7 @@ def open_link(
     Raises:
         LinkDown: when no router has answered after `wait_s`, or `stopped` says so.
     """
-    return _open(client_settings(router, LEASE_S, credentials), router, wait_s, waiting, stopped)
+    return Link(open_session(client_settings(router, LEASE_S, credentials), router, wait_s, waiting, stopped))
 
 
 def open_links(
@@ -330,7 +341,7 @@ def open_links(
             return link, open_group(radio)
         # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
         settings = client_settings(radio, RADIO_LEASE_S, credentials)
-        return link, _open(settings, radio, wait_s, waiting_for(radio), stopped)
+        return link, Link(open_session(settings, radio, wait_s, waiting_for(radio), stopped))
     except (LinkDown, GroupDown) as down:
         link.close()
         if stopped():
@@ -338,13 +349,14 @@ def open_links(
         raise BadInput(f"--radio {radio}: {down}") from None
 
 
-def _open(
+def open_session(
     settings: Mapping[str, object],
     router: str,
     wait_s: float,
     waiting: Callable[[float], None],
     stopped: Callable[[], bool],
-) -> Link:
+) -> zenoh.Session:
+    """A session with a router, for who needs more of Zenoh than a `Link`; otherwise as `open_link`."""
     box: list[zenoh.Session | Exception] = []
     done = threading.Event()
 
@@ -370,7 +382,7 @@ def _open(
     opened = box[0]
     if isinstance(opened, Exception):
         raise LinkDown(f"cannot reach a router at {router} ({_first_line(opened)})")
-    return Link(opened)
+    return opened
 
 
 def _listens(router: str) -> bool:

@@ -1,9 +1,10 @@
 """Who may do what at a fleet's router: the roles, and the router's access rules that follow from them.
 
-    robot     the simulated body's phases, its own position and telemetry, nothing in another robot's name
+    robot     the simulated body's phases, its own position and telemetry, answers to orders to stop, nothing in another
+              robot's name
     world     phases to all robots, the truth, answers to viewers and operators
     viewer    reads what is meant for observers, and asks the world for the fog so far
-    operator  a viewer that may also ask the world for something
+    operator  a viewer that may also ask the world for something, and robots to stop
 
 A router denies everything that no rule allows. A fleet's name and a robot's name hold none of the characters that mean
 something in a key expression (``*``, ``$``, ``#``, ``?``, ``/``), so a rule for one name never covers another.
@@ -127,6 +128,8 @@ class Rights:
         answer: It may answer queries of.
         announce: Liveliness tokens that it may declare.
         watch: Liveliness tokens that it may see.
+        reply: Keys of its answers, where they are others than those of the questions.
+        answered: Keys of the answers that it may get, where they are others than those of its questions.
     """
 
     publish: tuple[str, ...] = ()
@@ -135,6 +138,8 @@ class Rights:
     answer: tuple[str, ...] = ()
     announce: tuple[str, ...] = ()
     watch: tuple[str, ...] = ()
+    reply: tuple[str, ...] = ()
+    answered: tuple[str, ...] = ()
 
 
 def rights_of(role: Role, keys: FleetKeys) -> Rights:
@@ -154,6 +159,7 @@ def rights_of(role: Role, keys: FleetKeys) -> Rights:
             return Rights(
                 publish=(keys.reply(own), keys.position(own), keys.telemetry(own)),
                 hear=(keys.tick(own), keys.position("*")),
+                answer=(keys.stop(own),),
                 announce=(keys.alive(own),),
                 watch=(keys.alive(WORLD), keys.alive(own)),
             )
@@ -168,7 +174,7 @@ def rights_of(role: Role, keys: FleetKeys) -> Rights:
         case Kind.VIEWER | Kind.OPERATOR:
             return Rights(
                 hear=(keys.truth("*"), keys.position("*"), keys.telemetry("*")),
-                ask=(keys.truth("*"), *([keys.control("*")] if role.kind is Kind.OPERATOR else [])),
+                ask=(keys.truth("*"), *([keys.control("*"), keys.stop("*")] if role.kind is Kind.OPERATOR else [])),
                 watch=everyone,
             )
 
@@ -187,7 +193,7 @@ def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) 
     rules: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
     for name, role in members.items():
-        own = _rules(name, rights_of(role, keys), keys)
+        own = rules_of(name, rights_of(role, keys), (keys.anything,))
         rules += own
         policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
     return {
@@ -199,16 +205,25 @@ def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) 
     }
 
 
-def _rules(name: str, rights: Rights, keys: FleetKeys) -> list[dict[str, Any]]:
-    """The rules of one member. Ingress is what it sends to the router, egress what the router sends to it."""
-    anything = (keys.anything,)
+def rules_of(name: str, rights: Rights, anything: tuple[str, ...]) -> list[dict[str, Any]]:
+    """The rules of one member. Ingress is what it sends to the router, egress what the router sends to it.
+
+    Args:
+        name: What its rules are called after.
+        rights: What it may do.
+        anything: Key expressions of everything that others may want of it or offer it.
+
+    Returns:
+        The rules, as Zenoh's configuration takes them.
+    """
     wanted = (
         ("publish", "ingress", ("put",), rights.publish),
         ("subscribe", "ingress", ("declare_subscriber",), rights.hear),
         ("hear", "egress", ("put",), rights.hear),
         ("ask", "ingress", ("query",), rights.ask),
-        ("be-answered", "egress", ("reply",), rights.ask),
+        ("be-answered", "egress", ("reply",), (*rights.ask, *rights.answered)),
         ("offer", "ingress", ("declare_queryable", "reply"), rights.answer),
+        ("reply", "ingress", ("reply",), rights.reply),
         ("be-asked", "egress", ("query",), rights.answer),
         ("announce", "ingress", ("liveliness_token",), rights.announce),
         ("watch", "ingress", ("declare_liveliness_subscriber", "liveliness_query"), rights.watch),

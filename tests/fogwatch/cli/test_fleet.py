@@ -181,3 +181,41 @@ def test_without_openssl_people_are_told(
     assert "the command openssl is missing; install it" in capsys.readouterr().err
     assert not Path("new").exists()
     assert not list(Path.cwd().iterdir())
+
+
+def test_a_ros_robot_s_router_lets_in_its_agent_and_viewers(
+    made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--namespace", "robot1", "--domain", "5", "--host", "192.0.2.20", "--place", "/etc/fogwatch/r1-router"]
+    assert fogwatch("fleet", "robot-router", str(made), "r1", *options) == 0
+    said = capsys.readouterr().out
+    assert "ZENOH_ROUTER_CONFIG_URI=/etc/fogwatch/r1-router/zenoh.json5" in said
+    assert f"--connect tls/192.0.2.20:7448 --credentials {made / 'r1'}" in said
+    config = json.loads((made / "r1-router" / "zenoh.json5").read_text(encoding="utf-8"))
+    assert config["listen"]["endpoints"] == ["tcp/127.0.0.1:7447", "tls/0.0.0.0:7448"]
+    subjects = config["access_control"]["subjects"]
+    assert [one["id"] for one in subjects] == ["this machine", "robot-r1.1", "viewer.1"]
+    assert any("5/robot1/cmd_vel/*/*" in rule["key_exprs"] for rule in config["access_control"]["rules"])
+    assert facts(made / "r1-router" / "certificate.pem").common_name == "r1-router.yards-1"
+    assert fogwatch("fleet", "check", str(made)) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["r9"], "r9: is no robot of yards-1"),
+        (["world"], "world: is no robot of yards-1"),
+        (["r1", "--namespace", "a b"], "--namespace 'a b': not a name in ROS"),
+        (["r1", "--domain", "300"], "--domain 300: not a domain of ROS 2"),
+        (["r1", "--format", "dds"], "--format 'dds': no such format; known are rmw_zenoh, rmw_zenoh-humble, bridge"),
+        (["r1", "--command", "*"], "--command '*': not a name in ROS"),
+        (["r1", "--host", "a/b"], "--host 'a/b': not the name or address of a machine"),
+        (["r1", "--port", "99999"], "not a router's address"),
+    ],
+)
+def test_a_ros_robot_s_router_needs_what_can_be(
+    arguments: list[str], words: str, made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch("fleet", "robot-router", str(made), *arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line

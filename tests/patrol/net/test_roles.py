@@ -32,14 +32,14 @@ def test_each_role_may_do_what_its_process_does_and_no_more() -> None:
     assert robot.publish == ("fogwatch/f/robot/r1/reply", "fogwatch/f/position/r1", "fogwatch/f/telemetry/r1")
     assert robot.hear == ("fogwatch/f/robot/r1/tick", "fogwatch/f/position/*")
     assert robot.announce == ("fogwatch/f/alive/r1",)
-    assert (robot.ask, robot.answer) == ((), ())
+    assert (robot.ask, robot.answer) == ((), ("fogwatch/f/stop/r1",))
     world = rights_of(WORLD_ROLE, KEYS)
     assert world.publish == ("fogwatch/f/robot/*/tick", "fogwatch/f/truth/*")
     assert world.ask == ()
     viewer, operator = rights_of(VIEWER, KEYS), rights_of(OPERATOR, KEYS)
     assert (viewer.publish, viewer.answer, viewer.announce) == ((), (), ())
     assert (operator.publish, operator.answer, operator.announce) == ((), (), ())
-    assert set(operator.ask) - set(viewer.ask) == {"fogwatch/f/control/*"}
+    assert set(operator.ask) - set(viewer.ask) == {"fogwatch/f/control/*", "fogwatch/f/stop/*"}
 
 
 @given(st.lists(NAMES, max_size=5, unique=True))

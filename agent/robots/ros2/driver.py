@@ -1,0 +1,216 @@
+"""A ROS 2 robot as a mind's body (`agent.ports.Robot`).
+
+The mind decides once a tick. Between its decisions a thread hears the robot and tells it what is safe, many times a
+tick. So the robot stands soon after its odometry, its mind or its radio link has died; when this process dies, the
+robot's own watchdog is the last line.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Event, Lock, Thread
+
+from agent.ports import Decision, FleetClock, Telemetry
+from agent.robots.ros2.hardware import Hardware
+from agent.robots.ros2.localisation import Fix
+from agent.robots.ros2.steering import Place, Steering
+from patrol.exchange import Sensed
+from patrol.net.phases import PHASE_B_SHARE
+from patrol.net.stop_orders import Order, StopOrders
+from patrol.pose import Command
+
+SAY_AFTER_S = 1.0
+"""How long a robot has to stand for a reason before it is said, s."""
+LONGEST_CYCLE_S = 0.25
+"""The longest time between two commands over which a speed may change, s: who was late does not jump."""
+_JOIN_S = 1.0
+_OPERATOR = "an operator"
+_LOCK_S = 0.2
+
+
+class Failed(Exception):
+    """The thread that drives has failed, so the robot was stopped for good."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How a robot's time is divided.
+
+    Attributes:
+        step: A tick, s of the robot's time.
+        factor: Seconds of the robot's time in one of ours.
+        rate_hz: Commands in a second of the robot's time.
+    """
+
+    step: float
+    factor: float
+    rate_hz: float
+
+
+class Ros2Robot:
+    """Drives a robot.
+
+    Args:
+        hardware: Hears it.
+        steering: Moves it.
+        clock: Says when a tick begins.
+        pace: How its time is divided.
+        onlooker: Told of every decision, too.
+        orders: What operators ask; None if there are none.
+        say: Prints a line.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        steering: Steering,
+        clock: FleetClock,
+        pace: Pace,
+        onlooker: Telemetry | None,
+        orders: StopOrders | None,
+        say: Callable[[str], None],
+    ) -> None:
+        self._hardware = hardware
+        self._steering = steering
+        self._clock = clock
+        self._pace = pace
+        self._onlooker = onlooker
+        self._orders = orders
+        self._say = Sayer(say)
+        self._goal: Place | None = None
+        self._lock = Lock()
+        self._over = Event()
+        self._failed = ""
+        self._cycled_s = time.monotonic()
+        self._thread = Thread(target=self._drive, name="drive", daemon=True)
+
+    def start(self) -> Ros2Robot:
+        """Begin to drive; itself."""
+        if self._orders is not None:
+            self._orders.obey(self._carry_out)
+        self._thread.start()
+        return self
+
+    @property
+    def driving(self) -> bool:
+        """Whether its thread drives."""
+        return self._thread.is_alive()
+
+    def sense(self) -> Sensed | None:
+        """Wait for the next tick in which it is known where the robot is; None when it is time to leave.
+
+        Raises:
+            Failed: The robot can no longer be driven.
+        """
+        while (k := self._clock.tick()) is not None:
+            if self._failed:
+                raise Failed(self._failed)
+            with self._lock:
+                fix = self._hardware.fix()
+                if fix is None:
+                    continue
+                # The command that is decided on now begins to act only then.
+                pose = self._steering.ahead(fix, PHASE_B_SHARE * self._pace.step)
+                bumped = self._steering.blocked(fix.pose) and not self._hardware.stops
+            return Sensed(k, pose, bumped, clock_s=k * self._pace.step)
+        return None
+
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """A decision has been taken (`agent.ports.Telemetry`)."""
+        self._goal = decision.goal
+        if self._onlooker is not None:
+            self._onlooker.report(sensed, decision, decision_ms)
+
+    def act(self, command: Command) -> None:
+        """Obey for one step."""
+        now_s = self._hardware.time.now()
+        if now_s is not None:
+            with self._lock:
+                self._steering.want(command, self._goal, now_s)
+
+    def stop(self, reason: str) -> None:
+        """Stop for good."""
+        if self._over.is_set():
+            return
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join(_JOIN_S)
+        self._halt()
+        self._say.now(f"stopped for good: {reason}")
+
+    def cycle(self) -> Fix | None:
+        """Hear the robot and tell it what is safe, once; where it is."""
+        with self._lock:
+            moment_s = time.monotonic()
+            since_s = min((moment_s - self._cycled_s) * self._pace.factor, LONGEST_CYCLE_S)
+            self._cycled_s = moment_s
+            fix = self._hardware.fix()
+            now_s = self._hardware.time.now()
+            stopped = self._hardware.stops.why
+            why = self._steering.step(fix, 0.0 if now_s is None else now_s, since_s, stopped)
+        if fix is None and not stopped:
+            why = self._hardware.why
+        self._say.state(why if stopped or fix is None else "", moment_s)
+        return fix
+
+    def _carry_out(self, order: Order) -> str:
+        """Do what an operator asks; what to answer."""
+        stops = self._hardware.stops
+        if order is Order.STOP:
+            stops.hold(_OPERATOR, "fogwatch control ... release")
+            self._say.now("stopped by an operator")
+        elif stops.release(_OPERATOR):
+            self._say.now("released by an operator")
+        return stops.why or "not stopped"
+
+    def _drive(self) -> None:
+        period_s = 1.0 / (self._pace.rate_hz * self._pace.factor)
+        due_s = time.monotonic()
+        try:
+            while not self._over.wait(max(0.0, due_s - time.monotonic())):
+                self.cycle()
+                due_s = max(due_s + period_s, time.monotonic())
+        except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stand, and the mind must know
+            traceback.print_exc()
+            self._failed = f"the driver failed: {type(error).__name__}: {error}"
+        finally:
+            self._halt()
+
+    def _halt(self) -> None:
+        """Zero velocity, after whatever is being sent; also if whoever sends it hangs."""
+        locked = self._lock.acquire(timeout=_LOCK_S)
+        try:
+            self._steering.halt()
+        finally:
+            if locked:
+                self._lock.release()
+
+
+class Sayer:
+    """Says why a robot stands, once, when it has stood for a while; and when it drives again."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self.now = say
+        self._since_s: float | None = None
+        self._said = False
+
+    def state(self, why: str, moment_s: float) -> None:
+        """How it is.
+
+        Args:
+            why: Why it stands; empty if it does not.
+            moment_s: When, s.
+        """
+        if not why:
+            if self._said:
+                self.now("drives again")
+            self._since_s, self._said = None, False
+            return
+        if self._since_s is None:
+            self._since_s = moment_s
+        if not self._said and moment_s - self._since_s >= SAY_AFTER_S:
+            self.now(f"stands: {why}")
+            self._said = True

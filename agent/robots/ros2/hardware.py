@@ -1,0 +1,146 @@
+"""The robot's side of a link: what it says of itself, its time, and who stops it. Nothing here moves it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+from agent.robots.ros2.localisation import Fix, Localisation
+from agent.robots.ros2.settings import DriveSettings
+from agent.robots.ros2.stops import Stops
+from patrol.ros2.mailbox import RosMailbox
+from patrol.ros2.messages import Bool, Clock, Odometry, PoseWithCovarianceStamped, TFMessage
+from patrol.ros2.names import LATCHED, SENSOR, USUAL
+from patrol.ros2.ports import Ros2Link
+
+_ROOM = 64
+_STOPPER = "the topic {}"
+
+
+class RobotTime:
+    """What time it is for the robot: the system's clock, or the clock of a simulation.
+
+    Args:
+        factor: Seconds of the robot's time in one of ours.
+        clock: Where the time of a simulation arrives; None for the system's clock.
+        fresh_s: How long ago that may have been, s of ours.
+    """
+
+    def __init__(self, factor: float, clock: RosMailbox[Clock] | None, fresh_s: float) -> None:
+        self._factor = factor
+        self._clock = clock
+        self._fresh_s = fresh_s
+
+    def at(self, moment_s: float) -> float | None:
+        """The robot's time, s since its epoch; None while nobody knows.
+
+        Args:
+            moment_s: When, by `time.monotonic`.
+        """
+        if self._clock is None:
+            return time.time() - (time.monotonic() - moment_s)
+        told = self._clock.newest
+        if told is None or moment_s - told.at_s > self._fresh_s:
+            return None
+        return told.message.stamp_ns / 1e9 + self._factor * (moment_s - told.at_s)
+
+    def now(self) -> float | None:
+        """The robot's time now, s since its epoch."""
+        return self.at(time.monotonic())
+
+
+class Hardware:
+    """Hears the robot.
+
+    Attributes:
+        link: To the robot.
+        settings: As given.
+        time: The robot's.
+        stops: Who has stopped it.
+
+    Args:
+        link: To the robot.
+        settings: How it is spoken to.
+        factor: Seconds of the robot's time in one of ours; 1 but for simulations.
+        say: Prints a line.
+    """
+
+    def __init__(self, link: Ros2Link, settings: DriveSettings, factor: float, say: Callable[[str], None]) -> None:
+        self.link = link
+        self.settings = settings
+        self.stops = Stops()
+        self._say = say
+        fresh_s = settings.localisation.fresh_s / factor
+        clock: RosMailbox[Clock] | None = RosMailbox() if settings.sim_time else None
+        self.time = RobotTime(factor, clock, fresh_s)
+        self._localisation = Localisation(settings.localisation)
+        self._odometry: RosMailbox[Odometry] = RosMailbox(_ROOM)
+        self._tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._root_tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._root_tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._poses: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
+        self._stop: RosMailbox[Bool] = RosMailbox(_ROOM)
+        topic = settings.topic
+        if clock is not None:
+            link.subscribe(topic("clock"), Clock, clock, SENSOR)
+        link.subscribe(topic("stop"), Bool, self._stop, LATCHED)
+        link.subscribe(topic("tf_static"), TFMessage, self._tf_static, LATCHED)
+        link.subscribe(topic("tf"), TFMessage, self._tf, USUAL)
+        for usual, mailbox, qos in (("tf", self._root_tf, USUAL), ("tf_static", self._root_tf_static, LATCHED)):
+            # ROS says transforms outside of every namespace, unless a launch file moves them into the robot's.
+            if topic(usual) == usual and link.resolve(usual) != f"/{usual}":
+                link.subscribe(f"/{usual}", TFMessage, mailbox, qos)
+        link.subscribe(topic("amcl_pose"), PoseWithCovarianceStamped, self._poses, LATCHED)
+        link.subscribe(topic("odom"), Odometry, self._odometry, SENSOR)
+
+    @property
+    def why(self) -> str:
+        """Why nobody knows where the robot is, in one line; empty if somebody does."""
+        if self.time.now() is None:
+            return f"no time on {self.settings.topic('clock')}; leave --use-sim-time out, or start the simulation"
+        refused = [*self._odometry.said.values(), *self._tf.said.values(), *self._poses.said.values()]
+        found = self._localisation.why
+        return f"{found} ({refused[0]})" if found and refused else found
+
+    def fix(self) -> Fix | None:
+        """Where the robot is now, after what has arrived; None if nobody knows. From one thread at a time."""
+        self._heed_stops()
+        now_s = self.time.now()
+        if now_s is None:
+            return None
+        while (odometry := self._odometry.take()) is not None:
+            self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s))
+        for mailbox, fixed in self._transforms():
+            while (said := mailbox.take()) is not None:
+                self._localisation.transforms(said.message, self._arrival(said.at_s, now_s), fixed=fixed)
+        while (pose := self._poses.take()) is not None:
+            self._localisation.localised(pose.message, self._arrival(pose.at_s, now_s))
+        return self._localisation.at(now_s)
+
+    def stamp_ns(self) -> int:
+        """The stamp of a message that is sent now; 0 while nobody knows the time."""
+        now_s = self.time.now()
+        return 0 if now_s is None else max(0, int(now_s * 1e9))
+
+    def _transforms(self) -> Iterator[tuple[RosMailbox[TFMessage], bool]]:
+        """Where transforms wait, and whether they hold for ever; those of the robot's own namespace go first.
+
+        Outside of it they count only as long as there are none inside: other robots may use the same names there.
+        """
+        yield (self._tf_static if self._tf_static.received else self._root_tf_static), True
+        yield (self._tf if self._tf.received else self._root_tf), False
+
+    def _arrival(self, at_s: float, now_s: float) -> float:
+        """When something arrived, s of the robot's time."""
+        then_s = self.time.at(at_s)
+        return now_s if then_s is None else min(then_s, now_s)
+
+    def _heed_stops(self) -> None:
+        topic = self.link.resolve(self.settings.topic("stop"))
+        who = _STOPPER.format(topic)
+        while (stop := self._stop.take()) is not None:
+            if stop.message.data and self.stops.hold(who, f"publish false on {topic} to release it"):
+                self._say(f"stopped by {who}")
+            elif not stop.message.data and self.stops.release(who):
+                self._say(f"released by {who}")

@@ -1,0 +1,264 @@
+"""Where the robot is on the map now: its odometry, corrected by its localisation, and brought up to this moment.
+
+Odometry is smooth and frequent, but drifts. A localisation corrects it now and then: by the transform of the odometry's
+frame in the map's, which AMCL, slam_toolbox and Cartographer publish on ``tf``, or by poses such as ``amcl_pose``.
+All times are the robot's, in s. Without a fresh pose there is none: nothing is guessed for longer than `LONGEST_S`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from patrol.pose import Pose
+from patrol.ros2.frames import composed, inverted, travelled
+
+if TYPE_CHECKING:
+    from patrol.ros2.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Twist
+
+LONGEST_S = 0.5
+"""The longest time over which a pose is carried on by its velocity, s."""
+
+AHEAD_S = 0.1
+"""How far a stamp may be ahead of the robot's time, s: clocks on two machines never agree quite."""
+
+CORRECTION_S = 5.0
+"""How old the newest transform from map to odometry may be, s. AMCL repeats it with every scan."""
+
+CORRECTED_M = 10.0
+"""How far a robot may drive on its odometry after the last pose of its localisation, m. AMCL sends one after each 0.2 m
+or so, and none to a robot that stands."""
+
+MATCH_S = 0.2
+"""How far in time the odometry that a pose is held against may be from it, s."""
+
+_REMEMBERED = 256
+_STANDS = 0.02
+"""A robot stands whose speed and turn rate add up to less than this, in m/s and rad/s: odometry is noisy."""
+_MOST_CHILDREN = 16
+
+
+class Source(StrEnum):
+    """What corrects the odometry."""
+
+    TF = "tf"
+    POSE = "pose"
+    ODOMETRY = "odometry"
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """Where the robot is.
+
+    Attributes:
+        pose: On the map, now.
+        twist: Its velocity as its odometry says, in its own frame.
+        age_s: How old the odometry is that the pose is carried on from, s.
+    """
+
+    pose: Pose
+    twist: Twist
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Odometry:
+    stamp_s: float
+    arrived_s: float
+    pose: Pose
+    twist: Twist
+    driven_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Correction:
+    """Where the odometry's frame is on the map."""
+
+    pose: Pose
+    arrived_s: float
+    driven_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LocalisationSettings:
+    """How a robot is found on the map.
+
+    Attributes:
+        source: What corrects its odometry.
+        map_frame: Name of the map's frame.
+        start: Where it is on the map when its first odometry comes, if nothing corrects that.
+        fresh_s: How long ago the newest odometry may have arrived, s.
+        delay_s: How old odometry is when it arrives, s; None to go by its stamps.
+    """
+
+    source: Source = Source.TF
+    map_frame: str = "map"
+    start: Pose | None = None
+    fresh_s: float = 0.3
+    delay_s: float | None = None
+
+
+class Localisation:
+    """Puts together where the robot is.
+
+    Attributes:
+        why: Why there is no pose, in one line with the remedy; empty if there is one.
+
+    Args:
+        settings: How.
+    """
+
+    def __init__(self, settings: LocalisationSettings) -> None:
+        self.why = "no odometry has come"
+        self._settings = settings
+        self._odometry: deque[_Odometry] = deque(maxlen=_REMEMBERED)
+        self._frame = ""
+        self._fixed: dict[str, _Correction] = {}
+        self._moving: dict[str, _Correction] = {}
+        self._posed: _Correction | None = None
+        self._begun: _Correction | None = None
+        self._early: PoseWithCovarianceStamped | None = None
+
+    @property
+    def frames(self) -> Mapping[str, float]:
+        """The frames that transforms on the map lead to, each with the time of its newest transform, s."""
+        return MappingProxyType({name: one.arrived_s for name, one in {**self._fixed, **self._moving}.items()})
+
+    def odometry(self, message: Odometry, arrived_s: float) -> None:
+        """Take in odometry. An older one than the last is left out while that is fresh.
+
+        Args:
+            message: The odometry.
+            arrived_s: When it arrived, s.
+        """
+        stamp_s = message.stamp_ns / 1e9
+        last = self._odometry[-1] if self._odometry else None
+        if last is not None and (message.frame != self._frame or arrived_s - last.arrived_s > self._settings.fresh_s):
+            self._odometry.clear()  # a robot that was silent may have been restarted, and counts from somewhere else
+            self._posed = self._posed if message.frame == self._frame else None
+        elif last is not None and stamp_s <= last.stamp_s:
+            return
+        driven = 0.0
+        if last is not None:  # by its velocity, since the noise of poses adds up
+            lapsed_s = min(max(0.0, arrived_s - last.arrived_s), LONGEST_S)
+            driven = last.driven_m + math.hypot(message.twist.vx, message.twist.vy) * lapsed_s
+        self._frame = message.frame
+        self._odometry.append(_Odometry(stamp_s, arrived_s, message.pose, message.twist, driven))
+        if self._begun is None and self._settings.start is not None:
+            self._begun = _Correction(composed(self._settings.start, inverted(message.pose)), arrived_s, driven)
+        if self._early is not None:
+            early, self._early = self._early, None
+            self.localised(early, arrived_s)
+
+    def transforms(self, message: TFMessage, arrived_s: float, *, fixed: bool) -> None:
+        """Take in transforms; only those of frames on the map matter.
+
+        Args:
+            message: The transforms.
+            arrived_s: When they arrived, s.
+            fixed: Whether they came on ``tf_static``, and so hold for ever.
+        """
+        kept = self._fixed if fixed else self._moving
+        for one in message.transforms:
+            if _named(one.frame) == _named(self._settings.map_frame):
+                child = _named(one.child_frame)
+                if child in kept or len(kept) < _MOST_CHILDREN:
+                    kept[child] = _Correction(one.pose, arrived_s, 0.0)
+
+    def localised(self, message: PoseWithCovarianceStamped, arrived_s: float) -> None:
+        """Take in a pose on the map; it is held against the odometry of its time.
+
+        Args:
+            message: The pose.
+            arrived_s: When it arrived, s.
+        """
+        if _named(message.frame) != _named(self._settings.map_frame):
+            return
+        if not self._odometry:
+            self._early = message
+            return
+        at_s = message.stamp_ns / 1e9
+        nearest, ahead_s = self._odometry[-1], 0.0
+        if self._settings.delay_s is None:
+            nearest = min(self._odometry, key=lambda one: abs(one.stamp_s - at_s))
+            ahead_s = at_s - nearest.stamp_s
+        if self._precedes_all(at_s):
+            nearest, ahead_s = self._odometry[0], 0.0
+        elif abs(ahead_s) > MATCH_S:
+            return
+        then = travelled(nearest.pose, nearest.twist, ahead_s)
+        self._posed = _Correction(composed(message.pose, inverted(then)), arrived_s, nearest.driven_m)
+
+    def _precedes_all(self, at_s: float) -> bool:
+        """Whether a pose is from before the first odometry of a robot that stood then.
+
+        A localisation is silent while a robot stands, so that its latched pose may be old. Since then the robot has
+        driven less than it takes for another one: no more than some 0.2 m.
+        """
+        first = self._odometry[0]
+        stood = math.hypot(first.twist.vx, first.twist.vy) + abs(first.twist.turn_rate) < _STANDS
+        return self._posed is None and stood and len(self._odometry) < _REMEMBERED and at_s < first.stamp_s
+
+    def at(self, now_s: float) -> Fix | None:
+        """Where the robot is now; None, and `why`, if nobody knows.
+
+        Args:
+            now_s: The time, s.
+        """
+        newest = self._odometry[-1] if self._odometry else None
+        self.why = self._odometry_fault(newest, now_s) or self._correction_fault(newest, now_s)
+        if newest is None or self.why:
+            return None
+        correction = self._correction()
+        assert correction is not None  # else there would be a reason
+        age_s = max(0.0, self._age(newest, now_s))
+        return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist, age_s)
+
+    def _age(self, odometry: _Odometry, now_s: float) -> float:
+        delay_s = self._settings.delay_s
+        return now_s - odometry.stamp_s if delay_s is None else now_s - odometry.arrived_s + delay_s
+
+    def _odometry_fault(self, newest: _Odometry | None, now_s: float) -> str:
+        if newest is None:
+            return "no odometry has come"
+        silent_s = now_s - newest.arrived_s
+        if silent_s > self._settings.fresh_s:
+            return f"no odometry for {silent_s:.1f} s"
+        age_s = self._age(newest, now_s)
+        if age_s > LONGEST_S:
+            return f"odometry is {age_s:.1f} s old by its stamps; set NTP on both machines, or give --delay"
+        if age_s < -AHEAD_S:
+            return f"odometry is {-age_s:.1f} s ahead by its stamps; set NTP on both machines, or give --delay"
+        return ""
+
+    def _correction_fault(self, newest: _Odometry | None, now_s: float) -> str:
+        found = self._correction()
+        source, wanted = self._settings.source, f"{self._settings.map_frame} -> {self._frame}"
+        if source is Source.ODOMETRY:
+            return "" if found is not None else "it is not known where the robot started; give --start X,Y,HEADING"
+        if found is None:
+            missing = f"no transform {wanted} on tf" if source is Source.TF else "no pose of a localisation has come"
+            return f"{missing}; start the robot's localisation, or give --localisation"
+        if source is Source.TF and _named(self._frame) in self._moving and now_s - found.arrived_s > CORRECTION_S:
+            return f"no transform {wanted} for {now_s - found.arrived_s:.1f} s; is the robot's localisation running?"
+        if source is Source.POSE and newest is not None and newest.driven_m - found.driven_m > CORRECTED_M:
+            return f"no pose of a localisation for {newest.driven_m - found.driven_m:.1f} m; is it running?"
+        return ""
+
+    def _correction(self) -> _Correction | None:
+        if self._settings.source is Source.ODOMETRY:
+            return self._begun
+        if self._settings.source is Source.POSE:
+            return self._posed
+        frame = _named(self._frame)
+        return self._moving.get(frame) or self._fixed.get(frame)
+
+
+def _named(frame: str) -> str:
+    """A frame's name as tf compares it: old robots put a slash before it."""
+    return frame.lstrip("/")

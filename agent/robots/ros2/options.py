@@ -1,0 +1,221 @@
+"""The command line of a ROS 2 robot's agent."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from agent.robots.ros2.localisation import LocalisationSettings, Source
+from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings
+from patrol.errors import BadInput, did_you_mean
+from patrol.pose import MODELS, Pose, wrap
+from patrol.process.supervision import add_supervision
+
+FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
+
+SPEED = 0.25
+RADIUS = 0.25
+"""The body unless options say otherwise: the speed (m/s) and the radius (m) of a small and careful one."""
+
+DESCRIPTION = """Drive a ROS 2 robot on patrol, over its Zenoh router; ROS is not needed on this machine."""
+
+HELP = """
+First run. The robot runs a Zenoh router (rmw_zenohd, or zenoh-bridge-ros2dds) and a localisation, such as AMCL:
+
+  fogwatch doctor --connect tcp/192.168.1.20:7447 --namespace robot1        # what is there, and what is missing
+  fogwatch agent --robot ros2 --namespace robot1 --map map.yaml --connect tcp/192.168.1.20:7447 \\
+      --model differential --radius 0.2 --speed 0.3
+
+It drives as soon as it knows where it is. Ctrl-C stops the robot, and so does anybody who publishes true on its topic
+stop:
+
+  ros2 topic pub --once --qos-durability transient_local /robot1/stop std_msgs/msg/Bool '{data: true}'
+
+Several robots patrol together when each agent is given all their names, and one router that all agents can reach:
+
+  ... --namespace robot1 --robots robot1,robot2,robot3 --router tcp/192.168.1.10:7447
+
+Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is told:
+
+  twist-stamped   geometry_msgs/TwistStamped on cmd_vel   Nav2 and TurtleBot 3 since Jazzy (the default)
+  twist           geometry_msgs/Twist on cmd_vel          robots before Jazzy
+  ackermann       ackermann_msgs/AckermannDriveStamped on ackermann_cmd, with --wheelbase; for --model car
+  nav2            goals of the action navigate_to_pose; Nav2 finds the way, and keeps off what no map shows
+
+The robot stands, with zero velocity, whenever its pose is not fresh, somebody has stopped it, or the way that it needs
+to stop leads off the map's ground; and when this process ends. If this process is killed, only the robot's own watchdog
+stops it: test that first. This program sees no people and no obstacles that are not on the map; see docs/ros2.md.
+
+Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
+"""
+
+
+def wanted(arguments: Sequence[str]) -> bool:
+    """Whether a command line of ``python -m agent`` is meant for a ROS 2 robot.
+
+    A robot of a simulated fleet may be called ros2; its command line names a scenario and no robot's router.
+
+    Args:
+        arguments: The command line.
+    """
+    named = any(one == "--robot=ros2" for one in arguments) or any(
+        first == "--robot" and second == "ros2" for first, second in itertools.pairwise(arguments)
+    )
+    words = {one.partition("=")[0] for one in arguments}
+    return named and ("--connect" in words or "--scenario" not in words)
+
+
+def options_of(arguments: Sequence[str]) -> argparse.Namespace:
+    """Read a command line.
+
+    Args:
+        arguments: Without the program's name.
+    """
+    parser = argparse.ArgumentParser(
+        prog="fogwatch agent --robot ros2",
+        description=DESCRIPTION,
+        epilog=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--robot", choices=["ros2"], required=True, help="a ROS 2 robot")
+    add = parser.add_argument_group("the robot").add_argument
+    add("--connect", required=True, metavar="LOCATOR", help="the robot's Zenoh router, tcp/HOST:7447")
+    add("--namespace", default="", metavar="NS", help="the robot's namespace, such as robot1 (default: none)")
+    add("--format", choices=FORMATS, default="rmw_zenoh", help="what is spoken there (default: %(default)s)")
+    add("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID (default: of the environment, or 0)")
+    add("--ros-credentials", type=Path, metavar="FOLDER", help="prove to the robot's router who this is")
+    add("--drive", choices=DRIVES, default="twist-stamped", help="what the robot is told (default: %(default)s)")
+    add("--topic", action="append", default=[], metavar="NAME=TOPIC", help=f"another name; of {', '.join(TOPICS)}")
+    add("--base-frame", default="base_link", metavar="NAME", help="frame of velocities (default: %(default)s)")
+    add("--use-sim-time", action="store_true", help="go by the time on /clock, of a simulated robot")
+
+    add = parser.add_argument_group("its body").add_argument
+    add("--model", choices=MODELS, default="differential", help="how it moves (default: %(default)s)")
+    add("--radius", type=float, default=RADIUS, metavar="M", help="of the round body (default: %(default)s m)")
+    add("--speed", type=float, default=SPEED, metavar="M/S", help="top speed (default: %(default)s m/s)")
+    add("--turning-radius", type=float, metavar="M", help="a car's tightest turn")
+    add("--wheelbase", type=float, default=0.3, metavar="M", help="a car's, for ackermann (default: %(default)s m)")
+    add("--acceleration", type=float, default=1.0, metavar="M/S2", help="at most (default: %(default)s m/s²)")
+    add("--margin", type=float, default=0.1, metavar="M", help="kept clear around it (default: %(default)s m)")
+    add("--rate", type=float, default=20.0, metavar="HZ", help="commands a second (default: %(default)s)")
+
+    add = parser.add_argument_group("where it is").add_argument
+    add("--map", type=Path, metavar="FILE", help="map_server's YAML (default: the robot's latched topic map)")
+    add("--map-frame", default="map", metavar="NAME", help="the map's frame (default: %(default)s)")
+    add(
+        "--localisation",
+        choices=[one.value for one in Source],
+        default=Source.TF.value,
+        help="what corrects the odometry: transforms on tf, poses on amcl_pose, or nothing (default: %(default)s)",
+    )
+    add("--start", metavar="X,Y,HEADING", help="where it stands now, if nothing corrects its odometry")
+    add("--fresh", type=float, default=0.3, metavar="S", help="it stops without odometry for so long (%(default)s s)")
+    add("--delay", type=float, metavar="S", help="age of odometry on arrival, if its stamps are wrong")
+
+    add = parser.add_argument_group("its fleet").add_argument
+    add("--name", metavar="NAME", help="of the robot in its fleet (default: its namespace, or robot)")
+    add("--robots", metavar="NAME,NAME", help="all robots of the fleet, with equal bodies (default: this one)")
+    add("--scenario", type=Path, metavar="FILE", help="the fleet's scenario, instead of map, body and --robots")
+    add("--set", action="append", default=[], metavar="FIELD=VALUE", help="set a field of the scenario; repeatable")
+    add("--write-scenario", type=Path, metavar="FILE", help="write the scenario that the options make, for a monitor")
+    add("--router", metavar="LOCATOR", help="where the fleet meets (default: the credentials', or --connect)")
+    add("--fleet", metavar="NAME", help="the fleet's name (default: the credentials', or patrol)")
+    add("--credentials", type=Path, metavar="FOLDER", help="this robot's, made by: fogwatch fleet init")
+    add("--radio", metavar="LOCATOR", help="multicast group or router for positions (default: the fleet's router)")
+    add("--epoch", type=float, metavar="S", help="Unix time of tick 0 (default: as a robot that is heard counts)")
+    add("--wait", type=float, default=60.0, metavar="S", help="for routers, map and pose (default: %(default)g s)")
+    add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
+    add_supervision(parser)
+    return parser.parse_args(arguments)
+
+
+def drive_settings(options: argparse.Namespace) -> DriveSettings:
+    """How the robot is driven.
+
+    Args:
+        options: From `options_of`.
+
+    Raises:
+        BadInput: A value that cannot be used.
+    """
+    for name, least, most in (
+        ("radius", 0.01, 100.0),
+        ("speed", 0.001, 100.0),
+        ("acceleration", 0.01, 100.0),
+        ("margin", 0.0, 10.0),
+        ("wheelbase", 0.01, 100.0),
+        ("rate", 2.0, 50.0),
+        ("fresh", 0.05, 0.4),
+        ("wait", 0.1, 86_400.0),
+    ):
+        _check(f"--{name}", getattr(options, name), least, most)
+    if options.delay is not None:
+        _check("--delay", options.delay, 0.0, 0.4)
+    if options.write_scenario is not None and (options.scenario is not None or options.map is None):
+        raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
+    if options.drive == "ackermann" and options.scenario is None and options.model != "car":
+        raise BadInput(f"--drive ackermann: steers a car, and --model is {options.model}; give --model car")
+    start = None if options.start is None else _pose("--start", options.start)
+    return DriveSettings(
+        drive=options.drive,
+        base_frame=options.base_frame,
+        map_frame=options.map_frame,
+        wheelbase=options.wheelbase,
+        acceleration=options.acceleration,
+        margin=options.margin,
+        rate_hz=options.rate,
+        localisation=LocalisationSettings(
+            Source(options.localisation), options.map_frame, start, options.fresh, options.delay
+        ),
+        sim_time=options.use_sim_time,
+        topics=_topics(options.topic),
+    )
+
+
+def domain_of(options: argparse.Namespace) -> int:
+    """The ROS_DOMAIN_ID.
+
+    Args:
+        options: From `options_of`.
+
+    Raises:
+        BadInput: It is none.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID", "0") if options.domain is None else str(options.domain)
+    if not text.isdecimal() or int(text) > 232:
+        raise BadInput(f"--domain {text}: not a ROS_DOMAIN_ID; give 0 to 232")
+    return int(text)
+
+
+def _check(option: str, value: float, least: float, most: float) -> None:
+    if not math.isfinite(value) or not least <= value <= most:
+        raise BadInput(f"{option} {value:g}: out of range; give {least:g} to {most:g}")
+
+
+def _pose(option: str, text: str) -> Pose:
+    try:
+        x, y, heading = (float(part) for part in text.split(","))
+    except ValueError:
+        raise BadInput(f"{option} {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0") from None
+    if not all(map(math.isfinite, (x, y, heading))):
+        raise BadInput(f"{option} {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
+    return Pose(x, y, wrap(heading))
+
+
+def _topics(given: Sequence[str]) -> dict[str, str]:
+    from patrol.ros2.names import check_name
+
+    found: dict[str, str] = {}
+    for text in given:
+        usual, equals, name = text.partition("=")
+        if not equals or not name:
+            raise BadInput(f"--topic {text}: expected NAME=TOPIC, for example odom=odometry/filtered")
+        if usual not in TOPICS:
+            raise BadInput(f"--topic {text}: {usual!r} is no topic of ours; {did_you_mean(usual, tuple(TOPICS))}")
+        found[usual] = check_name(name, f"--topic {usual}")
+    return found

@@ -1,0 +1,105 @@
+"""The other robots of the fleet, as the fence needs them: where each is likely to be in a moment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from patrol.radio.peers import Peer
+
+CARRIED_S = 1.0
+"""For how long a robot is taken to go on as it went, s; after that it is taken to stand where that led."""
+
+MOST_TICKS = 4
+"""Positions that are further apart say nothing of a robot's velocity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """Another robot.
+
+    Attributes:
+        x: Where it was, m.
+        y: m.
+        vx: Its velocity on the map, m/s.
+        vy: m/s.
+        radius: Of its body, m.
+        since_s: How long ago that was, s.
+    """
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    radius: float
+    since_s: float
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+        return math.hypot(self.vx, self.vy)
+
+    def distance(self, x: float, y: float, ahead_s: float) -> float:
+        """How far its centre will be from a place, m.
+
+        Args:
+            x: m.
+            y: m.
+            ahead_s: When, s from now.
+        """
+        gone_s = min(self.since_s + ahead_s, CARRIED_S)
+        return math.hypot(self.x + self.vx * gone_s - x, self.y + self.vy * gone_s - y)
+
+
+@dataclass(slots=True)
+class _Seen:
+    peer: Peer
+    vx: float
+    vy: float
+    at_s: float
+
+
+class Others:
+    """Follows the other robots.
+
+    Args:
+        peers: Those heard so far, by number; goes on to change.
+        radii: Of all robots, by number, m.
+        step: s per tick.
+    """
+
+    def __init__(self, peers: Mapping[int, Peer], radii: Mapping[int, float], step: float) -> None:
+        self._peers = peers
+        self._radii = radii
+        self._step = step
+        self._seen: dict[int, _Seen] = {}
+
+    def look(self, now_s: float) -> None:
+        """Take in what has been heard for this tick.
+
+        Args:
+            now_s: The time, s.
+        """
+        for number, peer in self._peers.items():
+            last = self._seen.get(number)
+            ticks = 0 if last is None else peer.sequence - last.peer.sequence
+            if last is not None and ticks == 0:
+                continue
+            vx = vy = 0.0
+            if last is not None and 0 < ticks <= MOST_TICKS:
+                passed_s = ticks * self._step
+                vx = (peer.pose.x - last.peer.pose.x) / passed_s
+                vy = (peer.pose.y - last.peer.pose.y) / passed_s
+            self._seen[number] = _Seen(peer, vx, vy, now_s)
+
+    def around(self, now_s: float) -> tuple[Other, ...]:
+        """All that were heard.
+
+        Args:
+            now_s: The time, s.
+        """
+        return tuple(
+            Other(one.peer.pose.x, one.peer.pose.y, one.vx, one.vy, self._radii[number], max(0.0, now_s - one.at_s))
+            for number, one in self._seen.items()
+        )

@@ -1,0 +1,64 @@
+"""How a ROS 2 robot is spoken to: its topics, the kind of its commands, its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from agent.robots.ros2.localisation import LocalisationSettings
+
+TOPICS: Mapping[str, str] = {
+    "odom": "its odometry",
+    "tf": "transforms; /tf as well while there are none here",
+    "tf_static": "transforms that hold for ever, latched; /tf_static as well while there are none here",
+    "amcl_pose": "poses of its localisation",
+    "cmd_vel": "our velocities",
+    "ackermann_cmd": "our speeds and steering angles",
+    "navigate_to_pose": "the action of its Nav2",
+    "stop": "std_msgs/Bool, latched: true stops the robot, false releases it",
+    "map": "the map, latched: read without --map, otherwise published",
+    "fog": "what the robot believes of the fog, published",
+    "path": "the way that the robot has come, published",
+    "clock": "the robot's time, read with --use-sim-time",
+}
+"""The topics by their usual names, and what they hold. All but the clock are relative to the robot's namespace."""
+
+DRIVES = ("twist-stamped", "twist", "ackermann", "nav2")
+"""What the robot is told: velocities, with or without a stamp; speeds and steering angles; or where to go."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSettings:
+    """How a robot is driven.
+
+    Attributes:
+        drive: One of `DRIVES`.
+        base_frame: The frame in which velocities are meant.
+        map_frame: The frame of the map.
+        wheelbase: Of a car, m.
+        acceleration: The most by which a speed may change, m/s².
+        margin: What the mind keeps clear around the body, m: the errors of localisation and of driving.
+        rate_hz: How often commands are sent, each second of the robot's time.
+        localisation: How it is found on the map.
+        sim_time: Whether the robot's time comes from its clock topic.
+        topics: Names of topics other than the usual, by those.
+    """
+
+    drive: str = "twist-stamped"
+    base_frame: str = "base_link"
+    map_frame: str = "map"
+    wheelbase: float = 0.3
+    acceleration: float = 1.0
+    margin: float = 0.1
+    rate_hz: float = 20.0
+    localisation: LocalisationSettings = field(default_factory=LocalisationSettings)
+    sim_time: bool = False
+    topics: Mapping[str, str] = field(default_factory=dict)
+
+    def topic(self, usual: str) -> str:
+        """The name of a topic.
+
+        Args:
+            usual: Its usual name.
+        """
+        return self.topics.get(usual, "/clock" if usual == "clock" else usual)

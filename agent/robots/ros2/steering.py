@@ -1,0 +1,227 @@
+"""How a robot is moved: by velocities, or by goals for its Nav2."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+from agent.robots.ros2.commands import steering_of, velocity_of
+from agent.robots.ros2.governor import Governor
+from agent.robots.ros2.hardware import Hardware
+from agent.robots.ros2.localisation import Fix
+from agent.robots.ros2.others import Others
+from patrol.ground.swept_path import advance
+from patrol.pose import Command, Drive, Pose
+from patrol.ros2.frames import travelled
+from patrol.ros2.goals import GoalClient, Going
+from patrol.ros2.messages import AckermannDriveStamped, PoseStamped, Twist, TwistStamped
+
+Place = tuple[float, float]
+"""x and y on the map, m."""
+
+ENOUGH_M = 0.3
+"""The way that a robot must have been told to go before it is judged whether it did, m: well beyond pose errors."""
+STUCK_SHARE = 0.25
+"""A robot that has come less far than this share of what it was told stands before something that no map shows."""
+
+LASTING_ZEROS = 5
+"""How often zero velocity is sent in the end: single messages may be lost."""
+
+ANOTHER_M = 0.5
+"""How far a new goal must be from the last one to be sent, m."""
+AGAIN_S = 3.0
+"""How long a goal that has failed is not sent again, s."""
+
+
+class Steering(Protocol):
+    """What moves a robot."""
+
+    def want(self, command: Command, goal: Place | None, now_s: float) -> None:
+        """What the mind wants: the command for the next step, and where it leads in the end, if anywhere."""
+        ...
+
+    def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
+        """Move on, if it is safe; many times a tick.
+
+        Args:
+            fix: Where the robot is; None if nobody knows.
+            now_s: The time, s.
+            since_s: Time since the last step, s.
+            stopped: Why it has to stand; empty if it has not.
+
+        Returns:
+            Why it does not do what the mind wants; empty if it does.
+        """
+        ...
+
+    def ahead(self, fix: Fix, lead_s: float) -> Pose:
+        """Where the robot will be in a moment, s."""
+        ...
+
+    def blocked(self, pose: Pose) -> bool:
+        """Whether something has kept it from moving since it was last asked."""
+        ...
+
+    def halt(self) -> None:
+        """Stop for good, whatever else is going on."""
+        ...
+
+
+class VelocitySteering:
+    """Tells a robot its velocity (`Steering`)."""
+
+    def __init__(self, hardware: Hardware, governor: Governor, others: Others) -> None:
+        self._hardware = hardware
+        self._governor = governor
+        self._others = others
+        self._send = _sender(hardware)
+        self._progress = Progress()
+        self._steps = 0
+        self._held = 0
+        self._ended = False
+
+    def want(self, command: Command, goal: Place | None, now_s: float) -> None:
+        """The command counts; the goal does not."""
+        del goal
+        self._governor.want(command, now_s)
+        self._others.look(now_s)
+
+    def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
+        """Send the velocity that is safe."""
+        if self._ended:
+            return "it was stopped for good"
+        told = self._governor.command
+        pose = None if fix is None else fix.pose
+        command = self._governor.step(pose, now_s, since_s, stopped, self._others.around(now_s))
+        self._send(command, 0.0 if fix is None else fix.pose.heading)
+        self._progress.told(told, since_s)
+        self._steps += 1
+        self._held += self._governor.fenced and command.speed_mps == 0.0
+        return self._governor.why
+
+    def ahead(self, fix: Fix, lead_s: float) -> Pose:
+        """Where the robot will be if it goes on as it was told last."""
+        return travelled(fix.pose, velocity_of(self._governor.command, fix.pose.heading), lead_s)
+
+    def blocked(self, pose: Pose) -> bool:
+        """Whether the robot did not get on although it was told to, or the fence held it for most of the time."""
+        held = self._held > 0.5 * self._steps
+        self._steps = self._held = 0
+        return self._progress.ended(pose) or held
+
+    def halt(self) -> None:
+        """Send zero velocity, and nothing else any more."""
+        self._ended = True
+        for _ in range(LASTING_ZEROS):
+            self._send(Drive(0.0, 0.0), 0.0)
+
+
+class Progress:
+    """Whether a robot goes where it was told to go."""
+
+    def __init__(self) -> None:
+        self._begin: Pose | None = None
+        self._meant: Pose | None = None
+
+    def told(self, command: Command, time_s: float) -> None:
+        """The robot was told something for some time, s."""
+        if self._meant is not None:
+            self._meant = advance(self._meant, command, time_s)
+
+    def ended(self, pose: Pose) -> bool:
+        """Whether it did not get on. It is judged anew each time it was told to go far enough.
+
+        Args:
+            pose: Where it is.
+        """
+        if self._begin is None or self._meant is None:
+            self._begin = self._meant = pose
+            return False
+        across, up = self._meant.x - self._begin.x, self._meant.y - self._begin.y
+        way = math.hypot(across, up)
+        if way < ENOUGH_M:
+            return False
+        along = ((pose.x - self._begin.x) * across + (pose.y - self._begin.y) * up) / way
+        self._begin = self._meant = pose
+        return along < STUCK_SHARE * way
+
+
+class GoalSteering:
+    """Tells a robot where to go, and leaves the way there to its Nav2 (`Steering`)."""
+
+    def __init__(self, hardware: Hardware) -> None:
+        self._hardware = hardware
+        self._goals = GoalClient(hardware.link, hardware.settings.topic("navigate_to_pose"))
+        self._wanted: Place | None = None
+        self._sent: Place | None = None
+        self._failed_s = -math.inf
+        self._failures = 0
+        self._ended = False
+
+    def want(self, command: Command, goal: Place | None, now_s: float) -> None:
+        """The goal counts; a robot without one stays."""
+        del command, now_s
+        self._wanted = goal
+
+    def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
+        """Send a goal where it has changed; cancel it where the robot must stand."""
+        del since_s
+        why = "it was stopped for good" if self._ended else stopped
+        why = why or ("nobody knows where it is" if fix is None else "")
+        if why or fix is None or self._wanted is None:
+            if self._sent is not None:
+                self._goals.stop()
+                self._sent = None
+            return why
+        if self._goals.step(now_s) is Going.FAILED and self._sent is not None:
+            self._sent, self._failed_s = None, now_s
+            self._failures += 1
+        if self._sent is None:
+            new = now_s - self._failed_s >= AGAIN_S
+        else:
+            new = math.dist(self._sent, self._wanted) > ANOTHER_M
+        if new:
+            x, y = self._wanted
+            heading = math.atan2(y - fix.pose.y, x - fix.pose.x)
+            target = PoseStamped(self._hardware.stamp_ns(), self._hardware.settings.map_frame, Pose(x, y, heading))
+            self._goals.go(target, now_s)
+            self._sent = self._wanted
+        return ""
+
+    def ahead(self, fix: Fix, lead_s: float) -> Pose:
+        """Where the robot will be if it goes on as its odometry says."""
+        return travelled(fix.pose, fix.twist, lead_s)
+
+    def blocked(self, pose: Pose) -> bool:
+        """Whether a goal has failed."""
+        del pose
+        failures, self._failures = self._failures, 0
+        return failures > 0
+
+    def halt(self) -> None:
+        """Cancel every goal of the robot, and send none any more."""
+        self._ended = True
+        self._goals.stop()
+        self._sent = None
+
+
+def _sender(hardware: Hardware) -> Callable[[Command, float], None]:
+    """What sends a command, of which the heading of the body is needed, rad."""
+    settings, link = hardware.settings, hardware.link
+    frame = settings.base_frame
+    if settings.drive == "ackermann":
+        cars = link.publisher(settings.topic("ackermann_cmd"), AckermannDriveStamped)
+
+        def steer(command: Command, _heading: float) -> None:
+            speed, angle = steering_of(command, settings.wheelbase) if isinstance(command, Drive) else (0.0, 0.0)
+            cars.send(AckermannDriveStamped(hardware.stamp_ns(), frame, speed, angle, settings.acceleration))
+
+        return steer
+    if settings.drive == "twist":
+        plain = link.publisher(settings.topic("cmd_vel"), Twist)
+        return lambda command, heading: plain.send(velocity_of(command, heading))
+    stamped = link.publisher(settings.topic("cmd_vel"), TwistStamped)
+    return lambda command, heading: stamped.send(
+        TwistStamped(hardware.stamp_ns(), frame, velocity_of(command, heading))
+    )

@@ -1,0 +1,265 @@
+"""The process around a mind that drives a ROS 2 robot: it finds the robot and its map, and joins its fleet."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from agent.robots.ros2.options import domain_of, drive_settings, options_of
+from patrol.errors import BadInput
+from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.logs import Log
+from patrol.process.supervision import followed, take_supervision
+
+if TYPE_CHECKING:
+    from agent.own_robot import Site
+    from agent.robots.ros2.driver import Ros2Robot
+    from agent.robots.ros2.hardware import Hardware
+    from agent.robots.ros2.settings import DriveSettings
+    from patrol.pose import Pose
+    from patrol.process.vitals import Vitals
+    from patrol.ros2.ports import Ros2Link
+    from patrol.scenario import Scenario
+
+FLEET = "patrol"
+"""The fleet's name unless options say otherwise."""
+
+FAILED = 1
+"""The exit code of a robot that can no longer be driven."""
+
+NODE = "fogwatch"
+"""The name of our node in the ROS graph, in the robot's namespace."""
+
+SAY_S = 5.0
+"""Time between two lines about what is waited for, s."""
+
+LISTEN_S = 2.0
+LISTEN_MORE_S = 1.5
+"""How long the first robot of a roster listens for others before it counts ticks from now, s, and how much longer each
+next one: of robots that start together, all but the first find somebody to count with."""
+
+LONGEST_S = 4_000_000.0
+"""What a patrol without a scenario lasts at most, s: 46 days."""
+
+REACTION_S = 0.1
+"""How long a robot takes from the reception of a command until it brakes, s."""
+
+HOLD_STEPS = 1.5
+"""For how many steps a command is obeyed when no other comes."""
+
+_LOOK_S = 0.05
+_Say = Callable[[str], None]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Drive a ROS 2 robot until asked to leave.
+
+    Args:
+        arguments: The command line.
+
+    Returns:
+        The exit code.
+    """
+    options = options_of(arguments)
+    ending = heed(options.lifeline)
+    name = options.name or options.namespace.strip("/").rpartition("/")[2] or "robot"
+    log = Log(name)
+    try:
+        supervision = take_supervision(options)
+        supervision.begin_log(name)
+        with followed(supervision, log, {}) as vitals:
+            return _run(options, log, ending, vitals if supervision.counts else None)
+    except BadInput as bad:
+        log.error(str(bad))
+        return 2
+
+
+def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals | None) -> int:
+    from agent.own_robot import Ticks, Where, patrol_with
+    from agent.robots.ros2.driver import Failed
+    from agent.robots.ros2.hardware import Hardware
+    from patrol.net.link import LinkDown
+    from patrol.scenario import load_scenario, parse_overrides
+
+    name, say = log.process, log.info
+    settings = drive_settings(options)
+    overrides = parse_overrides(options.set)
+    given = None if options.scenario is None else load_scenario(options.scenario, overrides)
+    with ExitStack() as stack:
+        try:
+            link = _link(options, ending, say)
+        except LinkDown as down:
+            if ending:
+                return INTERRUPTED
+            raise BadInput(f"--connect {options.connect}: {down}; is the robot's Zenoh router running?") from None
+        stack.callback(link.close)
+        factor = 1.0 if given is None or given.factor is None else given.factor
+        hardware = Hardware(link, settings, factor, say)
+        pose = _found(hardware, options.wait, ending, say)
+        if pose is None:
+            return INTERRUPTED
+        say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
+        if given is not None:
+            scenario: Scenario | None = given
+        else:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
+            map_file = options.map or _robots_map(link, settings, folder, options.wait, ending, say)
+            scenario = None if map_file is None else _scenario(options, name, map_file, pose, overrides)
+        if scenario is None:
+            return INTERRUPTED
+        if options.write_scenario is not None:
+            _write(scenario, options.write_scenario)
+        shows_map = options.scenario is not None or options.map is not None
+        numbers = {spec.name: spec.number for spec in scenario.roster}
+        alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
+        where = Where(options.credentials, *_meeting(options, say), options.radio)
+        ticks = Ticks(options.epoch, options.wait, alone_s)
+        try:
+            return patrol_with(
+                lambda site: _robot(site, hardware, shows_map, say), scenario, name, where, ticks, ending, vitals
+            )
+        except Failed as failed:
+            log.error(str(failed))
+            return FAILED
+
+
+def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
+    from patrol.net.credentials import read_credentials
+    from patrol.net.keys import check_locator
+    from patrol.ros2.formats import format_named
+    from patrol.ros2.link import open_ros2
+    from patrol.ros2.names import NodeName, check_name
+
+    locator = check_locator(options.connect, "--connect")
+    namespace = options.namespace.strip("/")
+    if namespace:
+        check_name(namespace, "--namespace")
+    proof = options.ros_credentials
+    credentials = None if proof is None else read_credentials(proof, "--ros-credentials")
+    return open_ros2(
+        locator,
+        format_named(options.format, domain_of(options), "--format"),
+        NodeName(NODE, namespace),
+        options.wait,
+        lambda waited: say(f"waiting for the robot's router at {locator} ({waited:.0f} s)"),
+        lambda: bool(ending),
+        credentials,
+    )
+
+
+def _found(hardware: Hardware, wait_s: float, ending: Ending, say: _Say) -> Pose | None:
+    """Where the robot is at first; None when it is time to leave. Raises BadInput when it cannot be found."""
+    began = said = time.monotonic()
+    while not ending.wait(_LOOK_S):
+        if (fix := hardware.fix()) is not None:
+            return fix.pose
+        now = time.monotonic()
+        if now - began >= wait_s:
+            raise BadInput(f"the robot was not found within {wait_s:g} s: {hardware.why}; fogwatch doctor says more")
+        if now - said >= SAY_S:
+            said = now
+            say(f"waiting for the robot: {hardware.why}")
+    return None
+
+
+def _robots_map(
+    link: Ros2Link, settings: DriveSettings, folder: Path, wait_s: float, ending: Ending, say: _Say
+) -> Path | None:
+    """The robot's own map as a file; None when it is time to leave."""
+    from agent.robots.ros2.robot_map import write_map
+    from patrol.ros2.mailbox import RosMailbox
+    from patrol.ros2.messages import OccupancyGrid
+    from patrol.ros2.names import LATCHED
+
+    topic = link.resolve(settings.topic("map"))
+    mailbox: RosMailbox[OccupancyGrid] = RosMailbox()
+    link.subscribe(topic, OccupancyGrid, mailbox, LATCHED)
+    say(f"waits for the map on {topic}")
+    began = time.monotonic()
+    while not ending:
+        if (received := mailbox.take(_LOOK_S)) is not None:
+            return write_map(received.message, folder)
+        if time.monotonic() - began >= wait_s:
+            raise BadInput(f"no map on {topic} within {wait_s:g} s; give --map FILE, or start the robot's map_server")
+    return None
+
+
+def _scenario(
+    options: argparse.Namespace, name: str, map_file: Path, pose: Pose, overrides: dict[str, object]
+) -> Scenario:
+    """A scenario for robots of one kind on a map."""
+    from patrol.scenario import load_scenario
+
+    names = sorted({one.strip() for one in (options.robots or name).split(",")})
+    if name not in names:
+        raise BadInput(f"--robots {options.robots}: does not hold {name}, which this robot is; add it, or give --name")
+    body: dict[str, Any] = {
+        "model": options.model,
+        "speed": options.speed,
+        "radius": options.radius + options.margin,
+        **({} if options.turning_radius is None else {"turning_radius": options.turning_radius}),
+    }
+    start = {"start": [pose.x, pose.y, pose.heading]}
+    raw = {
+        "name": FLEET,
+        "terrain": {"map": str(map_file.absolute())},
+        "duration": LONGEST_S,
+        "pace": "realtime",
+        "robots": [{"name": one, **body, **(start if one == name else {})} for one in names],
+        "radio": {"via": "direct"},
+    }
+    return load_scenario(raw, overrides, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
+
+
+def _write(scenario: Scenario, path: Path) -> None:
+    from patrol.scenario import dump_scenario
+
+    try:
+        path.write_text(dump_scenario(scenario), encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"--write-scenario {path}: cannot be written ({error.strerror}); give another file") from None
+
+
+def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | None]:
+    """Router and fleet; where no option says where the fleet meets, it meets at the robot's own router."""
+    if options.credentials is not None:
+        return options.router, options.fleet
+    if options.router is None:
+        say(f"meets its fleet at the robot's own router, {options.connect}; give --router if others have another")
+    return options.router or options.connect, options.fleet or FLEET
+
+
+def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Robot:
+    from agent.robots.ros2.driver import Pace, Ros2Robot
+    from agent.robots.ros2.fence import Fence
+    from agent.robots.ros2.governor import Governor, Rule
+    from agent.robots.ros2.others import Others
+    from agent.robots.ros2.shown import Shown, show_map
+    from agent.robots.ros2.steering import GoalSteering, Steering, VelocitySteering
+
+    settings, spec = hardware.settings, site.spec
+    if settings.margin >= spec.radius:
+        raise BadInput(f"--margin {settings.margin:g}: {spec.name}'s radius of {spec.radius:g} m holds it; give less")
+    if settings.drive == "ackermann" and spec.model != "car":
+        raise BadInput(f"--drive ackermann: steers a car, and {spec.name} is {spec.model}; set its model to car")
+    steering: Steering
+    if settings.drive == "nav2":
+        steering = GoalSteering(hardware)
+    else:
+        period_s = 1.0 / settings.rate_hz
+        rule = Rule(spec.model, spec.limits, settings.acceleration, HOLD_STEPS * site.step)
+        # Between two commands the robot goes on; half of the margin is kept for the errors of its pose.
+        fence = Fence(
+            site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.acceleration
+        )
+        steering = VelocitySteering(hardware, Governor(rule, fence), Others(site.peers, site.radii, site.step))
+    if shows_map and not show_map(hardware.link, settings, site.terrain, hardware.stamp_ns()):
+        say(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
+    shown = Shown(hardware.link, settings, site.terrain, site.fog, hardware.stamp_ns)
+    pace = Pace(site.step, site.factor, settings.rate_hz)
+    return Ros2Robot(hardware, steering, site.clock, pace, shown, site.orders(), say).start()

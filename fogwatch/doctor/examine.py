@@ -1,0 +1,240 @@
+"""Whether a patrol could start on a robot: what was found, and what to do about what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fogwatch.doctor.survey import Survey, Wanted
+from fogwatch.doctor.topics import ARROW, Topic, topics_of
+from patrol.printable import printable
+from patrol.ros2 import messages as ros
+from patrol.ros2.codec import CODINGS, decode
+from patrol.ros2.definitions import ACTION, NO_HASH
+from patrol.ros2.formats import Bridge, Format, RmwZenoh
+from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, entity_of, full_name
+
+SLOW_HZ = 5.0
+"""Fewer poses a second than this are few for a robot that drives."""
+CLOCKS_S = 0.1
+"""Clocks that differ by more than this make poses look older or younger than they are."""
+_SIMULATED_S = 86400.0
+_COMMANDS = [CODINGS[kind].type_name for kind in (ros.TwistStamped, ros.Twist, ros.AckermannDriveStamped)]
+
+
+class Level(StrEnum):
+    """How bad a finding is. A patrol can start unless something is missing."""
+
+    OK = "ok"
+    WARNING = "warning"
+    MISSING = "missing"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was found.
+
+    Attributes:
+        level: How bad it is.
+        says: What was found.
+        remedy: What to do; empty where nothing has to be done.
+    """
+
+    level: Level
+    says: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """What a survey says.
+
+    Attributes:
+        speaks: The format that the robot speaks; empty where nothing was seen.
+        clock_s: By how much our clock is ahead of the robot's, with the time that messages took, s; None where nothing
+            says so.
+        topics: The topics that matter.
+        findings: The worst first.
+    """
+
+    speaks: str
+    clock_s: float | None
+    topics: tuple[Topic, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def fit(self) -> bool:
+        """Whether a patrol could start."""
+        return all(finding.level is not Level.MISSING for finding in self.findings)
+
+
+def examine(seen: Survey) -> Examined:
+    """What a survey says, and what follows from it.
+
+    Args:
+        seen: The survey.
+    """
+    bridge = Bridge()
+    ours = [entity for token in seen.tokens if (entity := entity_of(token)) is not None]
+    bridged = [entity for token in seen.tokens if (entity := bridge.entity(token)) is not None]
+    here = [entity for entity in ours if entity.domain == seen.domain and not entity.node.name.startswith("fogwatch")]
+    spoken = any(key.split("/")[0] == str(seen.domain) and "::dds_::" in key for key in seen.heard)
+    plain = any("::dds_::" not in key for key in seen.heard)
+    form: Format = RmwZenoh(seen.domain) if here or spoken or not (bridged or plain) else bridge
+    entities = bridged if isinstance(form, Bridge) else here
+    topics = tuple(topics_of(seen, form, entities))
+    findings = [*_of_format(seen, form, entities, ours)]
+    clock_s = _clock(seen, topics)
+    if findings[-1].level is not Level.MISSING:
+        findings += [
+            *_of_topics(topics),
+            *_of_pose(seen, topics, entities),
+            *_of_commands(seen, topics, entities),
+            *_of_map(seen, topics),
+            *_of_clock(clock_s),
+        ]
+    order = [Level.MISSING, Level.WARNING, Level.OK]
+    return Examined(
+        "" if not (entities or seen.heard) else form.name,
+        clock_s,
+        topics,
+        tuple(sorted(findings, key=lambda finding: order.index(finding.level))),
+    )
+
+
+def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequence[Entity]) -> Iterator[Finding]:
+    if not here and not seen.heard:
+        others = sorted({entity.domain for entity in ours} - {seen.domain})
+        remedy = "start rmw_zenohd there and the nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp, or zenoh-bridge-ros2dds"
+        if others:
+            remedy = f"there is a robot in domain {others[0]}: give --domain {others[0]}"
+        yield Finding(Level.MISSING, f"nothing of ROS 2 is on this router in domain {seen.domain}", remedy)
+        return
+    inside = full_name(seen.namespace, "").rstrip("/")
+    spaces = _namespaces(here, seen.wanted)
+    if spaces and inside.strip("/") not in spaces and not _speaks(seen, form):
+        found = ", ".join(name or "''" for name in spaces[:8])
+        yield Finding(Level.MISSING, f"no robot is in the namespace {inside or '/'}", f"give --namespace {found}")
+        return
+    humble = any(entity.type_hash == NO_HASH for entity in here) or any(key.endswith(NO_HASH) for key in seen.heard)
+    option = "bridge" if isinstance(form, Bridge) else "rmw_zenoh-humble" if humble else "rmw_zenoh"
+    yield Finding(Level.OK, f"the robot speaks {option}", "")
+
+
+def _speaks(seen: Survey, form: Format) -> bool:
+    """Whether odometry came in the robot's namespace."""
+    where = form.heard(full_name(seen.namespace, seen.wanted.odometry)).removesuffix("/*/*")
+    return any(key == where or key.startswith(f"{where}/") for key in seen.heard)
+
+
+def _elsewhere(entities: Iterable[Entity], option: str) -> str:
+    """What to do where a topic has another name, or nobody has it."""
+    names = sorted({printable(entity.topic[:255]) for entity in entities})
+    return f"name it with {option}: {', '.join(names[:4])}" if names else "start the robot's base driver"
+
+
+def _namespaces(entities: Iterable[Entity], wanted: Wanted) -> list[str]:
+    """Where there is odometry, or commands are wanted."""
+    names = (wanted.odometry, wanted.command)
+    found = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
+    return sorted(printable(name[:255]) for name in found)
+
+
+def _of_topics(topics: Iterable[Topic]) -> Iterator[Finding]:
+    for topic in topics:
+        if topic.wrong:
+            remedy = "bring both to releases of ROS 2 that agree, or use another topic"
+            yield Finding(Level.WARNING, f"{topic.name}: messages cannot be used: {topic.wrong}", remedy)
+
+
+def _usable(topics: Iterable[Topic], names: Iterable[str]) -> list[Topic]:
+    return [topic for topic in topics if topic.name in set(names) and topic.messages and not topic.wrong]
+
+
+def _of_pose(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
+    name = full_name(seen.namespace, seen.wanted.odometry)
+    odometry = _usable(topics, [name])
+    if not odometry:
+        kind = CODINGS[ros.Odometry].type_name
+        known = [entity for entity in entities if entity.type_name == kind and entity.topic != name]
+        yield Finding(Level.MISSING, f"no odometry comes on {name}", _elsewhere(known, "--odometry"))
+    for topic in odometry:
+        if topic.publishers > 1:
+            remedy = "only one may publish it; give each robot a namespace of its own"
+            yield Finding(Level.WARNING, f"{name}: {topic.publishers} publish it", remedy)
+        if topic.rate < SLOW_HZ:
+            says = f"{name}: {topic.rate:.1f} messages a second; fewer than {SLOW_HZ:g} are few for a robot that drives"
+            yield Finding(Level.WARNING, says, "raise its rate, or drive slowly")
+        else:
+            yield Finding(Level.OK, f"{name}: {topic.rate:.1f} messages a second, {', '.join(topic.frames)}")
+    placed = _usable(topics, [full_name(seen.namespace, seen.wanted.pose)])
+    tf = _usable(topics, [full_name(space, kind) for space in (seen.namespace, "") for kind in ("tf", "tf_static")])
+    links = {frame for topic in tf for frame in topic.frames}
+    if placed or any(link.startswith(f"map{ARROW}") for link in links):
+        yield Finding(Level.OK, "the robot knows its place on the map")
+    else:
+        remedy = "start its localisation (amcl, slam_toolbox), or give its start pose and trust the odometry"
+        yield Finding(Level.WARNING, "neither tf nor a pose says where the robot is on the map", remedy)
+
+
+def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
+    name = full_name(seen.namespace, seen.wanted.command)
+    action = f"{full_name(seen.namespace, seen.wanted.action)}/_action/send_goal"
+    obeys = [entity for entity in entities if entity.topic == name and entity.kind is Kind.SUBSCRIPTION]
+    types = sorted({entity.type_name for entity in obeys})
+    nav2 = any(entity.topic == action and entity.kind is Kind.SERVER for entity in entities)
+    if nav2:
+        yield Finding(Level.OK, f"Nav2 takes goals ({ACTION})")
+    known = [printable(kind) for kind in types if kind in _COMMANDS]
+    if known:
+        yield Finding(Level.OK, f"{name}: the robot obeys {', '.join(known)}")
+    elif types:
+        remedy = f"give it one of {', '.join(_COMMANDS)}"
+        wants = printable(types[0][:255])
+        yield Finding(Level.MISSING, f"{name}: the robot wants {wants}, which we do not send", remedy)
+    elif not entities:
+        remedy = f"allow {ADMIN_SPACE}/** to us on the router, to see who obeys"
+        yield Finding(Level.WARNING, f"nobody says whether the robot obeys commands on {name}", remedy)
+    elif not nav2:
+        wanting = [entity for entity in entities if entity.type_name in _COMMANDS and entity.kind is Kind.SUBSCRIPTION]
+        yield Finding(Level.MISSING, f"nobody obeys commands on {name}", _elsewhere(wanting, "--command"))
+    rivals = sum(topic.messages for topic in topics if topic.name == name)
+    if rivals:
+        remedy = "stop the other program (a joystick, Nav2, another agent), or the robot gets both"
+        yield Finding(Level.WARNING, f"{name}: somebody else sends commands, {rivals} while we listened", remedy)
+
+
+def _of_map(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
+    maps = _usable(topics, [full_name(space, seen.wanted.map) for space in (seen.namespace, "")])
+    if maps:
+        yield Finding(Level.OK, f"{maps[0].name}: a latched map of {maps[0].size} bytes")
+    else:
+        yield Finding(Level.WARNING, "there is no latched map", "give the agent a map's file with --map")
+
+
+def _clock(seen: Survey, topics: Sequence[Topic]) -> float | None:
+    """By how much our clock is ahead, s: by the attachments, or by the stamps of odometry where there are none."""
+    ages = [heard.age_ns for heard in seen.heard.values() if heard.age_ns is not None]
+    if ages:
+        return min(ages, key=abs) / 1e9
+    for topic in topics:
+        for key, heard in seen.heard.items():
+            if key.endswith(topic.name.strip("/")) and topic.name.endswith(seen.wanted.odometry) and not topic.wrong:
+                return (heard.last_ns - decode(ros.Odometry, heard.newest).stamp_ns) / 1e9
+    return None
+
+
+def _of_clock(clock_s: float | None) -> Iterator[Finding]:
+    if clock_s is None:
+        return
+    if abs(clock_s) > _SIMULATED_S:
+        yield Finding(
+            Level.WARNING, "the robot's stamps are of another day", "it may run on simulated time: use_sim_time"
+        )
+    elif abs(clock_s) > CLOCKS_S:
+        way = "behind" if clock_s > 0.0 else "ahead of"
+        says = f"the robot's clock is {abs(clock_s):.2f} s {way} ours, or its messages take so long"
+        yield Finding(Level.WARNING, says, "run chrony or another NTP client on both machines")
+    else:
+        yield Finding(Level.OK, f"the robot's clock agrees with ours ({clock_s * 1e3:.0f} ms)")

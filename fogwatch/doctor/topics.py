@@ -1,0 +1,128 @@
+"""The topics of a robot that matter to a patrol: what comes on them, and whether it can be used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fogwatch.doctor.survey import Survey, Wanted, names_of
+from patrol.printable import printable
+from patrol.ros2 import messages as ros
+from patrol.ros2.codec import CODINGS, decode
+from patrol.ros2.definitions import NO_HASH, type_hash
+from patrol.ros2.ear import Overheard
+from patrol.ros2.formats import Bridge, Format, Origin
+from patrol.ros2.names import Entity, Kind
+from patrol.ros2.packing import BadMessage
+
+ARROW = " -> "
+
+_KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.unpack is not None}
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """What there is of a topic.
+
+    Attributes:
+        name: Its full name.
+        type_name: Its type; empty where nobody says.
+        type_hash: The hash of the type; empty where nobody says.
+        rate: Messages a second.
+        messages: Messages while we listened.
+        size: Bytes of the longest.
+        frames: Frames that its messages name.
+        publishers: How many publish it, as far as tokens or attachments tell.
+        subscribers: How many subscribe to it, as far as tokens tell.
+        wrong: Why its messages cannot be used; empty where they can.
+    """
+
+    name: str
+    type_name: str
+    type_hash: str
+    rate: float
+    messages: int
+    size: int
+    frames: tuple[str, ...]
+    publishers: int
+    subscribers: int
+    wrong: str
+
+
+def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterator[Topic]:
+    """The topics that matter, as far as there are any.
+
+    Args:
+        seen: The survey.
+        form: What the robot speaks.
+        entities: What is in its graph.
+    """
+    for name, _ in names_of(seen.namespace, seen.wanted):
+        if isinstance(form, Bridge):
+            keys = [key for key in seen.heard if key == form.heard(name)]
+        else:
+            keys = [key for key in seen.heard if key.startswith(f"{form.domain}/{name.strip('/')}/") and "::" in key]
+        about = [entity for entity in entities if entity.topic == name]
+        publishers = sum(entity.kind is Kind.PUBLISHER for entity in about)
+        subscribers = sum(entity.kind is Kind.SUBSCRIPTION for entity in about)
+        for key in keys or [""]:
+            origin = form.origin(key) if key else Origin()
+            said = next((entity for entity in about if entity.kind is Kind.PUBLISHER), about[0] if about else None)
+            type_name = origin.type_name or (said.type_name if said else "")
+            hashed = origin.type_hash or (said.type_hash if said else "")
+            heard = seen.heard.get(key)
+            frames, wrong = _look(name, type_name, heard, seen.wanted)
+            if type_name in _KNOWN and hashed not in {"", NO_HASH, type_hash(type_name)}:
+                wrong = f"its hash is {hashed[:80]}, and so its fields are other than ours"
+            if heard is not None or about:
+                yield Topic(
+                    name,
+                    printable(type_name[:255]),
+                    printable(hashed[:80]),
+                    0.0 if heard is None else heard.rate,
+                    0 if heard is None else heard.messages,
+                    0 if heard is None else heard.size,
+                    frames,
+                    max(publishers, 0 if heard is None else len(heard.senders)),
+                    subscribers,
+                    printable(wrong),
+                )
+
+
+def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) -> tuple[tuple[str, ...], str]:
+    """The frames in a topic's messages, and why they cannot be used, if so."""
+    kind = _KNOWN.get(type_name) or _expected(name, wanted)
+    if heard is None or kind is None:
+        return (), ""
+    frames: dict[str, None] = {}
+    try:
+        for payload in [*heard.recent, heard.newest]:
+            if payload:
+                frames |= dict.fromkeys(_frames(decode(kind, payload)))
+    except BadMessage as bad:
+        return tuple(frames), str(bad)
+    return tuple(frames), ""
+
+
+def _expected(name: str, wanted: Wanted) -> Any:
+    """The class of a topic's messages, where its key does not say."""
+    last = name.rpartition("/")[2]
+    kinds: dict[str, Any] = {
+        "tf": ros.TFMessage,
+        "tf_static": ros.TFMessage,
+        wanted.odometry.rpartition("/")[2]: ros.Odometry,
+        wanted.pose.rpartition("/")[2]: ros.PoseWithCovarianceStamped,
+        wanted.map.rpartition("/")[2]: ros.OccupancyGrid,
+    }
+    return kinds.get(last)
+
+
+def _frames(message: Any) -> Iterator[str]:
+    if isinstance(message, ros.TFMessage):
+        for one in message.transforms:
+            yield f"{one.frame}{ARROW}{one.child_frame}"
+    elif isinstance(message, ros.Odometry):
+        yield f"{message.frame}{ARROW}{message.child_frame}"
+    elif getattr(message, "frame", ""):
+        yield message.frame

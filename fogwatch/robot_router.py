@@ -1,0 +1,86 @@
+"""The folder for the Zenoh router of a ROS 2 robot: its certificate, and rules that let the fleet's members in.
+
+FOLDER/ROBOT-router/zenoh.json5       what the router reads
+FOLDER/ROBOT-router/certificate.pem   and key.pem, authority.pem: it proves to members that it is the robot's
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from fogwatch.certificates import issue
+from fogwatch.fleet_folder import AUTHORITY_FOLDER, FleetFolder, checked_hosts, replace_private
+from patrol.errors import BadInput
+from patrol.net.credentials import AUTHORITY, CERTIFICATE, KEY
+from patrol.net.keys import check_locator
+from patrol.net.roles import VIEWER, Kind, robot_role
+from patrol.ros2.access import COMMANDS, agent_rights, robot_router, viewer_rights
+from patrol.ros2.formats import Format
+
+FILE = "zenoh.json5"
+LOCAL_PORT = 7447
+_THIS_MACHINE = ("127.0.0.1", "localhost")
+
+
+def make_robot_router(
+    fleet: FleetFolder,
+    robot: str,
+    form: Format,
+    namespace: str,
+    hosts: Sequence[str],
+    port: int,
+    place: Path | None,
+    days: int,
+    local_port: int = LOCAL_PORT,
+    commands: Sequence[str] = COMMANDS,
+) -> Path:
+    """Make the folder, or make it anew.
+
+    Args:
+        fleet: The fleet.
+        robot: The name of the fleet's robot whose agent drives the ROS robot.
+        form: What the ROS robot speaks.
+        namespace: The ROS robot's namespace.
+        hosts: Names and addresses of the ROS robot's machine; none for this machine alone.
+        port: TCP port for members.
+        place: Where the folder will lie on the ROS robot; None for where it is made.
+        days: How long the certificate is valid.
+        local_port: TCP port for the robot's own programs.
+        commands: Topics by which the robot is driven.
+
+    Returns:
+        The folder.
+
+    Raises:
+        BadInput: The robot is no member, a host or port cannot be one, or openssl fails.
+    """
+    role = robot_role(robot)
+    folder = fleet.path / f"{robot}-router"
+    if role.user not in fleet.members:
+        raise BadInput(f"{robot}: is no robot of {fleet.fleet}; add it with: fogwatch fleet add {fleet.path} {robot}")
+    if f"{Kind.ROBOT}-{folder.name}" in fleet.members:
+        raise BadInput(f"{folder.name}: is a robot of {fleet.fleet} too, with this folder; rename one of the two")
+    given = checked_hosts(hosts)
+    for one in (port, local_port):
+        check_locator(f"tcp/127.0.0.1:{one}", "--port:")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    names = [*dict.fromkeys([*given, *_THIS_MACHINE])]
+    issue(fleet.path / AUTHORITY_FOLDER, folder, f"{robot}-router.{fleet.fleet[:40]}", days, names)
+    members = {fleet.members[role.user]: agent_rights(form, namespace, commands)}
+    if VIEWER.user in fleet.members:
+        members[fleet.members[VIEWER.user]] = viewer_rights(form, namespace)
+    lies = folder.absolute() if place is None else place
+    everywhere = "[::]" if any(":" in host for host in given) else "0.0.0.0"
+    listen = [f"tcp/127.0.0.1:{local_port}", f"tls/{everywhere if given else '127.0.0.1'}:{port}"]
+    tls = {
+        "root_ca_certificate": str(lies / AUTHORITY),
+        "listen_certificate": str(lies / CERTIFICATE),
+        "listen_private_key": str(lies / KEY),
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+    }
+    says = robot_router(form, namespace, members, listen, tls, commands)
+    replace_private(folder / FILE, f"{json.dumps(says, indent=2)}\n")
+    return folder

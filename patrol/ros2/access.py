@@ -1,0 +1,194 @@
+"""Who may do what at the Zenoh router of a ROS 2 robot, as Zenoh's configuration takes it.
+
+ROS itself asks nobody: whoever reaches the router `rmw_zenohd`, which listens on all interfaces, can drive the robot.
+Here the robot's own programs are those that come over TCP from the machine itself, and may do everything. Whoever comes
+over the network needs a certificate of the fleet. The agent's may command the robot and show what it knows; a viewer's
+may look. Nobody else may do anything.
+
+A latched topic is more than its key: who comes late finds its publisher, and asks it, under ``@adv``. The answer, which
+is its last message, comes under the topic's own key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from patrol.net.roles import COMMON_NAMES, Rights, rules_of
+from patrol.ros2.formats import Bridge, Format
+from patrol.ros2.goals import NAME
+from patrol.ros2.names import ADMIN_SPACE, full_name, mangled
+
+COMMANDS = ("cmd_vel", "ackermann_cmd")
+"""Topics by which an agent drives its robot, relative to its namespace."""
+SHOWN = ("/map", "map", "fog", "path")
+"""Topics by which an agent shows what it knows."""
+HEARD = ("/tf", "/tf_static", "/map", "/clock")
+"""Topics outside of the robot's namespace that an agent hears."""
+
+COMMAND_HZ = 100.0
+"""More commands a second than this do not pass; an agent sends 20 at most."""
+COMMAND_BYTES = 1024
+"""No longer command passes; the longest names make one of some 400 bytes."""
+
+_LOCAL = "this machine"
+_EVERYTHING = ("**", "**/@adv/**", f"{ADMIN_SPACE}/**", f"@/*/{ADMIN_SPACE}/**")
+_ALL_MESSAGES = (
+    "put",
+    "delete",
+    "declare_subscriber",
+    "query",
+    "reply",
+    "declare_queryable",
+    "liveliness_token",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+)
+
+
+def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMANDS) -> Rights:
+    """What the agent of a robot may do at its router.
+
+    Args:
+        form: What the robot speaks.
+        namespace: The robot's namespace.
+        commands: Topics by which it drives the robot.
+    """
+    published = tuple(form.heard(full_name(namespace, name)) for name in (*commands, *SHOWN))
+    heard = _heard(form, namespace)
+    actions = form.heard(f"{full_name(namespace, NAME)}/_action/*")
+    return Rights(
+        publish=published,
+        hear=heard,
+        ask=(*_latched(heard), actions),
+        answer=_latched(published),
+        announce=(*_latched(published), *_tokens(form, namespace)),
+        watch=(*_latched(heard), form.graph),
+        reply=published,
+        answered=heard,
+    )
+
+
+def viewer_rights(form: Format, namespace: str) -> Rights:
+    """What somebody may do who only looks.
+
+    Args:
+        form: What the robot speaks.
+        namespace: The robot's namespace.
+    """
+    heard = _heard(form, namespace)
+    latched = _latched(heard)
+    tokens = _tokens(form, namespace)
+    return Rights(hear=heard, ask=latched, announce=tokens, watch=(*latched, form.graph), answered=heard)
+
+
+def _heard(form: Format, namespace: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys([form.inside(full_name(namespace, "")), *map(form.heard, HEARD)]))
+
+
+def _latched(keys: Sequence[str]) -> tuple[str, ...]:
+    return tuple(f"{key}/@adv/**" for key in keys)
+
+
+def _tokens(form: Format, namespace: str) -> tuple[str, ...]:
+    """Tokens of nodes in the robot's own namespace."""
+    if isinstance(form, Bridge):
+        return ()
+    inside = namespace.strip("/")
+    return (f"{ADMIN_SPACE}/{form.domain}/*/*/*/*/*/{mangled(f'/{inside}' if inside else '')}/**",)
+
+
+def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) -> dict[str, Any]:
+    """The access rules of a robot's router.
+
+    Args:
+        form: What the robot speaks.
+        namespace: The robot's namespace.
+        members: Rights by the common name of a certificate.
+
+    Returns:
+        The configuration: deny everything, but for the robot's own programs and the rights of each member.
+    """
+    rules: list[dict[str, Any]] = [
+        {
+            "id": _LOCAL,
+            "permission": "allow",
+            "flows": ["ingress", "egress"],
+            "messages": list(_ALL_MESSAGES),
+            "key_exprs": list(_EVERYTHING),
+        }
+    ]
+    policies: list[dict[str, Any]] = [{"subjects": [_LOCAL], "rules": [_LOCAL]}]
+    heard = _heard(form, namespace)
+    for name, rights in members.items():
+        anything = tuple(dict.fromkeys([*heard, *_latched(heard), *rights.publish, *rights.ask]))
+        own = rules_of(name, rights, anything)
+        rules += own
+        policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [
+            {"id": _LOCAL, "interfaces": ["lo"], "link_protocols": ["tcp"]},
+            *({"id": name, COMMON_NAMES: [name]} for name in members),
+        ],
+        "policies": policies,
+    }
+
+
+def robot_router(
+    form: Format,
+    namespace: str,
+    members: Mapping[str, Rights],
+    listen: Sequence[str],
+    tls: Mapping[str, object],
+    commands: Sequence[str] = COMMANDS,
+) -> dict[str, Any]:
+    """The configuration of a robot's router.
+
+    Args:
+        form: What the robot speaks.
+        namespace: The robot's namespace.
+        members: Rights by the common name of a certificate.
+        listen: Locators: TCP on loopback for the robot's own programs, TLS for the fleet's members.
+        tls: Where the router's certificate and key lie, as Zenoh's configuration names them.
+        commands: Topics by which the robot is driven.
+
+    Returns:
+        What Zenoh's router reads, such as `rmw_zenohd` by ``ZENOH_ROUTER_CONFIG_URI``.
+    """
+    driven = [form.heard(full_name(namespace, name)) for name in commands]
+    network = {"link_protocols": ["tls"], "flows": ["ingress"]}
+    return {
+        "mode": "router",
+        "listen": {"endpoints": list(listen)},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": True}},
+        "timestamping": {"enabled": {"router": True, "peer": True, "client": True}},
+        "transport": {
+            "shared_memory": {"enabled": False},
+            "link": {
+                "tls": dict(tls),
+                # Whoever stops reading is cut off, and holds up nobody for longer.
+                "tx": {"queue": {"congestion_control": {"block": {"wait_before_close": 1_000_000}}}},
+            },
+        },
+        "access_control": access_control(form, namespace, members),
+        "downsampling": [
+            {
+                "id": "commands are few",
+                "messages": ["put"],
+                "rules": [{"key_expr": key, "freq": COMMAND_HZ} for key in driven],
+                **network,
+            }
+        ],
+        "low_pass_filter": [
+            {
+                "id": "commands are short",
+                "messages": ["put"],
+                "key_exprs": driven,
+                "size_limit": COMMAND_BYTES,
+                **network,
+            }
+        ],
+    }

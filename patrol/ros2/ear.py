@@ -1,0 +1,94 @@
+"""What is overheard on a robot's Zenoh: of each key how much came, how old it was, and the newest messages."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from patrol.net.mailbox import Payload
+from patrol.ros2.formats import attachment_of
+
+_MOST_KEYS = 64
+_LONGEST_KEPT, _LONGEST_RECENT = 1 << 22, 1 << 14
+_RECENT = 32
+_MOST_SENDERS = 16
+
+
+@dataclass(slots=True)
+class Overheard:
+    """What was overheard under one key.
+
+    Attributes:
+        first_s: When the first message came, by `time.monotonic`, s.
+        last_s: When the last one came.
+        last_ns: The same, ns since the epoch.
+        messages: How many came.
+        size: Bytes of the longest.
+        age_ns: How old the message was that seemed youngest: our clock less that of its sender; None where senders do
+            not say.
+        senders: The different senders, at most 16; empty where senders do not say.
+        newest: The newest payload; empty if it is longer than 4 MiB.
+        recent: The last 32 payloads of at most 16 KiB, for topics that many publish.
+    """
+
+    first_s: float
+    last_s: float = 0.0
+    last_ns: int = 0
+    messages: int = 0
+    size: int = 0
+    age_ns: int | None = None
+    senders: set[bytes] = field(default_factory=set)
+    newest: bytes = b""
+    recent: deque[bytes] = field(default_factory=lambda: deque(maxlen=_RECENT))
+
+    @property
+    def rate(self) -> float:
+        """Messages a second; 0 for fewer than two."""
+        took = self.last_s - self.first_s
+        return (self.messages - 1) / took if took > 0.0 else 0.0
+
+
+class Ear:
+    """Notes what is overheard, on one thread; another may look at it.
+
+    Attributes:
+        more: How many messages came under keys beyond the first 64.
+    """
+
+    def __init__(self) -> None:
+        self._heard: dict[str, Overheard] = {}
+        self.more = 0
+
+    @property
+    def heard(self) -> dict[str, Overheard]:
+        """What was overheard so far, by key."""
+        return dict(self._heard)
+
+    def note(self, key: str, payload: Payload, attached: bytes, at_s: float, now_ns: int) -> None:
+        """Note a message.
+
+        Args:
+            key: Its key.
+            payload: Its payload, not yet copied.
+            attached: Its attachment.
+            at_s: The time, by `time.monotonic`, s.
+            now_ns: The time, ns since the epoch.
+        """
+        known = self._heard.get(key)
+        if known is None:
+            if len(self._heard) >= _MOST_KEYS:
+                self.more += 1
+                return
+            known = self._heard[key] = Overheard(at_s)
+        known.messages += 1
+        known.size = max(known.size, len(payload))
+        known.last_s, known.last_ns = at_s, now_ns
+        known.newest = payload.to_bytes() if len(payload) <= _LONGEST_KEPT else b""
+        if len(payload) <= _LONGEST_RECENT:
+            known.recent.append(known.newest)
+        given = attachment_of(attached)
+        if given is not None:
+            age_ns = now_ns - given.sent_ns
+            known.age_ns = age_ns if known.age_ns is None else min(known.age_ns, age_ns)
+            if len(known.senders) < _MOST_SENDERS:
+                known.senders.add(given.sender)

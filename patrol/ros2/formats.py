@@ -1,0 +1,295 @@
+"""The two formats: which keys messages have, and what goes along with them.
+
+    rmw_zenoh              0/robot1/cmd_vel/geometry_msgs::msg::dds_::Twist_/RIHS01_9c45...   with an attachment
+    zenoh-bridge-ros2dds   robot1/cmd_vel
+
+They do not understand each other: a link speaks one of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from patrol.errors import BadInput
+from patrol.ros2.definitions import NO_HASH, type_hash
+from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, NodeName, dds_name, entity_of, mangled, ros_name
+
+_ATTACHMENT = struct.Struct("<qqB16s")
+_HASH = re.compile(rf"RIHS01_[0-9a-f]{{64}}|{NO_HASH}")
+_GID = 16
+_SLASH = "§"
+_BRIDGED = {
+    "MP": (Kind.PUBLISHER, ""),
+    "MS": (Kind.SUBSCRIPTION, ""),
+    "SS": (Kind.SERVER, ""),
+    "SC": (Kind.CLIENT, ""),
+    "AS": (Kind.SERVER, "/_action/send_goal"),
+    "AC": (Kind.CLIENT, "/_action/send_goal"),
+}
+"""What stands for a slash in the tokens of a bridge, and their kinds of entities."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """What goes along with a message of `rmw_zenoh`.
+
+    Attributes:
+        sequence: Counts the sender's messages, from 1.
+        sent_ns: When it was sent, ns since the epoch, by the sender's clock.
+        sender: 16 bytes that stand for the publisher or client.
+    """
+
+    sequence: int
+    sent_ns: int
+    sender: bytes
+
+    def to_bytes(self) -> bytes:
+        """The 33 bytes of it."""
+        return _ATTACHMENT.pack(self.sequence, self.sent_ns, _GID, self.sender)
+
+
+def attachment_of(given: bytes) -> Attachment | None:
+    """The attachment in some bytes; None for what is none.
+
+    Args:
+        given: From anybody.
+    """
+    if len(given) != _ATTACHMENT.size or given[16] != _GID:
+        return None
+    sequence, sent_ns, _, sender = _ATTACHMENT.unpack(given)
+    return Attachment(sequence, sent_ns, sender)
+
+
+def gid_of(token: str) -> bytes:
+    """The 16 bytes that stand for an entity. `rmw_zenoh` hashes the token otherwise; others compare only.
+
+    Args:
+        token: The entity's liveliness token.
+    """
+    return hashlib.blake2b(token.encode(), digest_size=_GID).digest()
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What a key says of the messages under it.
+
+    Attributes:
+        type_name: The type as ROS calls it; empty where the format does not say.
+        type_hash: Its hash; empty where the format does not say.
+    """
+
+    type_name: str = ""
+    type_hash: str = ""
+
+
+class Format(Protocol):
+    """A format. Names are full (`patrol.ros2.names.full_name`)."""
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        ...
+
+    @property
+    def domain(self) -> int:
+        """The ROS_DOMAIN_ID; 0 where the format has none."""
+        ...
+
+    @property
+    def attaches(self) -> bool:
+        """Whether messages have an `Attachment`."""
+        ...
+
+    @property
+    def graph(self) -> str:
+        """The key expression of the tokens of everything in the graph."""
+        ...
+
+    def key(self, topic: str, type_name: str, /) -> str:
+        """The key of a topic that we publish, or of a service that we offer."""
+        ...
+
+    def heard(self, topic: str) -> str:
+        """The key expression of a topic that others publish."""
+        ...
+
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        ...
+
+    def servers(self, service: str, /) -> str | None:
+        """The key expression of the tokens of a service's servers; None where keys do not depend on them."""
+        ...
+
+    def service_key(self, service: str, type_name: str, token: str | None, /) -> str:
+        """The key of a service that others offer; `token` is that of its server, if one was found."""
+        ...
+
+    def origin(self, key: str, /) -> Origin:
+        """What a key says of the messages under it."""
+        ...
+
+    def hash_of(self, type_name: str, /) -> str:
+        """The hash of a type in keys and tokens."""
+        ...
+
+    def token(self, entity: Entity, /) -> str | None:
+        """The token of an entity of ours; None where there are none."""
+        ...
+
+    def entity(self, token: str, /) -> Entity | None:
+        """The entity that a token stands for, whoever declared it; None for what is none."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class RmwZenoh:
+    """The format of `rmw_zenoh`.
+
+    Attributes:
+        domain: The ROS_DOMAIN_ID.
+        hashed: Whether types have hashes; they have none in ROS 2 Humble.
+    """
+
+    domain: int = 0
+    hashed: bool = True
+    attaches = True
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        return "rmw_zenoh" if self.hashed else "rmw_zenoh (Humble)"
+
+    @property
+    def graph(self) -> str:
+        """The key expression of the tokens of everything in the graph."""
+        return f"{ADMIN_SPACE}/{self.domain}/**"
+
+    def key(self, topic: str, type_name: str, /) -> str:
+        """The key of a topic that we publish, or of a service that we offer."""
+        return f"{self.domain}/{topic.strip('/')}/{dds_name(type_name)}/{self.hash_of(type_name)}"
+
+    def heard(self, topic: str) -> str:
+        """The key expression of a topic that others publish: of any type and hash, so that a wrong one can be told."""
+        return f"{self.domain}/{topic.strip('/')}/*/*"
+
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        inside = namespace.strip("/")
+        return f"{self.domain}/{inside}/**" if inside else f"{self.domain}/**"
+
+    def servers(self, service: str, /) -> str | None:
+        """The key expression of the tokens of a service's servers."""
+        return f"{ADMIN_SPACE}/{self.domain}/*/*/*/{Kind.SERVER}/*/*/*/{mangled(service)}/*/*/*"
+
+    def service_key(self, service: str, type_name: str, token: str | None, /) -> str:
+        """The key of a service that others offer, with their hash: releases differ in what is not read here."""
+        server = None if token is None else entity_of(token)
+        if server is None or server.type_name != type_name or not _HASH.fullmatch(server.type_hash):
+            return self.key(service, type_name)
+        return f"{self.domain}/{service.strip('/')}/{dds_name(type_name)}/{server.type_hash}"
+
+    def origin(self, key: str, /) -> Origin:
+        """What a key says of the messages under it."""
+        parts = key.split("/")
+        return Origin(ros_name(parts[-2]), parts[-1]) if len(parts) >= 4 else Origin()
+
+    def hash_of(self, type_name: str, /) -> str:
+        """The hash of a type in keys and tokens."""
+        return type_hash(type_name) if self.hashed else NO_HASH
+
+    def token(self, entity: Entity, /) -> str | None:
+        """The token of an entity of ours."""
+        return entity.token
+
+    def entity(self, token: str, /) -> Entity | None:
+        """The entity that a token stands for."""
+        return entity_of(token)
+
+
+@dataclass(frozen=True, slots=True)
+class Bridge:
+    """The format of `zenoh-bridge-ros2dds`: a topic's name is its key, and that is all.
+
+    Attributes:
+        prefix: What the bridge puts before every name (its option ``namespace``), if that is not a part of the names.
+    """
+
+    prefix: str = ""
+    attaches = False
+    domain = 0
+    name = "zenoh-bridge-ros2dds"
+    graph = "@/*/@ros2_lv/**"
+
+    def key(self, topic: str, _type_name: str, /) -> str:
+        """The key of a topic that we publish, or of a service that we offer."""
+        return self.heard(topic)
+
+    def heard(self, topic: str) -> str:
+        """The key of a topic that others publish."""
+        inside = topic.strip("/")
+        prefix = self.prefix.strip("/")
+        return f"{prefix}/{inside}" if prefix else inside
+
+    def inside(self, namespace: str, /) -> str:
+        """The key expression of all topics and services in a namespace."""
+        inside = self.heard(namespace).strip("/")
+        return f"{inside}/**" if inside else "**"
+
+    def servers(self, _service: str, /) -> str | None:
+        """Keys do not depend on servers."""
+        return None
+
+    def service_key(self, service: str, _type_name: str, _token: str | None, /) -> str:
+        """The key of a service that others offer."""
+        return self.heard(service)
+
+    def origin(self, _key: str, /) -> Origin:
+        """Keys say nothing."""
+        return Origin()
+
+    def hash_of(self, _type_name: str, /) -> str:
+        """There are no hashes."""
+        return ""
+
+    def token(self, _entity: Entity, /) -> str | None:
+        """The bridge itself shows what it carries."""
+        return None
+
+    def entity(self, token: str, /) -> Entity | None:
+        """The entity that a token of a bridge stands for; an action's server counts as that of its send_goal."""
+        parts = token.split("/")
+        if len(parts) < 6 or parts[0] != "@" or parts[2] != ADMIN_SPACE or parts[3] not in _BRIDGED:
+            return None
+        topic, type_name = (part.replace(_SLASH, "/") for part in parts[4:6])
+        kind, more = _BRIDGED[parts[3]]
+        return Entity(0, parts[1], 0, 0, kind, NodeName(""), f"/{topic}{more}", type_name)
+
+
+FORMATS: dict[str, Callable[[int], Format]] = {
+    "rmw_zenoh": RmwZenoh,
+    "rmw_zenoh-humble": lambda domain: RmwZenoh(domain, hashed=False),
+    "bridge": lambda _domain: Bridge(),
+}
+"""Formats by the names that options have for them, each made for a ROS_DOMAIN_ID."""
+
+
+def format_named(name: str, domain: int, option: str) -> Format:
+    """The format of a name.
+
+    Args:
+        name: One of `FORMATS`.
+        domain: The ROS_DOMAIN_ID.
+        option: What errors call it.
+
+    Raises:
+        BadInput: There is none.
+    """
+    if name not in FORMATS:
+        raise BadInput(f"{option} {name!r}: no such format; known are {', '.join(FORMATS)}")
+    return FORMATS[name](domain)

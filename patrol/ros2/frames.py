@@ -1,0 +1,56 @@
+"""Poses in frames: a pose of a child in its parent, put together with others. A frame is one of the plane (REP 105)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from patrol.pose import Pose, wrap
+
+if TYPE_CHECKING:
+    from patrol.ros2.messages import Twist
+
+_SMALL_TURN = 1e-6
+
+
+def composed(outer: Pose, inner: Pose) -> Pose:
+    """Where something is in a frame, if it is known where it is in a child of that frame.
+
+    Args:
+        outer: The child in the frame.
+        inner: The thing in the child.
+    """
+    cos, sin = math.cos(outer.heading), math.sin(outer.heading)
+    return Pose(
+        outer.x + cos * inner.x - sin * inner.y,
+        outer.y + sin * inner.x + cos * inner.y,
+        wrap(outer.heading + inner.heading),
+    )
+
+
+def inverted(pose: Pose) -> Pose:
+    """Where the parent is in the child, if it is known where the child is in the parent.
+
+    Args:
+        pose: The child in the parent.
+    """
+    cos, sin = math.cos(pose.heading), math.sin(pose.heading)
+    return Pose(-cos * pose.x - sin * pose.y, sin * pose.x - cos * pose.y, wrap(-pose.heading))
+
+
+def travelled(pose: Pose, twist: Twist, time_s: float) -> Pose:
+    """Where a body comes to that keeps its velocity: an exact arc.
+
+    Args:
+        pose: Where it is.
+        twist: Its velocity, in its own frame.
+        time_s: For how long, s; negative for where it came from.
+    """
+    turn = twist.turn_rate * time_s
+    if abs(turn) < _SMALL_TURN:
+        along, across = 1.0, 0.5 * turn
+    else:
+        along, across = math.sin(turn) / turn, (1.0 - math.cos(turn)) / turn
+    x = (twist.vx * along - twist.vy * across) * time_s
+    y = (twist.vx * across + twist.vy * along) * time_s
+    return composed(pose, Pose(x, y, turn))

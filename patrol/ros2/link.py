@@ -1,0 +1,375 @@
+"""A node of ROS 2: a session with the robot's Zenoh router. Messages arrive on its thread, which fills mailboxes."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from itertools import count, islice
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import zenoh
+from zenoh.ext import (
+    CacheConfig,
+    HistoryConfig,
+    declare_advanced_publisher,
+    declare_advanced_subscriber,
+)
+
+from patrol.net.link import CLOSE_S, open_session
+from patrol.net.settings import client_settings
+from patrol.printable import printable
+from patrol.ros2.codec import CODINGS, decode, encode
+from patrol.ros2.definitions import NO_HASH, store
+from patrol.ros2.ear import Ear
+from patrol.ros2.formats import Attachment, Format, Origin, attachment_of, gid_of
+from patrol.ros2.mailbox import Received, RosMailbox
+from patrol.ros2.names import SERVICE, USUAL, Entity, Kind, NodeName, Qos, full_name
+from patrol.ros2.packing import BadMessage
+from patrol.ros2.ports import Asked, Sender, Service
+
+if TYPE_CHECKING:
+    from patrol.net.credentials import Credentials
+
+LEASE_S = 2.0
+"""A node that is silent for so long is gone for the router, and finds none of what was meant for it when it returns: a
+command or a pose that is seconds old does harm."""
+
+BLOCKED_US = 1_000_000
+"""How long a latched message waits for a router that does not read; then the link is closed, and made anew."""
+
+SERVERS_S = 2.0
+"""How long the router may take to say who offers a service."""
+
+_LONGEST_ATTACHMENT = 64
+_MOST_ENTITIES = 10_000
+
+M = TypeVar("M")
+Q = TypeVar("Q")
+A = TypeVar("A")
+
+
+class ZenohRos2Link:
+    """A node of ROS 2 (`patrol.ros2.ports.Ros2Link`).
+
+    Args:
+        session: An open session with the robot's router.
+        form: What it speaks.
+        node: The node's name and namespace.
+    """
+
+    def __init__(self, session: zenoh.Session, form: Format, node: NodeName) -> None:
+        self._session = session
+        store()  # says at once if it cannot be had, and not on Zenoh's thread
+        self._format = form
+        self._node = node
+        self._id = str(session.info.zid())
+        self._numbers = count()
+        self._node_number = next(self._numbers)
+        self._declared: list[Any] = []
+        self._clients: dict[str, _Attacher] = {}
+        self._servers: dict[str, str] = {}
+        self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, Kind.NODE, node))
+
+    @property
+    def format(self) -> Format:
+        """What it speaks."""
+        return self._format
+
+    @property
+    def connected(self) -> bool:
+        """Whether the robot's router is at the other end now; the session finds back to one that returns by itself."""
+        return bool(self._session.info.routers_zid())
+
+    def resolve(self, name: str) -> str:
+        """The full name of a topic or service, which may be relative to the node's namespace."""
+        return full_name(self._node.namespace, name)
+
+    def publisher(self, topic: str, kind: type[M], qos: Qos = USUAL) -> Sender[M]:
+        """A publisher (`patrol.ros2.ports.Ros2Link`).
+
+        It drops a message rather than being late. A latched one waits, for at most `BLOCKED_US`, where the router does
+        not read. So whoever has to be on time lets another thread send what is latched.
+        """
+        full = self.resolve(topic)
+        type_name = CODINGS[kind].type_name
+        key = self._format.key(full, type_name)
+        if qos.latched:
+            publisher: Any = declare_advanced_publisher(
+                self._session,
+                key,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=zenoh.Priority.DATA_LOW,
+                cache=CacheConfig(max_samples=max(qos.depth, 1)),
+                publisher_detection=True,
+            )
+        else:
+            publisher = self._session.declare_publisher(
+                key,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.INTERACTIVE_HIGH,
+                express=True,
+            )
+        self._declared.append(publisher)
+        attacher = self._attacher(self._entity(Kind.PUBLISHER, full, type_name, qos))
+        return _Publisher(publisher, attacher)
+
+    def subscribe(self, topic: str, kind: type[M], mailbox: RosMailbox[M], qos: Qos = USUAL) -> None:
+        """Put messages of a topic into a mailbox (`patrol.ros2.ports.Ros2Link`)."""
+        full = self.resolve(topic)
+        coding = CODINGS[kind]
+        expected = frozenset({"", NO_HASH, coding.type_hash})
+
+        def receive(sample: zenoh.Sample) -> None:
+            key = str(sample.key_expr)
+            if (wrong := _mismatch(full, self._format.origin(key), coding.type_name, expected)) is not None:
+                mailbox.refuse(*wrong)
+            elif sample.kind == zenoh.SampleKind.PUT:
+                _deliver(kind, full, sample.payload, sample.attachment, mailbox)
+
+        handler: Any = zenoh.handlers.Callback(receive, indirect=False)
+        heard = self._format.heard(full)
+        if qos.latched:
+            history = HistoryConfig(detect_late_publishers=True, max_samples=max(qos.depth, 1))
+            subscriber: Any = declare_advanced_subscriber(self._session, heard, handler, history=history)
+        else:
+            subscriber = self._session.declare_subscriber(heard, handler)
+        self._declared.append(subscriber)
+        self._show(self._entity(Kind.SUBSCRIPTION, full, coding.type_name, qos))
+
+    def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:
+        """Ask a service, without waiting for the response (`patrol.ros2.ports.Ros2Link`).
+
+        Where keys depend on the server, the first call asks the router who it is, which takes at most `SERVERS_S`.
+        """
+        full = self.resolve(name)
+        payload = encode(request)
+        if full not in self._clients:
+            self._clients[full] = self._attacher(self._entity(Kind.CLIENT, full, service.type_name, SERVICE))
+        mailbox: RosMailbox[A] = RosMailbox()
+
+        def receive(reply: zenoh.Reply) -> None:
+            if (sample := reply.ok) is not None:
+                _deliver(service.response, full, sample.payload, sample.attachment, mailbox)
+
+        self._session.get(
+            self._format.service_key(full, service.type_name, self._server(full)),
+            payload=payload,
+            attachment=self._clients[full].next(),
+            target=zenoh.QueryTarget.ALL_COMPLETE,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=limit_s,
+            priority=zenoh.Priority.DATA_HIGH,
+            handler=zenoh.handlers.Callback(receive, indirect=False),
+        )
+        return mailbox
+
+    def serve(self, name: str, service: Service[Q, A], mailbox: RosMailbox[Asked[Q, A]]) -> None:
+        """Offer a service (`patrol.ros2.ports.Ros2Link`)."""
+        full = self.resolve(name)
+        key = self._format.key(full, service.type_name)
+
+        def receive(query: zenoh.Query) -> None:
+            asked: RosMailbox[Q] = RosMailbox()
+            given = attachment_of(_small(query.attachment))
+            _deliver(service.request, full, query.payload, query.attachment, asked)
+            for reason, line in asked.said.items():
+                mailbox.refuse(reason, line)
+            if (received := asked.take()) is not None:
+                question = Asked(received.message, _answer(query, key, given))
+                mailbox.put(Received(question, received.at_s, received.sent_ns, received.sequence, received.sender))
+
+        handler: Any = zenoh.handlers.Callback(receive, indirect=False)
+        self._declared.append(self._session.declare_queryable(key, handler, complete=True))
+        self._show(self._entity(Kind.SERVER, full, service.type_name, SERVICE))
+
+    def graph(self, limit_s: float) -> list[Entity]:
+        """What is in the ROS graph now, as far as the format tells; waits (`patrol.ros2.ports.Ros2Link`)."""
+        found = map(self._format.entity, self.tokens(self._format.graph, limit_s))
+        return [entity for entity in found if entity is not None]
+
+    def tokens(self, expression: str, limit_s: float) -> list[str]:
+        """The liveliness tokens that there are now, each once, at most 10 000; waits.
+
+        Args:
+            expression: A key expression.
+            limit_s: How long to wait at most.
+        """
+        replies = self._session.liveliness().get(expression, timeout=limit_s)
+        found = (str(reply.ok.key_expr) for reply in islice(replies, _MOST_ENTITIES) if reply.ok is not None)
+        return list(dict.fromkeys(found))  # the router tells us of our own once more
+
+    def overhear(self, expression: str, ear: Ear, latched: bool) -> None:
+        """Note all messages under a key expression, whatever they are.
+
+        Args:
+            expression: The key expression.
+            ear: Where they are noted.
+            latched: Whether to get what was sent before, too.
+        """
+
+        def receive(sample: zenoh.Sample) -> None:
+            ear.note(str(sample.key_expr), sample.payload, _small(sample.attachment), time.monotonic(), time.time_ns())
+
+        handler: Any = zenoh.handlers.Callback(receive, indirect=False)
+        history = HistoryConfig(detect_late_publishers=True, max_samples=1)
+        self._declared.append(
+            declare_advanced_subscriber(self._session, expression, handler, history=history)
+            if latched
+            else self._session.declare_subscriber(expression, handler)
+        )
+
+    def close(self, limit_s: float = CLOSE_S) -> bool:
+        """Close the session; what is closed already stays so.
+
+        Args:
+            limit_s: How long to wait.
+
+        Returns:
+            False when closing takes longer than the limit, after which only ending the process helps.
+        """
+        if self._session.is_closed():
+            return True
+        closing = threading.Thread(target=self._close, daemon=True)
+        closing.start()
+        closing.join(limit_s)
+        return not closing.is_alive()
+
+    def _close(self) -> None:
+        for declared in reversed(self._declared):
+            declared.undeclare()
+        self._declared.clear()
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def _entity(self, kind: Kind, full: str, type_name: str, qos: Qos) -> Entity:
+        type_hash = self._format.hash_of(type_name)
+        numbers = self._node_number, next(self._numbers)
+        return Entity(self._format.domain, self._id, *numbers, kind, self._node, full, type_name, type_hash, qos)
+
+    def _show(self, entity: Entity) -> None:
+        """Make something of ours visible in the graph."""
+        if (token := self._format.token(entity)) is not None:
+            self._declared.append(self._session.liveliness().declare_token(token))
+
+    def _attacher(self, entity: Entity) -> _Attacher:
+        self._show(entity)
+        return _Attacher(gid_of(entity.token) if self._format.attaches else None)
+
+    def _server(self, full: str) -> str | None:
+        """The token of whoever offers a service, or last did, if keys depend on it."""
+        servers = self._format.servers(full)
+        if servers is not None and full not in self._servers:
+            for token in self.tokens(servers, SERVERS_S):
+                self._servers[full] = token
+        return self._servers.get(full)
+
+
+class _Attacher:
+    """Makes the attachments of one publisher or client, whose sequence it counts; None where the format has none."""
+
+    def __init__(self, gid: bytes | None) -> None:
+        self._gid = gid
+        self.made = 0
+        self._lock = threading.Lock()
+
+    def next(self) -> bytes | None:
+        with self._lock:
+            self.made += 1
+            return None if self._gid is None else Attachment(self.made, time.time_ns(), self._gid).to_bytes()
+
+
+class _Publisher(Sender[Any]):
+    def __init__(self, publisher: Any, attacher: _Attacher) -> None:
+        self._publisher = publisher
+        self._attacher = attacher
+
+    @property
+    def sent(self) -> int:
+        return self._attacher.made
+
+    def send(self, message: Any) -> None:
+        self._publisher.put(encode(message), attachment=self._attacher.next())
+
+
+def _answer(query: zenoh.Query, key: str, given: Attachment | None) -> Callable[[Any], None]:
+    """Answers a request; a response carries the sequence and the client of its request."""
+
+    def answer(response: Any) -> None:
+        payload = encode(response)
+        back = None if given is None else Attachment(given.sequence, time.time_ns(), given.sender).to_bytes()
+        with query:
+            query.reply(key, payload, attachment=back)
+
+    return answer
+
+
+def _mismatch(full: str, origin: Origin, type_name: str, expected: frozenset[str]) -> tuple[str, str] | None:
+    """Why messages under a key cannot be of a type: another type, or a hash that means other fields."""
+    if origin.type_name not in {"", type_name}:
+        return "type", printable(f"{full}: is a {origin.type_name[:255]}, and should be a {type_name}")
+    if origin.type_hash not in expected:
+        known = ", ".join(sorted(expected - {"", NO_HASH}))
+        found = origin.type_hash[:80]
+        return "hash", printable(f"{full}: {type_name} has other fields there: its hash is {found}, and ours {known}")
+    return None
+
+
+def _deliver(
+    kind: type[M], full: str, payload: zenoh.ZBytes | None, attached: zenoh.ZBytes | None, mailbox: RosMailbox[M]
+) -> None:
+    """Decode a message and put it into a mailbox, or say there why not; on Zenoh's thread."""
+    at_s = time.monotonic()
+    if payload is None:
+        mailbox.refuse("malformed", f"{full}: nothing in it")
+        return
+    if len(payload) > CODINGS[kind].longest:
+        mailbox.refuse("oversized", f"{full}: {len(payload)} bytes, and at most {CODINGS[kind].longest} are read")
+        return
+    try:
+        message = decode(kind, payload.to_bytes())
+    except BadMessage as bad:
+        mailbox.refuse("malformed", printable(f"{full}: {bad}"))
+        return
+    given = attachment_of(_small(attached))
+    if given is None:
+        mailbox.put(Received(message, at_s))
+    else:
+        mailbox.put(Received(message, at_s, given.sent_ns, given.sequence, given.sender))
+
+
+def _small(attached: zenoh.ZBytes | None) -> bytes:
+    """The bytes of an attachment; none where it is too long to be one."""
+    return b"" if attached is None or len(attached) > _LONGEST_ATTACHMENT else attached.to_bytes()
+
+
+def open_ros2(
+    router: str,
+    form: Format,
+    node: NodeName,
+    wait_s: float,
+    waiting: Callable[[float], None] = lambda _waited: None,
+    stopped: Callable[[], bool] = lambda: False,
+    credentials: Credentials | None = None,
+) -> ZenohRos2Link:
+    """Join the Zenoh router of a robot.
+
+    Args:
+        router: Its locator, such as ``tcp/192.168.1.20:7447``.
+        form: What is spoken there.
+        node: The name and namespace of our node.
+        wait_s: How long to wait for the router.
+        waiting: Called now and then with the seconds waited, while no router answers.
+        stopped: Whether to give up.
+        credentials: Prove who this is; None for a router that asks nobody.
+
+    Raises:
+        LinkDown: No router has answered after `wait_s`, or `stopped` says so.
+        BadInput: The extra ``ros2`` is not installed.
+    """
+    store()
+    settings: Mapping[str, object] = {
+        **client_settings(router, LEASE_S, credentials),
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
+        "timestamping/enabled": True,  # without it nobody gets what a latched topic sent before
+    }
+    return ZenohRos2Link(open_session(settings, router, wait_s, waiting, stopped), form, node)

@@ -1,0 +1,83 @@
+"""What driving ROS 2 robots promises, measured: a pulled plug, and half an hour of three robots of three kinds."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import mean
+from typing import Any
+
+import pytest
+
+from experiments.inprocess import run_in_process
+from patrol.scenario import load_scenario
+from tests.ros2_bench import write_plan
+from tests.routers import PATIENCE_S, routed
+
+pytestmark = pytest.mark.accept
+
+YARDS = Path(__file__).parents[2] / "examples" / "ros2-yards.yaml"
+SEEDS = (7, 8, 9)
+FORMATS = {"r1": "rmw_zenoh", "r2": "bridge", "r3": "rmw_zenoh-humble"}
+HALF_AN_HOUR_S = 1800.0
+
+
+def module(*words: str) -> list[str]:
+    return [sys.executable, "-P", "-m", *words]
+
+
+@contextmanager
+def agents(endpoint: str, common: list[str], formats: dict[str, str]) -> Iterator[None]:
+    start = module("agent", "--robot", "ros2", "--connect", endpoint, *common, "--epoch", str(time.time()))
+    running = [subprocess.Popen([*start, "--namespace", name, "--format", form]) for name, form in formats.items()]
+    try:
+        yield
+    finally:
+        for one in running:
+            one.send_signal(signal.SIGINT)
+        codes = [one.wait(PATIENCE_S) for one in running]
+    assert codes == [130] * len(running)
+
+
+def measured(endpoint: str, out: Path, *words: str) -> dict[str, Any]:
+    """What simulated robots measure that end by themselves."""
+    simulator = module("worldsim.ros2", "--connect", endpoint, "--out", str(out), *words)
+    subprocess.run(simulator, check=True)
+    found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
+    return found
+
+
+def test_a_robot_whose_plug_is_pulled_stands_within_half_a_second(tmp_path: Path) -> None:
+    plan = write_plan(tmp_path)
+    body = ["--map", str(plan), "--speed", "0.5"]
+    stood = []
+    for form in FORMATS.values():
+        with routed() as endpoint, agents(endpoint, body, {"robot1": form}):
+            words = [*body, "--robots", f"robot1:{form}", "--unplug", "robot1@10", "--duration", "12"]
+            summary = measured(endpoint, tmp_path / "sim.json", *words)["robots"]["robot1"]
+        assert summary["distance_m"] > 1.0
+        assert summary["watchdog_stops"] == 0
+        stood.append(summary["stood_after_s"])
+    assert all(0.0 < one <= 0.5 for one in stood), stood
+
+
+def test_three_robots_patrol_the_yards_as_well_as_without_ros(tmp_path: Path) -> None:
+    """In real time. MFoW differs between seeds without ROS too, so it is held against the mean of some."""
+    native = [
+        run_in_process(load_scenario(YARDS, {"seed": seed, "pace": "lockstep", "radio.via": "ether"})).summary
+        for seed in SEEDS
+    ]
+    scenario = ["--scenario", str(YARDS), "--margin", "0.15"]
+    errors = ["--delay", "0.1", "--noise", "0.05", "--noise-heading", "0.01"]
+    robots = ",".join(f"{name}:{form}" for name, form in FORMATS.items())
+    with routed() as endpoint, agents(endpoint, [*scenario, "--acceleration", "4"], FORMATS):
+        words = [*scenario, *errors, "--robots", robots, "--duration", str(HALF_AN_HOUR_S)]
+        summary = measured(endpoint, tmp_path / "sim.json", *words)
+    assert all(one["walls_touched"] == 0 for one in summary["robots"].values()), summary
+    assert summary["mfow_mean_s"] <= 1.1 * mean(one["mfow_mean_s"] for one in native), summary

@@ -1,0 +1,308 @@
+"""The driver as a mind's body, with a simulated robot at the other end of a link in this process."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.robots.ros2.driver import Failed, Pace, Ros2Robot
+from agent.robots.ros2.fence import Fence
+from agent.robots.ros2.governor import Governor, Rule
+from agent.robots.ros2.hardware import Hardware
+from agent.robots.ros2.localisation import LocalisationSettings
+from agent.robots.ros2.others import Others
+from agent.robots.ros2.settings import DriveSettings
+from agent.robots.ros2.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
+from patrol.ground.terrain import Terrain
+from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.ros2 import messages
+from patrol.ros2.goals import GoalServer, Status
+from patrol.ros2.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped
+from patrol.ros2.names import LATCHED
+from patrol.scenario import RobotSpec
+from tests.ros2_hub import Hub
+
+STILL = messages.Twist(0.0, 0.0, 0.0)
+STEP_S = 0.5
+PATIENCE_S = 60.0
+
+
+class Ticks:
+    """A fleet clock that counts what it is given."""
+
+    def __init__(self, *ticks: int | None) -> None:
+        self.left = deque(ticks)
+
+    def tick(self) -> int | None:
+        return self.left.popleft() if self.left else None
+
+    def decide(self) -> bool:
+        return True
+
+
+class Bench:
+    """A robot that stands at (2, 5) of 10 x 10 m, and its driver."""
+
+    def __init__(self, model: str = "differential", nav2: bool = False, **settings: Any) -> None:
+        self.hub = Hub()
+        self.robot = self.hub.link("robot", "robot1")
+        self.odom = self.robot.publisher("odom", Odometry)
+        self.tf = self.robot.publisher("tf", TFMessage)
+        self.stop = self.robot.publisher("stop", Bool, LATCHED)
+        self.said: list[str] = []
+        settings.setdefault("localisation", LocalisationSettings(fresh_s=0.2, delay_s=0.0))
+        self.link = self.hub.link("fogwatch", "robot1")
+        self.hardware = Hardware(self.link, DriveSettings(**settings), 1.0, self.said.append)
+        spec = RobotSpec(1, "robot1", model, 1.0, 0.3, 1.0, None)  # type: ignore[arg-type]
+        terrain = Terrain("t", np.ones((100, 100), dtype=np.bool_), 0.1)
+        self.steering: Steering
+        if nav2:
+            self.steering = GoalSteering(self.hardware)
+        else:
+            rule = Rule(model, spec.limits, 1e6, 60.0)
+            governor = Governor(rule, Fence(terrain, 0.3, 0.1, 1e6))
+            self.steering = VelocitySteering(self.hardware, governor, Others({}, {}, STEP_S))
+        self.ticks = Ticks(*range(1000))
+        self.driver = Ros2Robot(
+            self.hardware, self.steering, self.ticks, Pace(STEP_S, 1.0, 20.0), None, None, self.said.append
+        )
+
+    def at(self, pose: Pose, twist: messages.Twist = STILL) -> None:
+        """The robot says where it is."""
+        self.tf.send(TFMessage((Transform(0, "map", "odom", Pose(0.0, 0.0, 0.0)),)))
+        self.odom.send(Odometry(0, "odom", "base_link", pose, twist))
+
+    @property
+    def told(self) -> messages.Twist:
+        """What it was told last."""
+        twist: messages.Twist = self.hub.sent["/robot1/cmd_vel"][-1].twist
+        return twist
+
+    def until(self, is_so: Callable[[], bool]) -> None:
+        """Wait for something that another thread does."""
+        end = time.monotonic() + PATIENCE_S
+        while not is_so():
+            assert time.monotonic() < end
+            time.sleep(0.001)
+
+
+def test_it_is_told_a_velocity_in_its_own_frame() -> None:
+    bench = Bench("holonomic")
+    bench.at(Pose(2.0, 5.0, 1.5707963267948966))
+    sensed = bench.driver.sense()
+    assert sensed is not None
+    assert (sensed.k, sensed.pose.x, sensed.pose.y) == (0, 2.0, 5.0)
+    bench.driver.act(Velocity(0.0, 0.5))
+    bench.driver.cycle()
+    assert (bench.told.vx, bench.told.vy) == pytest.approx((0.5, 0.0))
+    assert bench.hub.sent["/robot1/cmd_vel"][-1].frame == "base_link"
+
+
+def test_it_knows_where_it_will_be_when_a_decision_begins_to_act() -> None:
+    bench = Bench()
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.act(Twist(0.5, 0.0))
+    bench.driver.cycle()
+    bench.at(Pose(2.0, 5.0, 0.0))
+    sensed = bench.driver.sense()
+    assert sensed is not None
+    assert sensed.pose.x == pytest.approx(2.05)
+
+
+@pytest.mark.parametrize(
+    ("drive", "topic", "kind"),
+    [("twist", "cmd_vel", messages.Twist), ("twist-stamped", "cmd_vel", TwistStamped)],
+)
+def test_velocities_go_out_with_a_stamp_or_without(drive: str, topic: str, kind: type) -> None:
+    bench = Bench(drive=drive, topics={"cmd_vel": "base/go"})
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.cycle()
+    assert isinstance(bench.hub.sent["/robot1/base/go"][-1], kind)
+    assert topic not in bench.hub.sent
+
+
+def test_a_car_is_told_speed_and_steering_angle() -> None:
+    bench = Bench("car", drive="ackermann", wheelbase=1.0)
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.act(Drive(0.5, 1.0))
+    bench.driver.cycle()
+    sent = bench.hub.sent["/robot1/ackermann_cmd"][-1]
+    assert isinstance(sent, AckermannDriveStamped)
+    assert (sent.speed, sent.steering_angle) == pytest.approx((0.5, 0.7853981633974483))
+    bench.driver.stop("over")
+    assert bench.hub.sent["/robot1/ackermann_cmd"][-1].speed == 0.0
+
+
+def test_ticks_without_a_pose_are_skipped_and_the_robot_stands() -> None:
+    bench = Bench()
+    bench.ticks.left = deque([0, 1, None])
+    assert bench.driver.sense() is None
+    bench.driver.cycle()
+    assert bench.told == STILL
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.ticks.left = deque([7])
+    sensed = bench.driver.sense()
+    assert sensed is not None
+    assert sensed.k == 7
+
+
+def test_the_stop_topic_wins_until_it_is_released() -> None:
+    bench = Bench()
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.act(Twist(0.5, 0.0))
+    bench.driver.cycle()
+    assert bench.told.vx == 0.5
+    bench.stop.send(Bool(True))
+    bench.driver.cycle()
+    assert bench.told == STILL
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.act(Twist(0.5, 0.0))
+    bench.driver.cycle()
+    assert bench.told == STILL
+    bench.stop.send(Bool(False))
+    bench.driver.cycle()
+    assert bench.told.vx == 0.5
+    assert bench.said == ["stopped by the topic /robot1/stop", "released by the topic /robot1/stop"]
+
+
+def test_a_stop_that_was_published_before_the_driver_came_holds() -> None:
+    hub = Hub()
+    hub.link("remote", "robot1").publisher("stop", Bool, LATCHED).send(Bool(True))
+    hardware = Hardware(hub.link("fogwatch", "robot1"), DriveSettings(), 1.0, lambda _: None)
+    hardware.fix()
+    assert hardware.stops
+
+
+def test_odometry_that_ends_stops_the_robot_and_its_return_lets_it_go_on() -> None:
+    """The driver's own thread, and wall time: the robot is silent for longer than the driver accepts."""
+    bench = Bench()
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.act(Twist(0.5, 0.0))
+    bench.driver.start()
+    try:
+        bench.until(lambda: bool(bench.hub.sent["/robot1/cmd_vel"]) and bench.told.vx == 0.5)
+        bench.until(lambda: bench.told == STILL)
+        assert bench.hardware.why.startswith("no odometry for 0.")
+        bench.at(Pose(2.0, 5.0, 0.0))
+        bench.until(lambda: bench.told.vx > 0.0)
+    finally:
+        bench.driver.stop("over")
+    count = len(bench.hub.sent["/robot1/cmd_vel"])
+    assert [one.twist for one in bench.hub.sent["/robot1/cmd_vel"][-5:]] == [STILL] * 5
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.cycle()
+    assert len(bench.hub.sent["/robot1/cmd_vel"]) == count
+    assert bench.said[-1] == "stopped for good: over"
+
+
+def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind(capsys: pytest.CaptureFixture[str]) -> None:
+    bench = Bench()
+    bench.at(Pose(2.0, 5.0, 0.0))
+
+    def broken() -> None:
+        raise RuntimeError("a wire is loose")
+
+    bench.hardware.fix = broken  # type: ignore[method-assign]
+    bench.driver.start()
+    bench.until(lambda: len(bench.hub.sent["/robot1/cmd_vel"]) == 5)
+    assert bench.told == STILL
+    bench.until(lambda: not bench.driver.driving)
+    with pytest.raises(Failed, match="a wire is loose"):
+        bench.driver.sense()
+    assert "a wire is loose" in capsys.readouterr().err
+
+
+def test_transforms_outside_of_the_namespace_count_while_there_are_none_inside() -> None:
+    bench = Bench()
+    root = bench.robot.publisher("/tf", TFMessage)
+    root.send(TFMessage((Transform(0, "map", "odom", Pose(3.0, 0.0, 0.0)),)))
+    bench.odom.send(Odometry(0, "odom", "base_link", Pose(2.0, 5.0, 0.0), STILL))
+    fix = bench.hardware.fix()
+    assert fix is not None
+    assert fix.pose.x == 5.0
+    bench.at(Pose(2.0, 5.0, 0.0))
+    root.send(TFMessage((Transform(0, "map", "odom", Pose(3.0, 0.0, 0.0)),)))
+    fix = bench.hardware.fix()
+    assert fix is not None
+    assert fix.pose.x == 2.0
+
+
+def test_the_time_of_a_simulation_is_the_robots_time() -> None:
+    bench = Bench(sim_time=True, localisation=LocalisationSettings(fresh_s=0.2))
+    bench.driver.cycle()
+    assert "no time on /clock" in bench.hardware.why
+    clock = bench.robot.publisher("/clock", Clock)
+    clock.send(Clock(5_000_000_000))
+    bench.tf.send(TFMessage((Transform(0, "map", "odom", Pose(0.0, 0.0, 0.0)),)))
+    bench.odom.send(Odometry(4_950_000_000, "odom", "base_link", Pose(2.0, 5.0, 0.0), messages.Twist(1.0, 0.0, 0.0)))
+    now_s = bench.hardware.time.now()
+    assert now_s is not None
+    assert 5.0 <= now_s < 5.2
+    fix = bench.hardware.fix()
+    assert fix is not None
+    assert fix.pose.x >= 2.05
+
+
+def test_who_does_not_get_on_has_bumped() -> None:
+    progress = Progress()
+    for travelled, stuck in ((0.0, True), (0.05, True), (0.2, False), (0.4, False), (-0.3, True)):
+        assert not progress.ended(Pose(0.0, 0.0, 0.0)) or travelled
+        progress = Progress()
+        progress.ended(Pose(0.0, 0.0, 0.0))
+        progress.told(Twist(ENOUGH_M - 0.01, 0.0), 1.0)
+        assert not progress.ended(Pose(0.0, 0.0, 0.0))
+        progress.told(Twist(0.1, 0.0), 1.0)
+        assert progress.ended(Pose(travelled, 0.0, 0.0)) == stuck
+
+
+def test_nav2_gets_a_goal_and_a_new_one_only_when_it_has_moved() -> None:
+    bench = Bench(nav2=True, drive="nav2")
+    server = GoalServer(bench.robot)
+    bench.at(Pose(2.0, 5.0, 0.0))
+    steering = bench.steering
+
+    def cycle(goal: tuple[float, float] | None) -> messages.PoseStamped | None:
+        bench.at(Pose(2.0, 5.0, 0.0))
+        steering.want(Twist(0.0, 0.0), goal, 0.0)
+        bench.driver.cycle()
+        return server.step(0)
+
+    target = cycle((5.0, 5.0))
+    assert target is not None
+    assert (target.frame, target.pose.x, target.pose.y) == ("map", 5.0, 5.0)
+    assert cycle((5.2, 5.0)) == target
+    moved = cycle((6.0, 5.0))
+    assert moved is not None
+    assert moved.pose.x == 6.0
+    bench.stop.send(Bool(True))
+    assert cycle((6.0, 5.0)) is None
+    bench.stop.send(Bool(False))
+    assert cycle((6.0, 5.0)) is not None
+    assert cycle(None) is None
+    cycle((6.0, 5.0))
+    bench.driver.stop("over")
+    assert server.step(0) is None
+    assert "/robot1/cmd_vel" not in bench.hub.sent
+
+
+def test_a_goal_that_nav2_gives_up_is_a_bump() -> None:
+    bench = Bench(nav2=True, drive="nav2")
+    server = GoalServer(bench.robot)
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.steering.want(Twist(0.0, 0.0), (5.0, 5.0), 0.0)
+    bench.driver.cycle()
+    server.step(0)
+    bench.driver.cycle()
+    server.finish(Status.ABORTED)
+    for _ in range(3):
+        bench.at(Pose(2.0, 5.0, 0.0))
+        bench.driver.cycle()
+        server.step(0)
+    sensed = bench.driver.sense()
+    assert sensed is not None
+    assert sensed.bumped

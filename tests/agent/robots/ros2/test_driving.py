@@ -1,0 +1,150 @@
+"""An agent's process drives a simulated ROS 2 robot over a real router. Nothing here depends on how fast it is."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fogwatch.cli.control import control
+from patrol.net.link import open_router
+from patrol.ros2.formats import format_named
+from patrol.ros2.link import open_ros2
+from patrol.ros2.mailbox import RosMailbox
+from patrol.ros2.messages import Bool, OccupancyGrid
+from patrol.ros2.messages import Path as Way
+from patrol.ros2.names import LATCHED, Kind, NodeName
+from tests.ros2_bench import NAME, Bench, bench
+from tests.routers import PATIENCE_S, free_endpoint, routed
+from worldsim.ros2.node import Habits
+
+pytestmark = pytest.mark.processes
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    with routed() as where:
+        yield where
+
+
+@pytest.fixture
+def driven(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
+    """A robot that is driven."""
+    with bench(endpoint, "rmw_zenoh", tmp_path) as made:
+        made.agent()
+        made.drives()
+        yield made
+
+
+@pytest.mark.parametrize(
+    ("form", "habits", "options"),
+    [
+        ("rmw_zenoh", Habits(delay_s=0.1), []),
+        ("rmw_zenoh-humble", Habits("twist"), ["--drive", "twist", "--localisation", "pose"]),
+        ("bridge", Habits(), ["--localisation", "odometry", "--start", "1.5,1.5,0.3"]),
+        ("rmw_zenoh", Habits(has_nav2=True), ["--drive", "nav2"]),
+    ],
+)
+def test_a_robot_patrols_and_stands_when_the_agent_is_interrupted(
+    form: str, habits: Habits, options: list[str], endpoint: str, tmp_path: Path
+) -> None:
+    with bench(endpoint, form, tmp_path, habits) as made:
+        agent = made.agent(*options)
+        made.until(lambda: made.robot.body.distance_m > 2.0)
+        agent.send_signal(signal.SIGINT)
+        assert agent.wait(PATIENCE_S) == 130
+        stops = made.robot.watchdog_stops
+        made.until(lambda: made.robot.stands)
+        assert made.robot.watchdog_stops == stops  # it was told to, and not left alone
+        assert made.robot.touches.walls == 0
+        assert any("stopped for good: told to by SIGINT" in line for line in made.said)
+
+
+def test_who_looks_on_sees_map_fog_and_path_and_the_agent_in_the_graph(driven: Bench) -> None:
+    link = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("rviz", NAME), PATIENCE_S)
+    try:
+        grids: dict[str, RosMailbox[OccupancyGrid]] = {name: RosMailbox() for name in ("map", "fog")}
+        for name, mailbox in grids.items():
+            link.subscribe(name, OccupancyGrid, mailbox, LATCHED)
+        ways: RosMailbox[Way] = RosMailbox()
+        link.subscribe("path", Way, ways, LATCHED)
+        plan, fog, way = grids["map"].take(PATIENCE_S), grids["fog"].take(PATIENCE_S), ways.take(PATIENCE_S)
+        assert plan is not None
+        assert fog is not None
+        assert way is not None
+        assert plan.message.cells.shape == fog.message.cells.shape == (60, 80)
+        assert set(np.unique(plan.message.cells)) == {0, 100}
+        assert fog.message.cells.min() == -1
+        assert len(way.message.poses) >= 1
+        ours = {
+            one.topic for one in link.graph(PATIENCE_S) if one.node.name == "fogwatch" and one.kind is Kind.PUBLISHER
+        }
+        assert ours == {f"/{NAME}/{name}" for name in ("cmd_vel", "map", "fog", "path")}
+    finally:
+        assert link.close(PATIENCE_S)
+
+
+def test_a_robot_whose_odometry_ends_stands_and_goes_on_when_it_comes_back(driven: Bench) -> None:
+    driven.node.plugged = False
+    driven.stays()
+    driven.until(lambda: any("stands: no odometry for" in line for line in driven.said))
+    driven.node.plugged = True
+    driven.drives()
+    assert driven.robot.watchdog_stops == 0
+    assert driven.said[-1].endswith("drives again")
+
+
+def test_the_stop_topic_wins_until_it_is_released(driven: Bench) -> None:
+    link = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("hand", NAME), PATIENCE_S)
+    try:
+        stop = link.publisher("stop", Bool, LATCHED)
+        stop.send(Bool(True))
+        driven.until(lambda: any("stopped by the topic /robot1/stop" in line for line in driven.said))
+        driven.stays()
+        stop.send(Bool(False))
+        driven.drives()
+    finally:
+        assert link.close(PATIENCE_S)
+
+
+def test_an_operators_stop_wins_until_it_is_released(driven: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+    def ask(what: str, robot: str | None = NAME) -> int:
+        return control(Path(driven.endpoint), what, robot, fleet="patrol", wait=PATIENCE_S)
+
+    assert ask("stop") == 0
+    assert "robot1: stopped by an operator" in capsys.readouterr().out
+    driven.stays()
+    assert ask("release", None) == 0
+    assert "robot1: not stopped" in capsys.readouterr().out
+    driven.drives()
+    assert ask("stop", "robot9") == 3
+    assert "robot9 of fleet patrol has answered; use another way to stop it" in capsys.readouterr().err
+
+
+def test_when_the_agent_is_killed_the_robots_watchdog_stops_it(driven: Bench) -> None:
+    driven.agents[0].kill()
+    driven.until(lambda: driven.robot.watchdog_stops > 0)
+    driven.until(lambda: driven.robot.stands)
+
+
+def test_when_the_router_is_gone_the_robot_stands_and_when_it_is_back_the_patrol_goes_on(tmp_path: Path) -> None:
+    endpoint = free_endpoint()
+    router = open_router(endpoint)
+    with bench(endpoint, "rmw_zenoh", tmp_path) as made:
+        made.agent()
+        made.drives()
+        assert router.close(PATIENCE_S)
+        made.until(lambda: made.robot.watchdog_stops > 0 and made.robot.stands)
+        router = open_router(endpoint)
+        made.drives()
+    assert router.close(PATIENCE_S)
+
+
+def test_a_map_may_come_from_the_robot(endpoint: str, tmp_path: Path) -> None:
+    with bench(endpoint, "rmw_zenoh", tmp_path, Habits(has_map=True)) as made:
+        made.agent(has_map=False)
+        made.drives()
+        assert any("waits for the map on /robot1/map" in line for line in made.said)

@@ -1,0 +1,199 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from agent.robots.ros2.localisation import (
+    CORRECTED_M,
+    CORRECTION_S,
+    LONGEST_S,
+    Fix,
+    Localisation,
+    LocalisationSettings,
+    Source,
+)
+from patrol.pose import Pose
+from patrol.ros2.frames import composed
+from patrol.ros2.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Transform, Twist
+
+NOW = 1_700_000_000.0
+STILL = Twist(0.0, 0.0, 0.0)
+SHIFT = Pose(10.0, 5.0, math.pi / 2)
+PLACE = Pose(1.0, 0.0, 0.0)
+
+
+def ns(time_s: float) -> int:
+    return round(time_s * 1e9)
+
+
+def odometry(at_s: float, pose: Pose = PLACE, twist: Twist = STILL, frame: str = "odom") -> Odometry:
+    return Odometry(ns(at_s), frame, "base_link", pose, twist)
+
+
+def transform(at_s: float, pose: Pose = SHIFT, frame: str = "map", child: str = "odom") -> TFMessage:
+    return TFMessage((Transform(ns(at_s), frame, child, pose),))
+
+
+def found(localisation: Localisation, now_s: float = NOW) -> Fix:
+    fix = localisation.at(now_s)
+    assert fix is not None, localisation.why
+    assert localisation.why == ""
+    return fix
+
+
+def with_tf(**more: float) -> Localisation:
+    localisation = Localisation(LocalisationSettings(**more))  # type: ignore[arg-type]
+    localisation.transforms(transform(NOW), NOW, fixed=False)
+    localisation.odometry(odometry(NOW), NOW)
+    return localisation
+
+
+def near(pose: Pose, x: float, y: float, heading: float) -> None:
+    assert (pose.x, pose.y, pose.heading) == pytest.approx((x, y, heading), abs=1e-6)
+
+
+def test_map_odom_and_base_are_put_together() -> None:
+    near(found(with_tf()).pose, 10.0, 6.0, math.pi / 2)
+
+
+def test_a_pose_is_brought_up_to_now_by_the_velocity_of_the_odometry() -> None:
+    localisation = with_tf()
+    localisation.odometry(odometry(NOW, twist=Twist(2.0, 0.0, 0.0)), NOW + 0.1)  # the same stamp again: left out
+    localisation.odometry(odometry(NOW + 0.01, twist=Twist(2.0, 0.0, 0.0)), NOW + 0.1)
+    fix = found(localisation, NOW + 0.21)
+    assert fix.age_s == pytest.approx(0.2, abs=1e-6)
+    near(fix.pose, 10.0, 6.4, math.pi / 2)
+
+
+def test_nothing_is_known_before_odometry_has_come() -> None:
+    localisation = Localisation(LocalisationSettings())
+    assert localisation.at(NOW) is None
+    assert localisation.why == "no odometry has come"
+
+
+def test_a_pose_is_no_longer_known_when_odometry_has_stopped() -> None:
+    localisation = with_tf(fresh_s=0.3)
+    found(localisation, NOW + 0.29)
+    assert localisation.at(NOW + 0.31) is None
+    assert localisation.why == "no odometry for 0.3 s"
+
+
+def test_odometry_that_arrives_late_is_no_pose() -> None:
+    localisation = with_tf()
+    localisation.odometry(odometry(NOW + 1.0), NOW + 1.0 + LONGEST_S + 0.1)
+    assert localisation.at(NOW + 1.0 + LONGEST_S + 0.1) is None
+    assert "0.6 s old by its stamps; set NTP" in localisation.why
+
+
+def test_odometry_of_a_clock_that_is_ahead_is_no_pose_unless_its_delay_is_given() -> None:
+    localisation = with_tf()
+    localisation.odometry(odometry(NOW + 3.0), NOW + 0.1)
+    assert localisation.at(NOW + 0.1) is None
+    assert "ahead by its stamps; set NTP on both machines, or give --delay" in localisation.why
+    told = with_tf(delay_s=0.1)
+    told.odometry(odometry(NOW + 3.0, twist=Twist(1.0, 0.0, 0.0)), NOW + 0.1)
+    fix = found(told, NOW + 0.2)
+    assert fix.age_s == pytest.approx(0.2, abs=1e-6)
+
+
+def test_older_odometry_changes_nothing_while_the_newest_is_fresh_and_counts_when_it_is_not() -> None:
+    localisation = with_tf()
+    localisation.odometry(odometry(NOW - 0.05, Pose(7.0, 0.0, 0.0)), NOW + 0.1)
+    near(found(localisation, NOW + 0.1).pose, 10.0, 6.0, math.pi / 2)
+    localisation = with_tf(delay_s=0.0)
+    localisation.odometry(odometry(5.0, Pose(7.0, 0.0, 0.0)), NOW + 10.0)  # a robot that was restarted
+    localisation.transforms(transform(NOW + 10.0), NOW + 10.0, fixed=False)
+    near(found(localisation, NOW + 10.0).pose, 10.0, 12.0, math.pi / 2)
+
+
+def test_without_a_transform_of_the_odometrys_frame_there_is_no_pose() -> None:
+    localisation = Localisation(LocalisationSettings())
+    localisation.odometry(odometry(NOW), NOW)
+    localisation.transforms(transform(NOW, frame="world"), NOW, fixed=False)
+    localisation.transforms(transform(NOW, child="other"), NOW, fixed=False)
+    assert localisation.at(NOW) is None
+    assert localisation.why.startswith("no transform map -> odom on tf; start the robot's localisation")
+
+
+def test_a_moving_transform_grows_old_and_a_fixed_one_does_not() -> None:
+    late = NOW + CORRECTION_S + 1.0
+    for fixed in (False, True):
+        localisation = Localisation(LocalisationSettings())
+        localisation.transforms(transform(NOW), NOW, fixed=fixed)
+        localisation.odometry(odometry(late), late)
+        assert (localisation.at(late) is not None) == fixed
+
+
+def test_old_robots_write_a_slash_before_frames() -> None:
+    localisation = Localisation(LocalisationSettings())
+    localisation.transforms(transform(NOW, frame="/map", child="/odom"), NOW, fixed=False)
+    localisation.odometry(odometry(NOW), NOW)
+    found(localisation)
+
+
+def test_a_pose_of_a_localisation_is_held_against_the_odometry_of_its_time() -> None:
+    localisation = Localisation(LocalisationSettings(Source.POSE))
+    ahead = Twist(1.0, 0.0, 0.0)
+    for tick in range(11):
+        at_s = NOW + 0.05 * tick
+        localisation.odometry(odometry(at_s, Pose(0.05 * tick, 0.0, 0.0), ahead), at_s)
+    then = PoseWithCovarianceStamped(ns(NOW + 0.2), "map", composed(SHIFT, Pose(0.2, 0.0, 0.0)))
+    localisation.localised(then, NOW + 0.5)
+    near(found(localisation, NOW + 0.5).pose, 10.0, 5.5, math.pi / 2)
+
+
+@pytest.mark.parametrize("first", ["pose", "odometry"])
+def test_the_latched_pose_of_a_robot_that_has_stood_for_long_holds(first: str) -> None:
+    localisation = Localisation(LocalisationSettings(Source.POSE))
+    pose = PoseWithCovarianceStamped(ns(NOW - 600.0), "map", composed(SHIFT, PLACE))
+    if first == "pose":
+        localisation.localised(pose, NOW)
+    localisation.odometry(odometry(NOW), NOW)
+    if first == "odometry":
+        localisation.localised(pose, NOW)
+    near(found(localisation).pose, 10.0, 6.0, math.pi / 2)
+
+
+def test_an_old_pose_of_a_robot_that_drives_is_left_out() -> None:
+    localisation = Localisation(LocalisationSettings(Source.POSE))
+    localisation.odometry(odometry(NOW, twist=Twist(0.5, 0.0, 0.0)), NOW)
+    localisation.localised(PoseWithCovarianceStamped(ns(NOW - 600.0), "map", SHIFT), NOW)
+    assert localisation.at(NOW) is None
+
+
+def test_a_pose_of_a_time_without_odometry_is_left_out() -> None:
+    localisation = Localisation(LocalisationSettings(Source.POSE))
+    localisation.odometry(odometry(NOW), NOW)
+    localisation.localised(PoseWithCovarianceStamped(ns(NOW + 9.0), "map", SHIFT), NOW)
+    assert localisation.at(NOW) is None
+    assert "no pose of a localisation has come" in localisation.why
+
+
+def test_a_localisation_that_has_ended_is_noticed_by_the_way_that_was_driven() -> None:
+    localisation = Localisation(LocalisationSettings(Source.POSE))
+    localisation.odometry(odometry(NOW), NOW)
+    localisation.localised(PoseWithCovarianceStamped(ns(NOW), "map", SHIFT), NOW)
+    steps = round(CORRECTED_M / 0.1) + 2
+    for tick in range(1, steps):
+        at_s = NOW + 0.1 * tick
+        localisation.odometry(odometry(at_s, twist=Twist(1.0, 0.0, 0.0)), at_s)
+        assert (localisation.at(at_s) is not None) == (tick <= round(CORRECTED_M / 0.1)), tick
+    assert "no pose of a localisation for 10.1 m" in localisation.why
+
+
+def test_odometry_alone_counts_from_the_start_that_is_given() -> None:
+    localisation = Localisation(LocalisationSettings(Source.ODOMETRY, start=SHIFT))
+    localisation.odometry(odometry(NOW, Pose(3.0, 3.0, 1.0)), NOW)
+    near(found(localisation).pose, SHIFT.x, SHIFT.y, SHIFT.heading)
+    unknown = Localisation(LocalisationSettings(Source.ODOMETRY))
+    unknown.odometry(odometry(NOW), NOW)
+    assert unknown.at(NOW) is None
+    assert "give --start X,Y,HEADING" in unknown.why
+
+
+def test_frames_beyond_a_few_are_left_out() -> None:
+    localisation = Localisation(LocalisationSettings())
+    for number in range(100):
+        localisation.transforms(transform(NOW, child=f"frame{number}"), NOW, fixed=False)
+    assert len(localisation.frames) == 16

@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+import pytest
+
+from agent.process import main
+from agent.robots.ros2.localisation import Source
+from agent.robots.ros2.options import FORMATS, domain_of, drive_settings, options_of, wanted
+from agent.robots.ros2.robot_map import write_map
+from agent.robots.ros2.settings import DriveSettings
+from agent.robots.ros2.shown import Shown, fog_cells, grid_of, show_map
+from patrol.errors import BadInput
+from patrol.ground.fog import Fog
+from patrol.ground.footprint import Footprint
+from patrol.ground.maps import load_terrain
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from patrol.ros2.formats import FORMATS as KNOWN
+from patrol.ros2.messages import OccupancyGrid
+from patrol.ros2.names import LATCHED
+from patrol.scenario.model import TerrainSpec
+from tests.ros2_hub import Hub
+
+NEEDED = ("--robot", "ros2", "--connect", "tcp/127.0.0.1:7447")
+
+
+def options(*more: str) -> argparse.Namespace:
+    return options_of([*NEEDED, *more])
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("--robot ros2 --connect tcp/h:1", True),
+        ("--robot=ros2 --connect=tcp/h:1 --scenario s.yaml", True),
+        ("--robot ros2 --help", True),
+        ("--robot ros2", True),
+        ("--robot ros2 --scenario s.yaml --credentials c", False),
+        ("--robot r1 --scenario s.yaml --credentials c", False),
+        ("--credentials ros2 --scenario s.yaml", False),
+        ("--help", False),
+    ],
+)
+def test_a_robot_named_ros2_of_a_simulated_fleet_is_still_simulated(line: str, meant: bool) -> None:
+    assert wanted(line.split()) == meant
+
+
+def test_what_is_not_given_is_careful() -> None:
+    given = options()
+    assert (given.model, given.radius, given.speed) == ("differential", 0.25, 0.25)
+    settings = drive_settings(given)
+    assert settings == DriveSettings()
+    assert settings.topic("odom") == "odom"
+    assert settings.topic("clock") == "/clock"
+
+
+def test_everything_can_be_said() -> None:
+    settings = drive_settings(
+        options(
+            *("--drive", "twist", "--topic", "odom=odometry/filtered", "--topic", "cmd_vel=/base/cmd", "--rate", "10"),
+            *("--localisation", "odometry", "--start", "1,-2,0.5", "--delay", "0.1", "--use-sim-time"),
+        )
+    )
+    assert (settings.drive, settings.rate_hz, settings.sim_time) == ("twist", 10.0, True)
+    assert (settings.topic("odom"), settings.topic("cmd_vel")) == ("odometry/filtered", "/base/cmd")
+    assert settings.localisation.source is Source.ODOMETRY
+    assert settings.localisation.start == Pose(1.0, -2.0, 0.5)
+
+
+def test_the_formats_are_those_of_the_link() -> None:
+    assert set(FORMATS) == set(KNOWN)
+
+
+def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    assert domain_of(options()) == 7
+    assert domain_of(options("--domain", "3")) == 3
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--radius", "nan"], "--radius nan: out of range; give 0.01 to 100"),
+        (["--speed", "0"], "--speed 0: out of range"),
+        (["--rate", "0"], "--rate 0: out of range; give 2 to 50"),
+        (["--fresh", "2"], "--fresh 2: out of range; give 0.05 to 0.4"),
+        (["--start", "1,2"], "--start 1,2: not a pose; give X,Y,HEADING"),
+        (["--start", "1,2,inf"], "--start 1,2,inf: not finite"),
+        (["--topic", "odom"], "--topic odom: expected NAME=TOPIC"),
+        (["--topic", "odm=x"], "no topic of ours; did you mean odom?"),
+        (["--topic", "odom=a b"], "--topic odom 'a b': not a name in ROS"),
+        (["--drive", "ackermann"], "--drive ackermann: steers a car, and --model is differential"),
+        (["--scenario", "nowhere.yaml"], "nowhere.yaml"),
+        (["--connect", "10.0.0.1"], "--connect '10.0.0.1': not a router's address"),
+        (["--namespace", "1st"], "--namespace '1st': not a name in ROS"),
+        (["--domain", "300"], "--domain 300: not a ROS_DOMAIN_ID"),
+        (["--robots", "a,b", "--name", "c", "--wait", "0.2"], "--connect tcp/127.0.0.1:9"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(more: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["--robot", "ros2", "--connect", "tcp/127.0.0.1:9", *more]
+    assert main(line) == 2
+    said = capsys.readouterr().err.strip()
+    assert words in said
+    assert "\n" not in said
+
+
+def test_the_robots_map_is_read_like_a_file(tmp_path: object) -> None:
+    from pathlib import Path
+
+    folder = Path(str(tmp_path))
+    cells = np.zeros((20, 30), dtype=np.int8)
+    cells[:, 29] = 100
+    cells[0] = -1
+    terrain = load_terrain(
+        TerrainSpec(map=str(write_map(OccupancyGrid(0, "map", 0.1, Pose(-1.0, 2.0, 0.0), cells), folder))), 0.1, folder
+    )
+    assert terrain.shape == (20, 30)
+    assert terrain.origin == pytest.approx((-1.0, 2.0))
+    np.testing.assert_array_equal(terrain.passable, cells == 0)
+    with pytest.raises(BadInput, match="is turned against its frame; give --map FILE"):
+        write_map(OccupancyGrid(0, "map", 0.1, Pose(0.0, 0.0, 0.1), cells), folder)
+
+
+def test_the_fog_is_shown_from_fresh_to_stale() -> None:
+    terrain = Terrain("t", np.ones((4, 6), dtype=np.bool_), 0.5, (1.0, 2.0))
+    patrolled = np.ones((4, 6), dtype=np.bool_)
+    patrolled[0] = False
+    fog = Fog(patrolled)
+    fog.observe(Footprint(terrain, 0.6, 360.0, True, 1.0).visible(Pose(2.25, 3.25, 0.0)), 10)
+    cells = fog_cells(fog, 10, 1)
+    assert set(cells[0]) == {-1}
+    assert cells[2, 2] == 0
+    assert cells[3, 5] == 100
+    assert fog_cells(fog, 10, 2).shape == (2, 3)
+    grid = grid_of(terrain, cells, 1, "map", 5)
+    assert (grid.resolution, grid.origin, grid.frame, grid.stamp_ns) == (0.5, Pose(1.0, 2.0, 0.0), "map", 5)
+
+
+def test_map_fog_and_path_are_latched_and_another_map_is_left_alone() -> None:
+    hub = Hub()
+    terrain = Terrain("t", np.ones((4, 6), dtype=np.bool_), 0.5)
+    us, settings = hub.link("fogwatch", "robot1"), DriveSettings()
+    assert show_map(us, settings, terrain, 1)
+    assert set(hub.latched) == {"/robot1/map"}
+    Shown(us, settings, terrain, Fog(np.ones((4, 6), dtype=np.bool_)), lambda: 0)
+    shown = {one.topic for one in hub.entities}
+    assert shown == {"/robot1/map", "/robot1/fog", "/robot1/path"}
+    other = Hub()
+    other.link("map_server", "robot1").publisher("map", OccupancyGrid, LATCHED)
+    assert not show_map(other.link("fogwatch", "robot1"), settings, terrain, 1)

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from patrol.net.link import open_link
+from patrol.pose import Pose
+from patrol.ros2.formats import Bridge, Format, RmwZenoh
+from patrol.ros2.link import open_ros2
+from patrol.ros2.mailbox import RosMailbox
+from patrol.ros2.messages import OccupancyGrid, Odometry, TFMessage, Transform, Twist, TwistStamped
+from patrol.ros2.names import LATCHED, NodeName
+from tests.routers import PATIENCE_S, free_endpoint, routed
+
+Fogwatch = Callable[..., int]
+
+
+@contextmanager
+def robot(where: str, form: Format) -> Iterator[None]:
+    """A robot that lacks nothing."""
+    link = open_ros2(where, form, NodeName("base", "robot1"), PATIENCE_S)
+    cells = np.zeros((3, 4), np.int8)
+    link.publisher("/map", OccupancyGrid, LATCHED).send(OccupancyGrid(1, "map", 0.05, Pose(0.0, 0.0, 0.0), cells))
+    link.subscribe("cmd_vel", TwistStamped, RosMailbox())
+    bridge = open_link(where, PATIENCE_S)
+    if isinstance(form, Bridge):
+        bridge.live("@/abc/@ros2_lv/MS/robot1§cmd_vel/geometry_msgs§msg§TwistStamped/:::")
+    odometry, places = link.publisher("odom", Odometry), link.publisher("/tf", TFMessage)
+    ended = threading.Event()
+
+    def drive() -> None:
+        here, still = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0, 0.0)
+        while not ended.wait(0.02):
+            now = time.time_ns()
+            odometry.send(Odometry(now, "odom", "base_link", here, still))
+            places.send(TFMessage((Transform(now, "map", "odom", here),)))
+
+    driving = threading.Thread(target=drive)
+    driving.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        driving.join()
+        assert link.close(PATIENCE_S)
+        assert bridge.close(PATIENCE_S)
+
+
+@pytest.mark.parametrize("form", [RmwZenoh(), RmwZenoh(5, hashed=False), Bridge()], ids=str)
+def test_a_robot_on_a_router(form: Format, fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+    with routed() as where, robot(where, form):
+        options = ["--connect", where, "--namespace", "robot1", "--domain", str(form.domain), "--seconds", "2"]
+        assert fogwatch("doctor", *options) == 0
+        shown = capsys.readouterr().out
+        for words in ("a patrol could start", "/robot1/odom", "odom -> base_link", "/map: a latched map of"):
+            assert words in shown
+        assert "missing" not in shown
+        assert "/robot1/cmd_vel: the robot obeys geometry_msgs/msg/TwistStamped" in shown
+        assert fogwatch("doctor", *options, "--odometry", "nothing", "--json") == 1
+        said = json.loads(capsys.readouterr().out)
+        assert said["fit"] is False
+        assert any("no odometry comes on /robot1/nothing" in one["says"] for one in said["findings"])
+
+
+def test_an_empty_router(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+    with routed() as where:
+        assert fogwatch("doctor", "--connect", where, "--seconds", "0.1") == 1
+    assert "missing  nothing of ROS 2 is on this router" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--connect", "192.168.1.1"], "--connect '192.168.1.1': not a router's address"),
+        (["--connect", "tcp/a:1", "--namespace", "*"], "--namespace '*': not a name in ROS"),
+        (["--connect", "tcp/a:1", "--domain", "999"], "--domain 999: not a domain of ROS 2"),
+        (["--connect", "tcp/a:1", "--odometry", "a b"], "--odometry 'a b': not a name in ROS"),
+        (["--connect", "tcp/a:1", "--seconds", "nan"], "--seconds nan: expected 0.1 to 600"),
+        (["--connect", "tcp/a:1", "--credentials", "none"], "--credentials"),
+    ],
+)
+def test_bad_options_are_said_in_one_line(
+    options: list[str], words: str, fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch("doctor", *options) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
+def test_a_router_that_is_not_there(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert fogwatch("doctor", "--connect", free_endpoint(), "--wait", "0.3") == 2
+    assert "no router answers at" in capsys.readouterr().err

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.ros2_bench import write_plan
+
+CONNECT = ["--connect", "tcp/127.0.0.1:9", "--wait", "0.2"]
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        (["agent", "--robot", "ros2", "--help"], "--namespace robot1 --map map.yaml --connect tcp/192.168.1.20:7447"),
+        (["agent", "--robot", "r1", "--help"], "python -m agent    --credentials yards-1/r1 --scenario yards.yaml"),
+        (["robot-sim", "--list-options"], "--robots r1,r2:bridge,r3:rmw_zenoh-humble --delay 0.1 --noise 0.05"),
+    ],
+)
+def test_the_help_of_a_process_is_its_own(
+    words: list[str], shown: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch(*words) == 0
+    assert shown in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["agent", "--robot", "ros2", "--connect", "10.0.0.1"], "robot: --connect '10.0.0.1': not a router's address"),
+        (["agent", "--robot", "ros2", *CONNECT], "is the robot's Zenoh router running?"),
+        (["robot-sim", "--robots", "a", *CONNECT], "robot-sim: --map, --scenario: give one of the two"),
+        (["robot-sim", "--robots", "a,a", "--map", "PLAN", *CONNECT], "--robots a,a: give up to 64 different names"),
+        (["robot-sim", "--robots", "a:dds", "--map", "PLAN", *CONNECT], "--robots a 'dds': no such format; known are"),
+        (["robot-sim", "--robots", "a", "--map", "PLAN", *CONNECT], "start one: python -m fogwatch.router"),
+        (["robot-sim", "--robots", "a", "--map", "PLAN", "--start", "1,2", *CONNECT], "--start 1,2: not a pose"),
+        (["robot-sim", "--robots", "a", "--map", "PLAN", "--unplug", "b@3", *CONNECT], "expected NAME@S with one of a"),
+        (["robot-sim", "--robots", "a", "--map", "PLAN", "--noise", "-1", *CONNECT], "--noise -1: out of range"),
+        (["robot-sim", "--robots", "a", "--map", "nowhere.yaml", *CONNECT], "nowhere.yaml"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(
+    words: list[str], said: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = str(write_plan(tmp_path))
+    assert fogwatch(*(plan if word == "PLAN" else word for word in words)) == 2
+    shown = capsys.readouterr().err.strip()
+    assert said in shown
+    assert "\n" not in shown
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("words", [["--robot", "ros2", "--help"], ["--help"]])
+def test_the_help_of_an_agent_loads_no_heavy_library(words: list[str]) -> None:
+    program = (
+        "import sys\nfrom agent.process import main\n"
+        f"try:\n    main({words!r})\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'numba', 'zenoh', 'pydantic', 'rosbags', 'PIL', 'worldsim', 'monitor'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_an_option_that_there_is_not_is_bad_input(fogwatch: Callable[..., int]) -> None:
+    assert fogwatch("robot-sim", "--nonsense") == 2
+    assert fogwatch("agent", "--robot", "ros2", "--nonsense") == 2

@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from patrol.pose import Pose
+from patrol.ros2.formats import Bridge, Format, RmwZenoh
+from patrol.ros2.goals import ACCEPT_S, GoalClient, GoalServer, Going, Status
+from patrol.ros2.link import ZenohRos2Link, open_ros2
+from patrol.ros2.mailbox import RosMailbox
+from patrol.ros2.messages import GoalStatusArray, PoseStamped
+from patrol.ros2.names import LATCHED, NodeName
+from tests.routers import PATIENCE_S, routed
+
+THERE = PoseStamped(1, "map", Pose(3.0, 4.0, 0.0))
+ELSEWHERE = PoseStamped(1, "map", Pose(-3.0, 4.0, 0.0))
+
+
+class Pair:
+    """A robot and who sends it somewhere."""
+
+    def __init__(self, robot: ZenohRos2Link, us: ZenohRos2Link) -> None:
+        self.robot, self.us = robot, us
+        self.server, self.client = GoalServer(robot), GoalClient(us)
+        self.other = GoalClient(us)
+
+    def until(self, what: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while not what():
+            assert time.monotonic() < end, (self.client.going, self.server.target)
+            self.server.step(time.time_ns())
+            self.client.step(time.monotonic())
+            self.other.step(time.monotonic())
+
+    def send(self, target: PoseStamped) -> None:
+        """Send the robot somewhere until it has heard of it: its services take a moment to be known."""
+        end = time.monotonic() + PATIENCE_S
+        while self.server.target != target:
+            assert time.monotonic() < end
+            self.client.go(target, time.monotonic())
+            began = time.monotonic()
+            while self.server.target != target and time.monotonic() - began < 0.5:
+                self.server.step(time.time_ns())
+        self.until(lambda: self.client.going is Going.UNDER_WAY)
+
+
+@pytest.fixture(params=[RmwZenoh(), RmwZenoh(3, hashed=False), Bridge()], ids=str)
+def pair(request: pytest.FixtureRequest) -> Iterator[Pair]:
+    form: Format = request.param
+    with routed() as where:
+        links = [open_ros2(where, form, NodeName(name, "robot1"), PATIENCE_S) for name in ("robot", "fogwatch")]
+        yield Pair(*links)
+        for link in links:
+            assert link.close(PATIENCE_S)
+
+
+def test_a_robot_goes_where_it_is_sent(pair: Pair) -> None:
+    statuses: RosMailbox[GoalStatusArray] = RosMailbox()
+    pair.send(THERE)
+    pair.us.subscribe("navigate_to_pose/_action/status", GoalStatusArray, statuses, LATCHED)
+    pair.server.feedback(ELSEWHERE, 1.0, 2.0)
+    pair.server.finish(Status.SUCCEEDED)
+    pair.until(lambda: pair.client.going is Going.THERE)
+    assert pair.server.target is None
+    pair.until(lambda: statuses.newest is not None and statuses.newest.message.goals[-1][1] == Status.SUCCEEDED)
+
+
+def test_a_new_goal_takes_the_place_of_the_last_one(pair: Pair) -> None:
+    pair.send(THERE)
+    pair.other.go(ELSEWHERE, time.monotonic())
+    pair.until(lambda: pair.client.going is Going.FAILED and pair.other.going is Going.UNDER_WAY)
+    assert pair.server.target == ELSEWHERE
+
+
+def test_stop_cancels_every_goal(pair: Pair) -> None:
+    pair.send(THERE)
+    pair.other.stop()
+    pair.until(lambda: pair.server.target is None)
+    pair.until(lambda: pair.client.going is Going.FAILED)
+    pair.client.stop()
+    assert pair.client.step(time.monotonic()) is Going.NOWHERE
+
+
+def test_a_goal_that_nobody_accepts_has_failed() -> None:
+    with routed() as where:
+        link = open_ros2(where, RmwZenoh(), NodeName("fogwatch"), PATIENCE_S)
+        client = GoalClient(link)
+        client.go(THERE, 100.0)
+        assert client.step(100.0 + ACCEPT_S) is Going.ASKED
+        assert client.step(100.1 + ACCEPT_S) is Going.FAILED
+        assert link.close(PATIENCE_S)

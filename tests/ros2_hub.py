@@ -1,0 +1,103 @@
+"""Nodes of ROS 2 in one process: links (`patrol.ros2.ports.Ros2Link`) that need no router."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from typing import Any
+
+from patrol.ros2.formats import Format, RmwZenoh
+from patrol.ros2.mailbox import Received, RosMailbox
+from patrol.ros2.names import USUAL, Entity, Kind, NodeName, Qos, full_name
+from patrol.ros2.ports import Asked
+
+
+class Hub:
+    """Where nodes meet.
+
+    Attributes:
+        sent: All messages by topic.
+    """
+
+    def __init__(self) -> None:
+        self.sent: defaultdict[str, list[Any]] = defaultdict(list)
+        self.listening: defaultdict[str, list[tuple[type, RosMailbox[Any]]]] = defaultdict(list)
+        self.latched: dict[str, Any] = {}
+        self.services: dict[str, RosMailbox[Any]] = {}
+        self.entities: list[Entity] = []
+
+    def link(self, name: str, namespace: str) -> HubLink:
+        """A node."""
+        return HubLink(self, NodeName(name, namespace))
+
+    def deliver(self, topic: str, message: Any) -> None:
+        """Send a message to all who listen for its type."""
+        self.sent[topic].append(message)
+        for kind, mailbox in self.listening[topic]:
+            if isinstance(message, kind):
+                mailbox.put(Received(message, time.monotonic()))
+
+
+class HubSender:
+    """A publisher."""
+
+    def __init__(self, hub: Hub, topic: str, qos: Qos) -> None:
+        self._hub, self._topic, self._qos = hub, topic, qos
+        self.sent = 0
+
+    def send(self, message: Any) -> None:
+        """Send a message."""
+        self.sent += 1
+        if self._qos.latched:
+            self._hub.latched[self._topic] = message
+        self._hub.deliver(self._topic, message)
+
+
+class HubLink:
+    """A node (`Ros2Link`)."""
+
+    def __init__(self, hub: Hub, node: NodeName) -> None:
+        self._hub, self._node = hub, node
+        self.format: Format = RmwZenoh()
+        self.connected = True
+
+    def resolve(self, name: str) -> str:
+        """The full name."""
+        return full_name(self._node.namespace, name)
+
+    def publisher(self, topic: str, kind: type[Any], qos: Qos = USUAL) -> HubSender:
+        """A publisher."""
+        full = self.resolve(topic)
+        number = len(self._hub.entities) + 1
+        self._hub.entities.append(Entity(0, "z", 1, number, Kind.PUBLISHER, self._node, full, kind.__name__))
+        return HubSender(self._hub, full, qos)
+
+    def subscribe(self, topic: str, kind: type[Any], mailbox: RosMailbox[Any], qos: Qos = USUAL) -> None:
+        """Listen."""
+        full = self.resolve(topic)
+        self._hub.listening[full].append((kind, mailbox))
+        if qos.latched and full in self._hub.latched:
+            mailbox.put(Received(self._hub.latched[full], time.monotonic()))
+
+    def call(self, name: str, service: Any, request: Any, limit_s: float) -> RosMailbox[Any]:
+        """Ask a service."""
+        del service, limit_s
+        answers: RosMailbox[Any] = RosMailbox()
+        if (server := self._hub.services.get(self.resolve(name))) is not None:
+            asked: Asked[Any, Any] = Asked(request, lambda answer: answers.put(Received(answer, time.monotonic())))
+            server.put(Received(asked, time.monotonic()))
+        return answers
+
+    def serve(self, name: str, service: Any, mailbox: RosMailbox[Any]) -> None:
+        """Offer a service."""
+        del service
+        self._hub.services[self.resolve(name)] = mailbox
+
+    def graph(self, limit_s: float) -> list[Entity]:
+        """All that is there."""
+        del limit_s
+        return list(self._hub.entities)
+
+    def close(self) -> bool:
+        """Nothing to close."""
+        return True

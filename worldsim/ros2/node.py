@@ -1,0 +1,210 @@
+"""What a simulated robot says and hears: the topics of a ROS 2 robot with a localisation, and perhaps with Nav2."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose, wrap
+from patrol.ros2.goals import GoalServer, Status
+from patrol.ros2.mailbox import RosMailbox
+from patrol.ros2.messages import (
+    AckermannDriveStamped,
+    Clock,
+    OccupancyGrid,
+    Odometry,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TFMessage,
+    Transform,
+    Twist,
+    TwistStamped,
+)
+from patrol.ros2.names import LATCHED, SENSOR
+from patrol.ros2.ports import Ros2Link
+from worldsim.ros2.nav2 import THERE_M, Navigator
+from worldsim.ros2.robot import SimulatedRobot
+
+MAP, ODOM, BASE = "map", "odom", "base_link"
+DRIVES = ("twist-stamped", "twist", "ackermann")
+
+CLOCK_HZ = 50.0
+CORRECTION_HZ = 10.0
+ANOTHER_M, ANOTHER_RAD = 0.2, 0.2
+"""How far a robot drives or turns between two poses of its localisation, as AMCL has it."""
+
+_ROOM = 64
+_ROUNDING_S = 1e-3
+"""By how much a time since the epoch may be off, s: a double holds it to less than a microsecond, and steps add up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """How a robot talks.
+
+    Attributes:
+        drive: What it is told: one of `DRIVES`.
+        wheelbase: Of a car, m.
+        odometry_hz: Messages of odometry in a second.
+        delay_s: How late everything is that it says, s.
+        tells_time: Whether its time is not everybody's, so that it publishes it.
+        has_map: Whether it publishes the map, latched.
+        has_nav2: Whether goals can be sent to it.
+    """
+
+    drive: str = "twist-stamped"
+    wheelbase: float = 0.3
+    odometry_hz: float = 20.0
+    delay_s: float = 0.0
+    tells_time: bool = False
+    has_map: bool = False
+    has_nav2: bool = False
+
+
+class Every:
+    """When something that happens at equal intervals is due.
+
+    Args:
+        period_s: The interval, s.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._due_s = -math.inf
+
+    def is_so(self, now_s: float) -> bool:
+        """Whether it is due, once in each interval.
+
+        Args:
+            now_s: The time, s.
+        """
+        if now_s < self._due_s - _ROUNDING_S:
+            return False
+        self._due_s = max(self._due_s + self._period_s, now_s)
+        return True
+
+
+class RobotNode:
+    """A robot's node.
+
+    Attributes:
+        robot: The robot.
+        plugged: Whether its odometry still comes.
+        said: Messages sent.
+
+    Args:
+        link: Its own.
+        robot: The robot.
+        habits: How it talks.
+        terrain: The map that it has.
+    """
+
+    def __init__(self, link: Ros2Link, robot: SimulatedRobot, habits: Habits, terrain: Terrain) -> None:
+        self.robot = robot
+        self.plugged = True
+        self.said = 0
+        self._habits = habits
+        self._due: deque[tuple[float, Callable[[], None]]] = deque()
+        self._odometry = link.publisher("odom", Odometry, SENSOR)
+        self._tf = link.publisher("tf", TFMessage)
+        self._poses = link.publisher("amcl_pose", PoseWithCovarianceStamped, LATCHED)
+        self._clock = link.publisher("/clock", Clock, SENSOR) if habits.tells_time else None
+        self._odometry_due = Every(1.0 / habits.odometry_hz)
+        self._correction_due = Every(1.0 / CORRECTION_HZ)
+        self._clock_due = Every(1.0 / CLOCK_HZ)
+        self._localised: Pose | None = None
+        self._goals = GoalServer(link) if habits.has_nav2 else None
+        self._navigator = Navigator(terrain, robot.build.spec) if habits.has_nav2 else None
+        self._going_since_s: float | None = None
+        self._stamped: RosMailbox[TwistStamped] = RosMailbox(_ROOM)
+        self._plain: RosMailbox[Twist] = RosMailbox(_ROOM)
+        self._cars: RosMailbox[AckermannDriveStamped] = RosMailbox(_ROOM)
+        if habits.drive == "twist-stamped":
+            link.subscribe("cmd_vel", TwistStamped, self._stamped)
+        elif habits.drive == "twist":
+            link.subscribe("cmd_vel", Twist, self._plain)
+        else:
+            link.subscribe("ackermann_cmd", AckermannDriveStamped, self._cars)
+        if habits.has_map:
+            cells = np.where(terrain.free, 0, 100).astype(np.int8)
+            grid = OccupancyGrid(0, MAP, terrain.point, Pose(*terrain.origin, 0.0), cells)
+            self._map = link.publisher("map", OccupancyGrid, LATCHED)
+            self._map.send(grid)
+
+    def hear(self, now_s: float) -> None:
+        """Take in what the robot was told.
+
+        Args:
+            now_s: The time, s since the epoch.
+        """
+        while (stamped := self._stamped.take()) is not None:
+            self.robot.obey(stamped.message.twist, now_s)
+        while (plain := self._plain.take()) is not None:
+            self.robot.obey(plain.message, now_s)
+        while (car := self._cars.take()) is not None:
+            told = car.message
+            curvature = math.tan(max(-1.5, min(1.5, told.steering_angle))) / self._habits.wheelbase
+            self.robot.obey(Twist(told.speed, 0.0, told.speed * curvature), now_s)
+        if self._goals is not None and self._navigator is not None:
+            self._navigate(self._goals, self._navigator, now_s)
+
+    def say(self, now_s: float) -> None:
+        """Send what is due.
+
+        Args:
+            now_s: The time, s since the epoch.
+        """
+        stamp_ns = round(now_s * 1e9)
+        if self._clock is not None and self._clock_due.is_so(now_s):
+            self._clock.send(Clock(stamp_ns))
+        odometry = self.robot.odometry
+        if self._odometry_due.is_so(now_s):
+            told = Odometry(stamp_ns, ODOM, BASE, odometry.say(), self.robot.velocity)
+            if self.plugged:
+                self._later(now_s, lambda: self._odometry.send(told))
+        if self._correction_due.is_so(now_s):
+            found = TFMessage((Transform(stamp_ns, MAP, ODOM, odometry.correction),))
+            self._later(now_s, lambda: self._tf.send(found))
+        self._say_pose(now_s, stamp_ns)
+        while self._due and self._due[0][0] <= now_s:
+            self._due.popleft()[1]()
+            self.said += 1
+
+    def _say_pose(self, now_s: float, stamp_ns: int) -> None:
+        pose, last = self.robot.pose, self._localised
+        if last is not None:
+            away = math.dist((pose.x, pose.y), (last.x, last.y))
+            if away < ANOTHER_M and abs(wrap(pose.heading - last.heading)) < ANOTHER_RAD:
+                return
+        self._localised = pose
+        found = PoseWithCovarianceStamped(stamp_ns, MAP, pose)
+        self._later(now_s, lambda: self._poses.send(found))
+
+    def _later(self, now_s: float, send: Callable[[], None]) -> None:
+        self._due.append((now_s + self._habits.delay_s, send))
+
+    def _navigate(self, goals: GoalServer, navigator: Navigator, now_s: float) -> None:
+        """Drive to the goal that the robot has, if it has one."""
+        stamp_ns = round(now_s * 1e9)
+        target = goals.step(stamp_ns)
+        if target is None:
+            if self._going_since_s is not None:
+                self._going_since_s = None
+                self.robot.obey(Twist(0.0, 0.0, 0.0), now_s)
+            return
+        self._going_since_s = now_s if self._going_since_s is None else self._going_since_s
+        pose = self.robot.pose
+        left = math.dist((pose.x, pose.y), (target.pose.x, target.pose.y))
+        goals.feedback(PoseStamped(stamp_ns, MAP, pose), now_s - self._going_since_s, left)
+        velocity = navigator.velocity(pose, target.pose)
+        if left < THERE_M:
+            goals.finish(Status.SUCCEEDED)
+        elif velocity is None:
+            goals.finish(Status.ABORTED)
+        else:
+            self.robot.obey(velocity, now_s)

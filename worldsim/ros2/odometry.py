@@ -1,0 +1,77 @@
+"""What a robot takes itself to have driven: the truth with drift, and noise on every message."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from patrol.pose import Pose
+from patrol.random import Purpose, gauss
+from patrol.ros2.frames import composed, inverted
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """How wrong odometry is.
+
+    Attributes:
+        noise_m: Standard deviation of x and y in each message, m.
+        noise_rad: Standard deviation of the heading in each message, rad.
+        drift: Drift of the position as a share of the way; it has one direction.
+        drift_rad: Drift of the heading, rad per m.
+    """
+
+    noise_m: float = 0.0
+    noise_rad: float = 0.0
+    drift: float = 0.0
+    drift_rad: float = 0.0
+
+
+class DriftingOdometry:
+    """Counts a robot's way from where it was switched on.
+
+    Attributes:
+        counted: Where the robot has come to since then by its own count, m and rad, before the noise of messages.
+
+    Args:
+        start: The true pose at which it is switched on.
+        errors: How wrong it is.
+        identity: Seed and number of the robot, for its noise.
+    """
+
+    def __init__(self, start: Pose, errors: Errors, identity: tuple[int, int]) -> None:
+        self.counted = Pose(0.0, 0.0, 0.0)
+        self._last = start
+        self._errors = errors
+        self._identity = identity
+        self._said = 0
+
+    def move(self, pose: Pose) -> None:
+        """The robot has moved.
+
+        Args:
+            pose: Where it truly is.
+        """
+        moved = composed(inverted(self._last), pose)
+        self._last = pose
+        way = (moved.x**2 + moved.y**2) ** 0.5
+        stretch = 1.0 + self._errors.drift
+        turn = moved.heading + self._errors.drift_rad * way
+        self.counted = composed(self.counted, Pose(moved.x * stretch, moved.y * stretch, turn))
+
+    def say(self) -> Pose:
+        """The pose in the next message, in the frame of the odometry."""
+        self._said += 1
+        x, y, heading = (self._noise(part) for part in range(3))
+        errors = self._errors
+        noise = Pose(x * errors.noise_m, y * errors.noise_m, heading * errors.noise_rad)
+        counted = self.counted
+        return composed(Pose(counted.x + noise.x, counted.y + noise.y, counted.heading), Pose(0.0, 0.0, noise.heading))
+
+    @property
+    def correction(self) -> Pose:
+        """Where the odometry's frame is on the map, as a perfect localisation would find."""
+        return composed(self._last, inverted(self.counted))
+
+    def _noise(self, part: int) -> float:
+        seed, number = self._identity
+        return gauss(seed, Purpose.ODOMETRY, number, self._said, part)

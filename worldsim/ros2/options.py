@@ -1,0 +1,183 @@
+"""The command line of simulated ROS 2 robots."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from patrol.errors import BadInput
+from patrol.pose import MODELS, Pose, wrap
+from worldsim.ros2.node import DRIVES
+from worldsim.ros2.odometry import Errors
+
+FORMAT = "rmw_zenoh"
+MOST_ROBOTS = 64
+
+HELP = """
+Robots that talk like real ones, with a localisation, on a Zenoh router that you start; ROS is not needed:
+
+  python -m fogwatch.router                                                       # as rmw_zenohd on a robot
+  fogwatch robot-sim --map plan.yaml --connect tcp/127.0.0.1:7447 --robots robot1
+  fogwatch agent --robot ros2 --namespace robot1 --map plan.yaml --connect tcp/127.0.0.1:7447
+
+Each robot may have a format of its own; --scenario says body and place of each, as it does for the agents:
+
+  fogwatch robot-sim --scenario fleet.yaml --robots r1,r2:bridge,r3:rmw_zenoh-humble --delay 0.1 --noise 0.05
+
+What is measured counts from when all robots have been driven once. It is written to --out when the time is over, or at
+Ctrl-C. Exit codes: 0 the time is over, 2 bad input, 130 interrupted.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A robot on the command line.
+
+    Attributes:
+        name: Its name, which is its namespace too.
+        format: What it speaks.
+    """
+
+    name: str
+    format: str
+
+
+def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Read a command line.
+
+    Args:
+        arguments: Its words; None for those of this process.
+    """
+    parser = argparse.ArgumentParser(
+        prog="fogwatch robot-sim",
+        description="Simulate ROS 2 robots over Zenoh.",
+        epilog=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    add = parser.add_argument
+    add("--connect", required=True, metavar="LOCATOR", help="the Zenoh router of the robots, tcp/HOST:7447")
+    add("--robots", required=True, metavar="NAME[:FORMAT],...", help="formats: rmw_zenoh, rmw_zenoh-humble, bridge")
+    add("--domain", type=int, default=0, metavar="N", help="ROS_DOMAIN_ID (default: %(default)s)")
+    add("--map", type=Path, metavar="FILE", help="map_server's YAML")
+    add("--scenario", type=Path, metavar="FILE", help="a fleet's scenario, instead of map and body")
+    add("--margin", type=float, default=0.0, metavar="M", help="by which the scenario's radii exceed the bodies (0)")
+    add("--model", choices=MODELS, default="differential", help="how they move (default: %(default)s)")
+    add("--radius", type=float, default=0.25, metavar="M", help="of the round bodies (default: %(default)s m)")
+    add("--speed", type=float, default=0.25, metavar="M/S", help="top speed (default: %(default)s m/s)")
+    add("--turning-radius", type=float, default=3.5, metavar="M", help="a car's tightest turn (%(default)s m)")
+    add("--start", action="append", default=[], metavar="X,Y,HEADING", help="of the next robot; repeatable")
+    add("--acceleration", type=float, default=math.inf, metavar="M/S2", help="of their motors (default: unlimited)")
+    add("--watchdog", type=float, default=0.5, metavar="S", help="they stop when no command comes (%(default)s s)")
+    add("--drive", choices=DRIVES, default=DRIVES[0], help="what they are told (default: %(default)s)")
+    add("--wheelbase", type=float, default=0.3, metavar="M", help="a car's (default: %(default)s m)")
+    add("--odometry-rate", type=float, default=20.0, metavar="HZ", help="of odometry (default: %(default)s)")
+    add("--delay", type=float, default=0.0, metavar="S", help="of all that they say (default: %(default)s s)")
+    add("--noise", type=float, default=0.0, metavar="M", help="of x and y in odometry (default: %(default)s m)")
+    add("--noise-heading", type=float, default=0.0, metavar="RAD", help="of its heading (default: %(default)s rad)")
+    add("--drift", type=float, default=0.01, metavar="SHARE", help="of the way, in odometry (default: %(default)s)")
+    add("--drift-heading", type=float, default=0.002, metavar="RAD/M", help="of its heading (default: %(default)s)")
+    add("--show-map", action="store_true", help="publish the map, latched")
+    add("--nav2", action="store_true", help="offer navigate_to_pose")
+    add("--unplug", action="append", default=[], metavar="NAME@S", help="that robot's odometry ends after so long")
+    add("--seed", type=int, default=7, metavar="K", help="of the noise (default: %(default)s)")
+    add("--pace", type=float, metavar="X", help="times real time (default: the scenario's, or 1); else on /clock")
+    add("--duration", type=float, default=math.inf, metavar="S", help="of what is measured (default: until Ctrl-C)")
+    add("--out", type=Path, metavar="FILE", help="write what was measured, as JSON (default: print it)")
+    add("--wait", type=float, default=60.0, metavar="S", help="for the router (default: %(default)g s)")
+    add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    _check(options)
+    return options
+
+
+def errors_of(options: argparse.Namespace) -> Errors:
+    """How wrong odometry is.
+
+    Args:
+        options: From `options_of`.
+    """
+    return Errors(options.noise, options.noise_heading, options.drift, options.drift_heading)
+
+
+def robots_of(options: argparse.Namespace) -> list[Named]:
+    """The robots.
+
+    Args:
+        options: From `options_of`.
+
+    Raises:
+        BadInput: There are none, or too many, or two of one name.
+    """
+    found = []
+    for text in options.robots.split(","):
+        name, _, form = text.strip().partition(":")
+        found.append(Named(name, form or FORMAT))
+    if len(found) > MOST_ROBOTS or len({one.name for one in found}) < len(found):
+        raise BadInput(f"--robots {options.robots}: give up to {MOST_ROBOTS} different names")
+    return found
+
+
+def starts_of(options: argparse.Namespace) -> list[Pose]:
+    """The starts that are given.
+
+    Args:
+        options: From `options_of`.
+
+    Raises:
+        BadInput: One is no pose.
+    """
+    found = []
+    for text in options.start:
+        try:
+            x, y, heading = (float(part) for part in text.split(","))
+        except ValueError:
+            raise BadInput(f"--start {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0") from None
+        if not all(map(math.isfinite, (x, y, heading))):
+            raise BadInput(f"--start {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
+        found.append(Pose(x, y, wrap(heading)))
+    return found
+
+
+def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, float]:
+    """When the odometry of which robot ends, s.
+
+    Args:
+        options: From `options_of`.
+        names: The robots.
+
+    Raises:
+        BadInput: A text means nothing.
+    """
+    found = {}
+    for text in options.unplug:
+        name, _, when = text.partition("@")
+        if name not in names or not when.replace(".", "", 1).isdecimal():
+            raise BadInput(f"--unplug {text}: expected NAME@S with one of {', '.join(names)}, such as {names[0]}@30")
+        found[name] = float(when)
+    return found
+
+
+def _check(options: argparse.Namespace) -> None:
+    for name, least, most in (
+        ("margin", 0.0, 10.0),
+        ("acceleration", 0.01, math.inf),
+        ("watchdog", 0.05, 3600.0),
+        ("wheelbase", 0.01, 100.0),
+        ("odometry-rate", 1.0, 50.0),
+        ("delay", 0.0, 10.0),
+        ("noise", 0.0, 10.0),
+        ("noise-heading", 0.0, 3.0),
+        ("drift", 0.0, 1.0),
+        ("drift-heading", 0.0, 1.0),
+        ("pace", 0.01, 100.0),
+        ("duration", 0.5, math.inf),
+    ):
+        value = getattr(options, name.replace("-", "_"))
+        if value is not None and not least <= value <= most:
+            raise BadInput(f"--{name} {value:g}: out of range; give {least:g} to {most:g}")
+    if (options.map is None) == (options.scenario is None):
+        raise BadInput("--map, --scenario: give one of the two")

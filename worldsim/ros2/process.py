@@ -1,0 +1,178 @@
+"""The process of simulated ROS 2 robots: it connects them, keeps the time, and writes down what was measured."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from patrol.errors import BadInput
+from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from worldsim.ros2.options import errors_of, options_of, robots_of, starts_of, unplugged
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
+    from worldsim.ros2.node import Habits
+    from worldsim.ros2.simulation import Simulation
+
+NODE = "robot_sim"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Simulate robots until the time is over or asked to leave.
+
+    Args:
+        arguments: The command line's words; None for those of this process.
+
+    Returns:
+        The exit code.
+    """
+    try:
+        options = options_of(arguments)
+        return _run(options, heed(options.lifeline))
+    except BadInput as bad:
+        print(f"robot-sim: {bad}", file=sys.stderr)
+        return 2
+
+
+def _say(line: str) -> None:
+    print(f"robot-sim: {line}", file=sys.stderr, flush=True)
+
+
+def _run(options: argparse.Namespace, ending: Ending) -> int:
+    from patrol.prepare import prepare
+    from patrol.process.warmup import warm
+    from patrol.scenario import load_scenario
+
+    scenario = _scenario(options) if options.scenario is None else load_scenario(options.scenario)
+    names = [one.name for one in robots_of(options)]
+    plugs = unplugged(options, names)
+    warm(("patrol", "worldsim"), _say)
+    prepared = prepare(scenario)
+    pace = options.pace or scenario.factor or 1.0
+    with ExitStack() as stack:
+        simulation = _simulation(options, prepared, pace, stack, ending)
+        if simulation is None:
+            return INTERRUPTED
+        _say(f"simulates {', '.join(names)} at {options.connect}")
+        _keep_time(simulation, pace, options.duration, plugs, ending)
+        _write(options, simulation.summary())
+    return INTERRUPTED if ending else 0
+
+
+def _scenario(options: argparse.Namespace) -> Scenario:
+    """A scenario for robots of one kind on a map."""
+    from patrol.scenario import load_scenario
+
+    starts = starts_of(options)
+    entries: list[dict[str, Any]] = []
+    for place, robot in enumerate(robots_of(options)):
+        entries.append(
+            {
+                "name": robot.name,
+                "model": options.model,
+                "speed": options.speed,
+                "radius": options.radius,
+                "turning_radius": options.turning_radius,
+            }
+        )
+        if place < len(starts):
+            entries[-1]["start"] = [starts[place].x, starts[place].y, starts[place].heading]
+    raw = {"terrain": {"map": str(options.map.absolute())}, "pace": "realtime", "robots": entries}
+    return load_scenario(raw, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
+
+
+def _simulation(
+    options: argparse.Namespace, prepared: Prepared, pace: float, stack: ExitStack, ending: Ending
+) -> Simulation | None:
+    """The robots, each with a connection of its own; None when it is time to leave."""
+    from patrol.net.keys import check_locator
+    from patrol.net.link import LinkDown
+    from patrol.prepare import sensor_footprint
+    from patrol.ros2.formats import format_named
+    from patrol.ros2.link import open_ros2
+    from patrol.ros2.names import NodeName, check_name
+    from worldsim.ros2.node import RobotNode
+    from worldsim.ros2.robot import Build, SimulatedRobot
+    from worldsim.ros2.simulation import Ground, Simulation
+
+    scenario, terrain = prepared.scenario, prepared.terrain
+    specs = {spec.name: spec for spec in scenario.roster}
+    habits = _habits(options, pace)
+    locator = check_locator(options.connect, "--connect")
+    nodes = {}
+    for named in robots_of(options):
+        if named.name not in specs:
+            raise BadInput(f"--robots {named.name}: no robot of the scenario, which has {', '.join(list(specs)[:8])}")
+        spec = specs[named.name]
+        if options.scenario is not None and options.margin >= spec.radius:
+            raise BadInput(f"--margin {options.margin:g}: {spec.name}'s radius is {spec.radius:g} m; give less")
+        margin = 0.0 if options.scenario is None else options.margin
+        body = replace(spec, radius=spec.radius - margin)
+        build = Build(
+            body,
+            prepared.starts[spec.number - 1],
+            errors_of(options),
+            options.acceleration,
+            options.watchdog,
+            options.seed,
+        )
+        form = format_named(named.format, options.domain, f"--robots {named.name}")
+        node = NodeName(NODE, check_name(named.name, "--robots"))
+        try:
+            link = open_ros2(locator, form, node, options.wait, stopped=lambda: bool(ending))
+        except LinkDown as down:
+            if ending:
+                return None
+            raise BadInput(f"--connect {options.connect}: {down}; start one: python -m fogwatch.router") from None
+        stack.callback(link.close)
+        nodes[named.name] = RobotNode(link, SimulatedRobot(build), habits, terrain)
+    ground = Ground(terrain, sensor_footprint(scenario, terrain), prepared.patrolled, scenario.step)
+    return Simulation(nodes, ground, time.time())
+
+
+def _habits(options: argparse.Namespace, pace: float) -> Habits:
+    from worldsim.ros2.node import Habits
+
+    return Habits(
+        options.drive,
+        options.wheelbase,
+        options.odometry_rate,
+        options.delay,
+        pace != 1.0,
+        options.show_map,
+        options.nav2,
+    )
+
+
+def _keep_time(simulation: Simulation, pace: float, duration_s: float, plugs: dict[str, float], ending: Ending) -> None:
+    """Step by step until the time is over or it is time to leave."""
+    from worldsim.ros2.simulation import STEP_S
+
+    begin_s = time.monotonic()
+    while simulation.patrolled_s < duration_s:
+        due_s = begin_s + (simulation.time_s + STEP_S) / pace
+        if ending.wait(max(0.0, due_s - time.monotonic())):
+            return
+        for name in [name for name, at_s in plugs.items() if simulation.patrolled_s >= at_s]:
+            del plugs[name]
+            simulation.unplug(name, time.monotonic())
+            _say(f"{name}: its odometry ends")
+        simulation.step(time.monotonic())
+
+
+def _write(options: argparse.Namespace, summary: dict[str, Any]) -> None:
+    text = json.dumps(summary, indent=1)
+    if options.out is None:
+        print(text)
+        return
+    try:
+        options.out.write_text(f"{text}\n", encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"--out {options.out}: cannot be written ({error.strerror}); give another file") from None

@@ -1,0 +1,159 @@
+"""Simulated ROS 2 robots on one terrain: they move together, and what they have seen is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from patrol.ground.fog import Fog
+from patrol.ground.footprint import Footprint
+from patrol.ground.terrain import BoolGrid, Terrain
+from worldsim.motion import move
+from worldsim.ros2.node import RobotNode
+from worldsim.truth import Truth
+
+STEP_S = 0.02
+"""A step of the bodies, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """Where robots are and what counts there.
+
+    Attributes:
+        terrain: The ground.
+        footprint: What a robot sees.
+        patrolled: bool (h, w), the points that count.
+        look_s: Time between two looks, s: a tick of the fleet.
+    """
+
+    terrain: Terrain
+    footprint: Footprint
+    patrolled: BoolGrid
+    look_s: float
+
+
+@dataclass(slots=True)
+class _Plug:
+    """A robot's odometry that has stopped, and when the robot stood after that, wall time in s."""
+
+    pulled_s: float
+    stood_s: float | None = None
+
+
+class Simulation:
+    """Robots that move by what they are told.
+
+    Attributes:
+        nodes: The robots' nodes, by name.
+        time_s: The robots' time since the beginning, s.
+
+    Args:
+        nodes: The robots' nodes, by name.
+        ground: Where they are.
+        epoch_s: What the robots' time is at the beginning, s since the epoch.
+    """
+
+    def __init__(self, nodes: Mapping[str, RobotNode], ground: Ground, epoch_s: float) -> None:
+        self.nodes = nodes
+        self.time_s = 0.0
+        self._ground = ground
+        self._epoch_s = epoch_s
+        self._truth = Truth(ground.footprint, ground.patrolled)
+        self._steps = 0
+        self._begun_s: float | None = None
+        self._mfow: list[int] = []
+        self._plugs: dict[str, _Plug] = {}
+
+    @property
+    def fog(self) -> Fog:
+        """The true fog."""
+        return self._truth.fog
+
+    @property
+    def patrolled_s(self) -> float:
+        """For how long all robots have been driven, s: nothing is measured before."""
+        return 0.0 if self._begun_s is None else self.time_s - self._begun_s
+
+    def step(self, wall_s: float) -> None:
+        """One step of all robots: they hear, move, and say where they are.
+
+        Args:
+            wall_s: Wall time, s.
+        """
+        now_s = self._epoch_s + self.time_s
+        robots = [node.robot for node in self.nodes.values()]
+        for node in self.nodes.values():
+            node.hear(now_s)
+            node.robot.begin(now_s, STEP_S)
+        if self._begun_s is None and all(robot.commands for robot in robots):
+            self._begun_s = self.time_s
+        self._look()
+        before = [robot.pose for robot in robots]
+        move([robot.body for robot in robots], self._ground.terrain, STEP_S)
+        for robot, pose in zip(robots, before, strict=True):
+            robot.end(pose, self._ground.terrain, STEP_S)
+        self._steps += 1
+        self.time_s = self._steps * STEP_S
+        for node in self.nodes.values():
+            node.say(self._epoch_s + self.time_s)
+        for name, plug in self._plugs.items():
+            if plug.stood_s is None and self.nodes[name].robot.stands:
+                plug.stood_s = wall_s
+
+    def unplug(self, name: str, wall_s: float) -> None:
+        """A robot's odometry stops.
+
+        Args:
+            name: The robot.
+            wall_s: Wall time, s.
+        """
+        self.nodes[name].plugged = False
+        self._plugs[name] = _Plug(wall_s)
+
+    def plug_in(self, name: str) -> None:
+        """A robot's odometry comes again.
+
+        Args:
+            name: The robot.
+        """
+        self.nodes[name].plugged = True
+
+    def summary(self) -> dict[str, Any]:
+        """What was measured, in s and m."""
+        return {
+            "simulated_s": self.time_s,
+            "patrolled_s": self.patrolled_s,
+            "mfow_mean_s": self._mean(self._mfow),
+            "mfow_late_mean_s": self._mean(self._mfow[len(self._mfow) // 2 :]),
+            "mfow_max_s": max(self._mfow) * self._ground.look_s if self._mfow else None,
+            "robots": {name: self._of(name, node) for name, node in self.nodes.items()},
+        }
+
+    def _look(self) -> None:
+        """Look around once in each tick since all robots are driven."""
+        tick = len(self._mfow)
+        if self._begun_s is None or self.time_s - self._begun_s < tick * self._ground.look_s - 0.5 * STEP_S:
+            return
+        poses = [(node.robot.build.spec.number, node.robot.pose) for node in self.nodes.values()]
+        self._truth.observe(tick, poses)
+        self._mfow.append(self._truth.fog.mfow(tick))
+
+    def _mean(self, ticks: Sequence[int]) -> float | None:
+        return float(np.mean(ticks)) * self._ground.look_s if ticks else None
+
+    def _of(self, name: str, node: RobotNode) -> dict[str, Any]:
+        robot, plug = node.robot, self._plugs.get(name)
+        stood_s = None if plug is None or plug.stood_s is None else plug.stood_s - plug.pulled_s
+        return {
+            "walls_touched": robot.touches.walls,
+            "robots_touched": robot.touches.robots,
+            "distance_m": robot.body.distance_m,
+            "commands": robot.commands,
+            "messages": node.said,
+            "watchdog_stops": robot.watchdog_stops,
+            **({} if plug is None else {"stood_after_s": stood_s}),
+        }
