@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -13,11 +12,14 @@ from agent.ports import PolicyFailed, Telemetry
 from patrol.net.telemetry import Telemetry as TelemetryView
 from patrol.net.telemetry import Traffic, pack_view
 from patrol.process.deadline import Late, deadline
+from patrol.process.logs import Log
+from patrol.process.vitals import DECIDING, DECISION, MFOW, PEERS, REFUSED
 
 if TYPE_CHECKING:
     from agent.mind import Mind
     from agent.ports import Decision, Radio, Robot
     from patrol.exchange import Sensed
+    from patrol.process.vitals import Figure, Value, Vitals
 
 TELEMETRY_S = 0.2
 """Wall time between two reports to viewers, s."""
@@ -47,7 +49,7 @@ def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit
                 decision = mind.step(sensed, heard)
         except (PolicyFailed, Late) as failed:
             if failed.__cause__ is not None:
-                traceback.print_exception(failed.__cause__)
+                Log(mind.spec.name).failure(failed.__cause__)
             reason = policy_failure(sensed.k, failed)
             robot.stop(reason)
             return reason
@@ -67,6 +69,45 @@ class Both:
         """Report to one, then to the other."""
         for telemetry in self._both:
             telemetry.report(sensed, decision, decision_ms)
+
+
+class TickFigures:
+    """Telemetry that leaves a mind's figures for those who follow its process, and a line in the log of each tick."""
+
+    def __init__(self, mind: Mind, vitals: Vitals, log: Log) -> None:
+        """Begin with no tick.
+
+        Args:
+            mind: Of the robot.
+            vitals: The process's figures.
+            log: Of the process.
+        """
+        self._mind = mind
+        self._vitals = vitals
+        self._log = log
+        self._deciding_s = 0.0
+
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """Leave the figures of a decision.
+
+        Args:
+            sensed: What it is based on.
+            decision: The mind's decision.
+            decision_ms: Wall time of the decision, ms.
+        """
+        facts, belief = self._mind.facts, self._mind.belief
+        peers = sum(sensed.k - peer.tick <= facts.patience for peer in belief.peers.values())
+        refused = {str(reason): count for reason, count in belief.inbox.counts.items()}
+        self._deciding_s += decision_ms / 1000.0
+        figures: dict[Figure, Value] = {
+            PEERS: peers,
+            REFUSED: refused,
+            DECISION: decision_ms / 1000.0,
+            DECIDING: self._deciding_s,
+            MFOW: decision.mfow * facts.step,
+        }
+        self._vitals.beat(sensed.k, figures)
+        self._log.debug(f"tick {sensed.k}: {decision.state}, peers heard: {peers}, decided in {decision_ms:.1f} ms")
 
 
 class TelemetrySender:

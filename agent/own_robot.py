@@ -6,7 +6,6 @@ A driver only has to call `drive`; see ``examples/my_robot.py``.
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from agent.ports import Telemetry
 from patrol.errors import BadInput
+from patrol.process.logs import Log
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.lifeline import Ending
+    from patrol.process.vitals import Vitals
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec, Scenario
 
@@ -109,7 +110,7 @@ def drive(
     try:
         return patrol_with(make, load_scenario(Path(scenario)), robot, where, Ticks(epoch_s, wait_s), ending)
     except BadInput as bad:
-        print(f"{robot}: {bad}", file=sys.stderr)
+        Log(robot).error(str(bad))
         return 2
 
 
@@ -139,7 +140,13 @@ class Ticks:
 
 
 def patrol_with(
-    make: Callable[[Site], Robot], scenario: Scenario, name: str, where: Where, ticks: Ticks, ending: Ending
+    make: Callable[[Site], Robot],
+    scenario: Scenario,
+    name: str,
+    where: Where,
+    ticks: Ticks,
+    ending: Ending,
+    vitals: Vitals | None = None,
 ) -> int:
     """Let a robot patrol with a fleet until it is asked to leave; a robot that is `Telemetry` too sees all decisions.
 
@@ -150,6 +157,7 @@ def patrol_with(
         where: Where the fleet meets.
         ticks: From when on ticks are counted.
         ending: Whether to leave.
+        vitals: Gets the process's figures, if anybody wants them.
 
     Returns:
         Exit code: 1 when the robot's policy has failed, 130 when interrupted.
@@ -163,9 +171,8 @@ def patrol_with(
     from patrol.process.lifeline import INTERRUPTED
     from patrol.process.options import meeting, robot_named
 
-    def say(line: str) -> None:
-        print(f"{name}: {line}", file=sys.stderr, flush=True)
-
+    log = Log(name)
+    say = log.info
     spec = _spec_of(scenario, name)
     met = meeting(where, Kind.ROBOT)
     robot_named(name, met.credentials)
@@ -179,7 +186,7 @@ def patrol_with(
     if links is None:
         return INTERRUPTED
     link, air = links
-    driver = _Driver(prepared, spec, mind, incarnation, say, ending)
+    driver = _Driver(prepared, spec, mind, incarnation, log, ending, vitals)
     try:
         if link.sees(keys.alive(name)):
             raise BadInput(f"robot {name}: another process is {name} already; end that one, or choose another robot")
@@ -189,7 +196,7 @@ def patrol_with(
         air.close()
         link.close()
     if failure is not None:
-        say(failure)
+        log.error(failure)
     return INTERRUPTED if failure is None else 1
 
 
@@ -217,8 +224,9 @@ class _Driver:
     spec: RobotSpec
     mind: Mind
     incarnation: int
-    say: Callable[[str], None]
+    log: Log
     ending: Ending
+    vitals: Vitals | None
 
     def run(
         self,
@@ -230,13 +238,13 @@ class _Driver:
     ) -> str | None:
         """Patrol until it is time to leave; how the policy has failed, or None. The robot is stopped in any case."""
         from agent.clock import KeptClock, Skew
-        from agent.mind_loop import Both, TelemetrySender, run_mind
+        from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
         from agent.radios.direct import tune_in
         from patrol.net.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
 
-        scenario, name = self.prepared.scenario, self.spec.name
+        scenario, name, say = self.prepared.scenario, self.spec.name, self.log.info
         assert scenario.factor is not None  # a direct radio is refused in lockstep
         step_s = scenario.step / scenario.factor
         names = {one.name: one.number for one in scenario.roster}
@@ -244,10 +252,10 @@ class _Driver:
         radio = tune_in(air, keys, name, names, clock)
         epoch_s = ticks.epoch_s
         if epoch_s is None:
-            epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, self.say, self.ending)
+            epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, say, self.ending)
         if epoch_s is None:
             return None
-        _check_epoch(epoch_s, time.time(), self.say)
+        _check_epoch(epoch_s, time.time(), say)
         clock.keeper = KeptClock(step_s, epoch_s, time.time, self.ending.wait)
         start = self.prepared.starts[self.spec.number - 1]
         site = Site(
@@ -268,10 +276,13 @@ class _Driver:
         skew = Skew({number: other for other, number in names.items() if other != name})
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
         told: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
-        self.say(f"patrols with fleet {keys.fleet}")
+        if self.vitals is not None:
+            radio.show(self.vitals)
+            told = Both(told, TickFigures(self.mind, self.vitals, self.log))
+        say(f"patrols with fleet {keys.fleet}")
         failure = None
         try:
-            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, self.say), told, limit_s)
+            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, self.log.warning), told, limit_s)
         finally:
             robot.stop(failure or self.ending.reason or "the driver ends")
         telemetry.close()

@@ -6,8 +6,8 @@ import argparse
 import math
 import os
 import sys
-import traceback
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,13 +16,16 @@ from patrol.errors import BadInput
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.logs import Log
 from patrol.process.notify import Notifier
-from patrol.process.options import TOGETHER, fleet_parser, meeting, prepared_as_told, robot_named
+from patrol.process.options import TOGETHER, Meeting, fleet_parser, meeting, prepared_as_told, robot_named
+from patrol.process.supervision import Supervision, followed, take_supervision
 
 if TYPE_CHECKING:
     from agent.mind import Mind
-    from agent.ports import Radio
+    from agent.ports import Telemetry
     from agent.robots.sim import SimRobot
+    from patrol.process.vitals import Vitals
     from patrol.scenario import RobotSpec, Scenario
 
 HELP = f"""
@@ -35,6 +38,23 @@ A ROS 2 robot is driven with --robot ros2 --connect LOCATOR; python -m agent --r
 
 Exit codes: 0 the run is over, 1 the robot failed or was left out of the run, 2 bad input, 130 interrupted.
 """
+
+
+@dataclass(frozen=True, slots=True)
+class _Process:
+    """This process.
+
+    Attributes:
+        options: Its command line.
+        ending: Whether it should leave.
+        log: What it reports.
+        vitals: Its figures; None when nobody wants them.
+    """
+
+    options: argparse.Namespace
+    ending: Ending
+    log: Log
+    vitals: Vitals | None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -52,41 +72,50 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         return drive_ros2(told)
     options = _options(told)
+    log = Log(options.robot or "agent")
     ending = heed(options.lifeline)
     try:
-        return _run(options, ending)
+        supervision = take_supervision(options)
+        supervision.begin_log(log.process)
+        return _run(options, supervision, ending)
     except BadInput as bad:
-        print(f"{options.robot or 'agent'}: {bad}", file=sys.stderr)
+        log.error(str(bad))
         return 2
 
 
-def _run(options: argparse.Namespace, ending: Ending) -> int:
-    from patrol.net.keys import callers_of, check_radio
+def _run(options: argparse.Namespace, supervision: Supervision, ending: Ending) -> int:
+    """Check the input and find out who this is, then patrol; the exit code."""
+    from patrol.net.keys import check_radio
     from patrol.net.roles import Kind
-    from patrol.scenario import load_scenario, scenario_hash
+    from patrol.scenario import load_scenario
 
     met = meeting(options, Kind.ROBOT)
-    router, keys = met.router, met.keys
     scenario = load_scenario(options.scenario)
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
     spec = _spec(scenario, robot_named(options.robot, met.credentials))
-    mind = _mind(scenario, spec, options, ending)
-    if mind is None:
-        return INTERRUPTED
+    log = supervision.begin_log(spec.name)
+    with followed(supervision, log, {"fleet": met.keys.fleet}) as vitals:
+        process = _Process(options, ending, log, vitals if supervision.counts else None)
+        mind = _mind(scenario, spec, process)
+        return INTERRUPTED if mind is None else _patrol(mind, scenario, met, on_air, process)
 
-    from agent.mind_loop import Both, TelemetrySender, run_mind
+
+def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, process: _Process) -> int:
+    """Join the fleet and patrol with it until it is time to leave; the exit code."""
+    from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
     from agent.policies.found import policy_of
-    from agent.radios.direct import tune_in
+    from agent.radios.direct import DirectRadio, tune_in
     from agent.robots.sim import Identity, join
+    from patrol.net.keys import callers_of
     from patrol.net.open_links import open_links
     from patrol.net.seats import own_instance
+    from patrol.scenario import scenario_hash
 
-    def say(line: str) -> None:
-        print(f"{spec.name}: {line}", file=sys.stderr, flush=True)
-
+    options, ending, log = process.options, process.ending, process.log
+    spec, keys = mind.spec, met.keys
     numbers = {one.name: one.number for one in scenario.roster}
     callers = callers_of(keys, numbers)
-    links = open_links(router, on_air, options.wait, say, lambda: bool(ending), met.credentials, callers)
+    links = open_links(met.router, on_air, options.wait, log.info, lambda: bool(ending), met.credentials, callers)
     if links is None:
         return INTERRUPTED
     link, air = links
@@ -94,42 +123,47 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
 
     def waiting(waited_s: float) -> None:
         if robot.world_present:
-            say(
+            log.info(
                 f"the world of fleet {keys.fleet} is there, but has not greeted {spec.name} ({waited_s:.0f} s): its "
                 "scenario has no such robot, or the robot has not joined yet"
             )
         else:
             but = f"; it is not there, or {spec.name} was revoked" if met.revocable else ""
-            say(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s){but}")
+            log.info(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s){but}")
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
     alive = Notifier(os.environ).alive
     robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model, alive)
     telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
-    radio: Radio = robot
+    radio: SimRobot | DirectRadio = robot
     if scenario.radio.via == "direct":
         radio = direct = tune_in(air, keys, spec.name, numbers, robot)
         telemetry.traffic = lambda final: direct.traffic(options.incarnation, final=final)
+    told: Telemetry = Both(robot, telemetry)
+    if process.vitals is not None:
+        for part in {robot, radio}:  # of a robot without a direct radio these are one
+            part.show(process.vitals)
+        told = Both(told, TickFigures(mind, process.vitals, log))
     limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
     try:
-        failure = run_mind(mind, robot, radio, Both(robot, telemetry), limit_s)
+        failure = run_mind(mind, robot, radio, told, limit_s)
     finally:
         telemetry.close()
         air.close()
         link.close()
     if failure is not None:
-        say(failure)
+        log.error(failure)
         return 1
-    return _left(robot, say, ending)
+    return _left(robot, log.warning, ending)
 
 
-def _left(robot: SimRobot, say: Callable[[str], None], ending: Ending) -> int:
+def _left(robot: SimRobot, warn: Callable[[str], None], ending: Ending) -> int:
     """The exit code of a robot that has left its fleet."""
     if robot.orderly:
         return 0
     if robot.unlike:
         raise BadInput(robot.farewell)
-    say(f"left: {robot.farewell}")
+    warn(f"left: {robot.farewell}")
     return INTERRUPTED if ending else 1
 
 
@@ -141,17 +175,18 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
     raise BadInput(f"--robot {name!r}: no robot of scenario {scenario.name}; its first are {names}")
 
 
-def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, ending: Ending) -> Mind | None:
+def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None:
     """The robot's mind, built from the launcher's static fields or from its own; None when it is time to leave."""
     from patrol.process.warmup import warm
 
-    warm(("patrol", "agent"), lambda line: print(f"{spec.name}: {line}", file=sys.stderr, flush=True))
+    options = process.options
+    warm(("patrol", "agent"), process.log.info)
     from agent.build import Shared, build_mind, load_psi, shared_by
     from agent.ports import PolicyFailed
     from patrol.prepare import sensor_footprint
     from patrol.radio.fleet_key import fleet_key
 
-    prepared = prepared_as_told(scenario, options, ending)
+    prepared = prepared_as_told(scenario, options, process.ending)
     if prepared is None:
         return None
     static: Path | None = options.static
@@ -163,7 +198,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, options: argparse.Namespace, endi
         return build_mind(prepared, spec.number, options.incarnation, fleet_key(scenario.radio.key), shared)
     except PolicyFailed as failed:
         if failed.__cause__ is not None:
-            traceback.print_exception(failed.__cause__)
+            process.log.failure(failed.__cause__)
         raise BadInput(str(failed)) from None
 
 

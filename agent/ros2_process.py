@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -14,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from agent.robots.ros2.options import domain_of, drive_settings, options_of
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.logs import Log
+from patrol.process.supervision import followed, take_supervision
 
 if TYPE_CHECKING:
     from agent.own_robot import Site
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from agent.robots.ros2.hardware import Hardware
     from agent.robots.ros2.settings import DriveSettings
     from patrol.pose import Pose
+    from patrol.process.vitals import Vitals
     from patrol.ros2.ports import Ros2Link
     from patrol.scenario import Scenario
 
@@ -66,23 +68,24 @@ def main(arguments: Sequence[str]) -> int:
     options = options_of(arguments)
     ending = heed(options.lifeline)
     name = options.name or options.namespace.strip("/").rpartition("/")[2] or "robot"
-
-    def say(line: str) -> None:
-        print(f"{name}: {line}", file=sys.stderr, flush=True)
-
+    log = Log(name)
     try:
-        return _run(options, name, ending, say)
+        supervision = take_supervision(options)
+        supervision.begin_log(name)
+        with followed(supervision, log, {}) as vitals:
+            return _run(options, log, ending, vitals if supervision.counts else None)
     except BadInput as bad:
-        say(str(bad))
+        log.error(str(bad))
         return 2
 
 
-def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> int:
+def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals | None) -> int:
     """Find the robot, and patrol with it; the exit code."""
     from agent.robots.ros2.hardware import Hardware
     from patrol.net.link import LinkDown
     from patrol.scenario import load_scenario, parse_overrides
 
+    name, say = log.process, log.info
     settings = drive_settings(options)
     overrides = parse_overrides(options.set)
     given = None if options.scenario is None else load_scenario(options.scenario, overrides)
@@ -109,22 +112,23 @@ def _run(options: argparse.Namespace, name: str, ending: Ending, say: _Say) -> i
             given = _scenario(options, name, map_file, pose, overrides)
         if options.write_scenario is not None:
             _write(given, options.write_scenario)
-        return _patrol(options, name, given, hardware, has_map, ending, say)
+        return _patrol(options, given, hardware, has_map, ending, log, vitals)
 
 
 def _patrol(
     options: argparse.Namespace,
-    name: str,
     scenario: Scenario,
     hardware: Hardware,
     shows_map: bool,
     ending: Ending,
-    say: _Say,
+    log: Log,
+    vitals: Vitals | None,
 ) -> int:
     """Patrol with a robot that was found; the exit code."""
     from agent.own_robot import Ticks, Where, patrol_with
     from agent.robots.ros2.driver import Failed
 
+    name, say = log.process, log.info
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
     where = Where(options.credentials, *_meeting(options, say), options.radio)
@@ -134,9 +138,9 @@ def _patrol(
         return _robot(site, hardware, shows_map, say)
 
     try:
-        return patrol_with(make, scenario, name, where, ticks, ending)
+        return patrol_with(make, scenario, name, where, ticks, ending, vitals)
     except Failed as failed:
-        say(str(failed))
+        log.error(str(failed))
         return FAILED
 
 

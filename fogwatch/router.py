@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,8 +18,11 @@ from patrol.net.credentials import RouterSecurity, read_router
 from patrol.net.keys import check_locator, fleet_keys, is_local
 from patrol.net.link import LinkDown, PortBusy, open_router
 from patrol.process.lifeline import heed, run_process
+from patrol.process.logs import Log
 from patrol.process.notify import Notifier
 from patrol.process.readiness import StartFailure, report_failure, report_ready
+from patrol.process.supervision import add_supervision, followed, take_supervision
+from patrol.process.vitals import CONNECTIONS
 
 HELP = """
 A fleet on several hosts needs one router that all of them can reach. Once, for all of them:
@@ -58,28 +60,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _options(arguments)
     try:
-        listen, security = _security(options)
-        others = _others(options, security)
-        ending = heed(options.lifeline)
-        router = open_router(listen, security, others)
+        _route(options)
     except (LinkDown, BadInput) as error:
-        print(f"fogwatch router: {error}", file=sys.stderr)
+        Log("router", "fogwatch router: ").error(str(error))
         failure = StartFailure.PORT_BUSY if isinstance(error, PortBusy) else StartFailure.OTHER
         report_failure(options.ready, failure, str(error))
         return 2
-    who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
-    linked = f"; linked to {', '.join(others)}" if others else ""
-    print(f"router ready at {listen}; {who}{linked}", flush=True)
-    report_ready(options.ready, listen)
-    notifier = Notifier(os.environ)
-    notifier.alive()
-    answered = router.pulse(PULSE)
-    while not ending.wait(PULSE_S):
-        if answered():
-            notifier.alive()
-            answered = router.pulse(PULSE)
-    router.close()
     return 0
+
+
+def _route(options: argparse.Namespace) -> None:
+    """Route until asked to stop. Raises BadInput or LinkDown where it cannot begin."""
+    supervision = take_supervision(options)
+    log = supervision.begin_log("router")
+    listen, security = _security(options)
+    others = _others(options, security)
+    ending = heed(options.lifeline)
+    fleet = {} if security is None else {"fleet": security.keys.fleet}
+    with followed(supervision, log, fleet) as vitals:
+        router = open_router(listen, security, others)
+        vitals.probe(CONNECTIONS, lambda: router.connections)
+        who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
+        linked = f"; linked to {', '.join(others)}" if others else ""
+        Log("router", "").announce(f"router ready at {listen}; {who}{linked}")
+        report_ready(options.ready, listen)
+        notifier = Notifier(os.environ)
+        notifier.alive()
+        answered = router.pulse(PULSE)
+        while not ending.wait(PULSE_S):
+            if answered():
+                notifier.alive()
+                answered = router.pulse(PULSE)
+    router.close()
 
 
 def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
@@ -139,6 +151,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--open", action="store_true", help="let everybody do everything, from other machines too")
     parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
     parser.add_argument("--ready", type=int, metavar="FD", help="report the start on this pipe (set by the launcher)")
+    add_supervision(parser)
     return parser.parse_args(arguments)
 
 

@@ -6,7 +6,6 @@ import argparse
 import ctypes
 import os
 import socket
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -16,8 +15,11 @@ from typing import TYPE_CHECKING, Any
 from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.logs import Log, is_json
 from patrol.process.notify import Notifier
 from patrol.process.readiness import report_ready
+from patrol.process.supervision import add_supervision, followed, take_supervision
+from patrol.process.vitals import Vitals
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
@@ -70,12 +72,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     key = os.environ.pop(KEY, "")
     open_source = source_opener(options, ending)
     try:
+        supervision = take_supervision(options)
+        log = supervision.begin_log("monitor")
         opened = partial(report_ready, options.ready)
-        serve(
-            open_source, options.host, options.page_port, key, ending, announced=bool(key), key_name=KEY, opened=opened
-        )
+        with followed(supervision, log, {}) as vitals:
+            serve(
+                open_source,
+                options.host,
+                options.page_port,
+                key,
+                ending,
+                announced=bool(key),
+                key_name=KEY,
+                opened=opened,
+                vitals=vitals,
+            )
     except BadInput as bad:
-        print(f"monitor: {bad}", file=sys.stderr)
+        Log("monitor").error(str(bad))
         return 2
     return INTERRUPTED
 
@@ -90,6 +103,7 @@ def serve(
     announced: bool = False,
     key_name: str = "--token",
     opened: Callable[[str], None] = lambda _: None,
+    vitals: Vitals | None = None,
 ) -> None:
     """Serve a page until asked to end.
 
@@ -102,6 +116,7 @@ def serve(
         announced: Whether the caller knows the key, so that the address is printed without it.
         key_name: The option or environment variable that holds the key, for error messages.
         opened: Called with the address once the page is served.
+        vitals: Gets the page's figures, if anybody wants them.
 
     Raises:
         BadInput: The address or the key cannot be used, or the source cannot be opened.
@@ -122,7 +137,7 @@ def serve(
         address = authorisation.address_without_key if announced else authorisation.address
         source = open_source()
         if source is not None:
-            _run_server(source, authorisation, listening, ending, address, opened)
+            _run_server(source, authorisation, listening, ending, address, opened, vitals)
     finally:
         listening.close()
 
@@ -134,20 +149,25 @@ def _run_server(
     ending: Ending,
     address: str,
     opened: Callable[[str], None],
+    vitals: Vitals | None,
 ) -> None:
     import asyncio
 
     import uvicorn
+    from uvicorn.config import LOGGING_CONFIG
 
     from monitor.page.hub import Hub
     from monitor.page.server import MAX_MESSAGE, Server
 
     hub = Hub(source)
+    if vitals is not None:
+        hub.show(vitals)
     config = uvicorn.Config(
         Server(hub, authorisation).app,
         ws="websockets-sansio",
         ws_per_message_deflate=False,
         ws_max_size=4 * MAX_MESSAGE,
+        log_config=None if is_json() else LOGGING_CONFIG,
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -167,7 +187,7 @@ def _run_server(
         await serving
 
     hub.start()
-    print(f"{READY}{address}", flush=True)
+    Log("monitor", "").announce(f"{READY}{address}")
     opened(address)
     try:
         asyncio.run(run())
@@ -194,7 +214,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
         _free_early()
         if options.replay is not None:
             journal_in(options.replay)
-        warm(("patrol", "monitor"), lambda line: print(line, file=sys.stderr, flush=True))
+        warm(("patrol", "monitor"), Log("monitor", "").info)
         if options.replay is not None:
             from monitor.replay.player import open_player
 
@@ -261,4 +281,5 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--wait", "S", "how long to wait for the fleet, s (default: 60)", type=float, default=60.0)
     add("--lifeline", "FD", "file descriptor of the launcher's pipe, set by the launcher", type=int)
     add("--ready", "FD", "file descriptor of a pipe on which to report the page's address", type=int)
+    add_supervision(parser)
     return parser.parse_args(arguments)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from patrol.process.options import TOGETHER, fleet_parser
+from patrol.process.supervision import Supervision, take_supervision
 
 _EPILOG = f"""
 The world of a fleet whose router and robots run elsewhere. {TOGETHER}
@@ -34,6 +35,7 @@ class WorldOptions:
         deadline: In lockstep, wall time for an answer, s.
         control: File with the token of operators who may control the run; None for that of the credentials, if any.
         process_control: File descriptor of the socket to the launcher that kills, pauses and starts processes, or None.
+        supervision: How the process is followed.
     """
 
     credentials: Path | None
@@ -48,6 +50,7 @@ class WorldOptions:
     deadline: float
     control: Path | None
     process_control: int | None
+    supervision: Supervision
 
     @property
     def launched(self) -> bool:
@@ -63,6 +66,9 @@ def parse_options(arguments: Sequence[str] | None) -> WorldOptions:
 
     Returns:
         The options.
+
+    Raises:
+        BadInput: An option does not fit.
     """
     parser = fleet_parser("worldsim", "The world of a simulated fleet, as a process.", _EPILOG, "router and robots")
     add = parser.add_argument
@@ -80,4 +86,6 @@ def parse_options(arguments: Sequence[str] | None) -> WorldOptions:
         metavar="FD",
         help="socket on which to ask for kills, pauses and starts (set by the launcher)",
     )
-    return WorldOptions(**vars(parser.parse_args(arguments)))
+    told = parser.parse_args(arguments)
+    supervision = take_supervision(told)
+    return WorldOptions(**vars(told), supervision=supervision)

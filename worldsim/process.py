@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
@@ -16,14 +15,17 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
+from patrol.process.logs import Log
 from patrol.process.notify import Notifier
 from patrol.process.options import meeting, prepared_as_told
+from patrol.process.supervision import followed
 from worldsim.options import WorldOptions, parse_options
 from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from patrol.process.options import Meeting
+    from patrol.process.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.fleet.sessions import Sessions
     from worldsim.radio.listener import Listener
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 UNKNOWN = 3
 JUDGING_S = 3600.0
 """How long a service manager is asked to wait for the verdict, s."""
+_LOG = Log("world")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -43,15 +46,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    options = parse_options(arguments)
+    try:
+        options = parse_options(arguments)
+    except BadInput as bad:
+        _LOG.error(str(bad))
+        return 2
+    options.supervision.begin_log(_LOG.process)
     ending = heed(options.lifeline)
     try:
-        return _run(options, ending)
+        return _follow(options, ending)
     except BadInput as bad:
-        print(f"world: {bad}", file=sys.stderr)
+        _LOG.error(str(bad))
         return 2
     except Unwritten as unwritten:
-        _say(str(unwritten))
+        _LOG.error(str(unwritten))
         return UNKNOWN
     finally:
         if options.launched and options.static is not None and ending:
@@ -59,23 +67,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 shutil.rmtree(static, ignore_errors=True)
 
 
-def _run(options: WorldOptions, ending: Ending) -> int:
+def _follow(options: WorldOptions, ending: Ending) -> int:
+    """Run the world while others may follow how it does; the exit code."""
+    from patrol.net.roles import Kind
+
+    met = meeting(options, Kind.WORLD)
+    with followed(options.supervision, _LOG, {"fleet": met.keys.fleet}) as vitals:
+        return _run(options, met, ending, vitals)
+
+
+def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.access import read_access
     from patrol.net.keys import check_radio
-    from patrol.net.roles import Kind
     from patrol.process.warmup import warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
 
-    met = meeting(options, Kind.WORLD)
     token = None if met.credentials is None else met.credentials.token
     token = token if options.control is None else read_access(options.control, "--control").token
     scenario = load_scenario(options.scenario)
     _check_process_control(scenario, options)
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
-    warm(("patrol", "worldsim"), _say)
+    warm(("patrol", "worldsim"), _LOG.info)
 
     from worldsim.fleet.sessions import Interrupted, Missing
 
@@ -85,7 +100,7 @@ def _run(options: WorldOptions, ending: Ending) -> int:
 
     notifier = Notifier(os.environ)
     with ExitStack() as opened:
-        wiring = _wiring(opened, options, scenario, met, radio, ending, notifier)
+        wiring = _wiring(opened, options, scenario, met, radio, ending, vitals, notifier)
         if wiring is None:
             return EXIT_INTERRUPTED
         try:
@@ -94,7 +109,7 @@ def _run(options: WorldOptions, ending: Ending) -> int:
         except Interrupted:
             return EXIT_INTERRUPTED
         except Missing as missing:
-            _say(f"{missing}; {_remedy(met)}")
+            _LOG.error(f"{missing}; {_remedy(met)}")
             return UNKNOWN
     if options.launched:
         return 0  # the journal is complete; the launcher judges it
@@ -110,6 +125,7 @@ def _wiring(
     met: Meeting,
     radio: str | None,
     ending: Ending,
+    vitals: Vitals,
     notifier: Notifier,
 ) -> Wiring | None:
     """What the world is connected to; the stack closes it. None when it is time to leave."""
@@ -118,7 +134,7 @@ def _wiring(
     from worldsim.wiring import Wiring
 
     callers = callers_of(met.keys, {spec.name: spec.number for spec in scenario.roster})
-    links = open_links(met.router, radio, options.wait, _say, lambda: bool(ending), met.credentials, callers)
+    links = open_links(met.router, radio, options.wait, _LOG.info, lambda: bool(ending), met.credentials, callers)
     if links is None:
         return None
     link, air = links
@@ -130,7 +146,7 @@ def _wiring(
         return None
     outward = watched[0]
     opened.callback(outward.close)
-    return Wiring(options, scenario, met.keys, link, outward, air, ending, _say, notifier.alive)
+    return Wiring(options, scenario, met.keys, link, outward, air, ending, _LOG, vitals, notifier.alive)
 
 
 def _remedy(met: Meeting) -> str:
@@ -208,17 +224,14 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     mean = summary["mfow_mean_s"]
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"
     warned = ", with warnings" if verdict.warnings else ""
-    _say(f"verdict {verdict.outcome}{warned}, {mfow}; see {out / 'summary.json'}")
+    tell = _LOG.info if verdict.exit_code == 0 else _LOG.error
+    tell(f"verdict {verdict.outcome}{warned}, {mfow}; see {out / 'summary.json'}")
     for line in verdict.warnings:
-        _say(f"  warning: {line}")
+        _LOG.warning(f"  warning: {line}")
     for check in verdict.failed:
-        _say(f"  {check.name}: {check.detail}")
+        _LOG.error(f"  {check.name}: {check.detail}")
     return verdict.exit_code
 
 
 def _quietly(_line: str) -> None:
     """Nothing: the first link to the router has said that it waits."""
-
-
-def _say(line: str) -> None:
-    print(f"world: {line}", file=sys.stderr, flush=True)

@@ -6,6 +6,7 @@ import os
 import socket
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,7 +14,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.journal import Event, Header, JournalWriter, TickRecord
+from patrol.journal import Event, Header, JournalWriter, Status, TickRecord
+from patrol.journal.records import standing_after
 from patrol.net.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
 from patrol.net.feed import FOG, TICKS
 from patrol.net.keys import WORLD, FleetKeys
@@ -21,8 +23,10 @@ from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox, Presence, Question
 from patrol.net.phases import MAX_REPLY, ToWorld, decode_to_world
 from patrol.net.seats import seat_of
-from patrol.net.telemetry import EVENTS, METRICS, pack_view, read_traffic
+from patrol.net.telemetry import EVENTS, METRICS, TRAPPED, pack_view, read_traffic
 from patrol.net.tick_chain import TickChain
+from patrol.process.logs import Log
+from patrol.process.vitals import MFOW, ROBOTS, ROUTER_SILENT, Vitals
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import Scenario, scenario_hash
 from worldsim.fleet.connection import FleetConnection, RunIdentity
@@ -50,6 +54,8 @@ LAUNCHER_GONE_S = 2.0
 """How long after the launcher has stopped answering its request to end may take to come, s."""
 
 
+_STATUSES = tuple(status.name.lower() for status in Status)
+
 TICKET_S = 0.005
 """Least time between two tickets for operators, s, so that asking for them in a flood costs the ticks little."""
 
@@ -70,7 +76,8 @@ class Wiring:
         outward: Another link to it, for those who watch: one who asks and stops reading holds up its own link only.
         air: What carries frames where robots hear each other directly.
         ending: Whether the process should end.
-        say: Reports a line to people.
+        log: Of this process.
+        vitals: Its figures.
         alive: Called in each round of waiting, and between ticks.
         run: Random number of the run.
     """
@@ -82,7 +89,8 @@ class Wiring:
     outward: Link
     air: Air
     ending: Ending
-    say: Callable[[str], None]
+    log: Log
+    vitals: Vitals
     alive: Callable[[], None]
     run: int = field(default_factory=_random_run)
 
@@ -90,7 +98,7 @@ class Wiring:
     def router(self) -> RouterWatch:
         """Says whether the router answers."""
         token = self.keys.alive(WORLD)
-        return RouterWatch(lambda: self.link.connected, lambda: self.link.echo(token), time.monotonic, self.say)
+        return RouterWatch(lambda: self.link.connected, lambda: self.link.echo(token), time.monotonic, self.log.warning)
 
     def leaving(self) -> bool:
         """Whether the process should end; whatever waits or loops asks this in each round."""
@@ -127,7 +135,13 @@ class Wiring:
         link.subscribe(keys.reply("*"), mailbox)
         link.watch(keys.alive("*"), mailbox)
         link.live(keys.alive(WORLD))
-        sessions.gather(options.wait, lambda missing, s: self.say(f"waiting for {', '.join(missing[:8])} ({s:.0f} s)"))
+        self.vitals.probe_mailbox(mailbox)
+        self.vitals.probe(ROUTER_SILENT, lambda: self.router.silent_s)
+
+        def waiting(missing: list[str], waited_s: float) -> None:
+            self.log.info(f"waiting for {', '.join(missing[:8])} ({waited_s:.0f} s)")
+
+        sessions.gather(options.wait, waiting)
         return sessions
 
     def _identity(self, token: str | None, names: Mapping[int, str]) -> RunIdentity:
@@ -249,9 +263,12 @@ class Wiring:
             metrics, notices = progress.tick(record)
             for notice in notices:
                 to_events(pack_view(notice))
-                self.say(f"tick {record.k}: {notice.robot} {notice.detail}")
+                tell = self.log.warning if notice.kind == TRAPPED else self.log.info
+                tell(f"tick {record.k}: {notice.robot} {notice.detail}")
             if metrics is not None:
                 to_metrics(pack_view(metrics))
+            if self.options.supervision.counts:
+                self._leave_figures(record)
             between()
 
         def on_event(event: Event) -> None:
@@ -259,11 +276,17 @@ class Wiring:
                 recorder.event(event)
             notice = progress.event(event)
             to_events(pack_view(notice))
-            self.say(
-                " ".join(part for part in (f"tick {event.k}:", notice.robot, f"{event.kind}:", event.detail) if part)
-            )
+            tell = self.log.warning if standing_after(event.kind) in (Status.DEAD, Status.LOST) else self.log.info
+            tell(" ".join(part for part in (f"tick {event.k}:", notice.robot, f"{event.kind}:", event.detail) if part))
 
         return on_tick, on_event
+
+    def _leave_figures(self, record: TickRecord) -> None:
+        """What those who follow this process see of a tick."""
+        statuses = Counter(robot.status.name.lower() for robot in record.robots)
+        mfow_s = record.mfow * self.scenario.step
+        self.vitals.beat(record.k, {MFOW: mfow_s, ROBOTS: {status: statuses[status] for status in _STATUSES}})
+        self.log.debug(f"tick {record.k}: {statuses['alive']} robots alive, MFoW {mfow_s:.1f} s")
 
 
 def _unread(_payload: bytes) -> Question:

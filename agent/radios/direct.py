@@ -14,6 +14,7 @@ from agent.ports import FleetClock
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.mailbox import Air, Mailbox, Post
 from patrol.net.telemetry import Traffic
+from patrol.process.vitals import Vitals
 from patrol.radio.message import MAX_FRAME, MAX_FRAMES
 
 ROOM = 4 * MAX_FRAMES
@@ -63,6 +64,14 @@ class DirectRadio:
             arrived.append(news)
         self.heard.update(key for key, _ in arrived)
         return [frame for _, frame in sorted(arrived, key=lambda news: self._numbers[news[0]])]
+
+    def show(self, vitals: Vitals) -> None:
+        """Have what waits and what was dropped read with this process's figures.
+
+        Args:
+            vitals: The figures.
+        """
+        vitals.probe_mailbox(self._mailbox)
 
     def overhear(self, wait_s: float) -> bytes | None:
         """The next frame, which `hear` will not return again.

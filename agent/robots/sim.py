@@ -45,6 +45,7 @@ from patrol.net.tick_chain import TickProofs
 from patrol.net.transcripts import LAST, PHASE_A, PHASE_B, REPLY_A, REPLY_B, RobotTranscript, digest_of
 from patrol.pose import Command, halted
 from patrol.process.lifeline import Ending
+from patrol.process.vitals import Vitals
 
 SILENCE_S = 5.0
 """Silence of the world after which a robot asks whether it is still part of the run, s."""
@@ -237,6 +238,14 @@ class SimRobot:
     def refused(self) -> int:
         """Number of messages dropped unread."""
         return self._mailbox.refused.total()
+
+    def show(self, vitals: Vitals) -> None:
+        """Have what waits and what was dropped read with this process's figures.
+
+        Args:
+            vitals: The figures.
+        """
+        vitals.probe_mailbox(self._mailbox)
 
     # --- receiving ---------------------------------------------------------------------------------------------------
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +16,7 @@ from patrol.net.keys import WORLD, callers_of, check_radio, fleet_keys, is_local
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.open_links import open_links
 from patrol.net.roles import Kind
+from patrol.process.logs import Log
 from patrol.process.options import Meeting, meeting
 from patrol.untrusted import leads_out
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 SCENARIO = "scenario.yaml"
 """What a run's folder calls its scenario."""
+
+_LOG = Log("monitor")
 
 POLL_S = 0.2
 ANSWER_S = 2.0
@@ -141,7 +143,7 @@ def _of_a_world(
     from monitor.live.record_checks import is_run_of
 
     router, keys = met.router, met.keys
-    links = open_links(router, None, wait_s, _say, lambda: bool(ending), met.credentials)
+    links = open_links(router, None, wait_s, _LOG.info, lambda: bool(ending), met.credentials)
     if links is None:
         return None
     link: Link = links[0]
@@ -177,9 +179,5 @@ def _of_robots(met: Meeting, scenario: Path, radio: str | None, wait_s: float, e
     loaded = load_scenario(scenario)
     on_air = check_radio(radio, "--radio", loaded.radio.via)
     callers = callers_of(met.keys, {spec.name: spec.number for spec in loaded.roster})
-    links = open_links(met.router, on_air, wait_s, _say, lambda: bool(ending), met.credentials, callers)
+    links = open_links(met.router, on_air, wait_s, _LOG.info, lambda: bool(ending), met.credentials, callers)
     return None if links is None else PositionsSource(met.keys, prepare(loaded), *links)
-
-
-def _say(line: str) -> None:
-    print(f"monitor: {line}", file=sys.stderr, flush=True)

@@ -26,6 +26,7 @@ from monitor.page.messages import (
 from monitor.page.survey import survey_of
 from monitor.page.thinning import thinned
 from monitor.page.tiles import TiledMap, layer_number, terrain_packet
+from patrol.process.vitals import MFOW, PAGES, TICK, Vitals
 
 FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0
 """Wall time between two frames of a replay, and of a live fleet, with which the page shares the processors."""
@@ -152,6 +153,16 @@ class Hub:
         """Remove a page that was closed."""
         with self._lock:
             self._viewers.remove(viewer)
+
+    def show(self, vitals: Vitals) -> None:
+        """Have what is shown, and to how many, read with this process's figures.
+
+        Args:
+            vitals: The figures.
+        """
+        vitals.probe(TICK, lambda: None if self._state is None else self._state.k)
+        vitals.probe(MFOW, lambda: None if self._state is None else self._state.mfow_s)
+        vitals.probe(PAGES, lambda: len(self._viewers))
 
     def select(self, viewer: Viewer, numbers: list[int]) -> None:
         """Set which fogs a page shows.

@@ -79,6 +79,11 @@ class Link:
         """Whether a router is at the other end now; clients find back to one that returns by themselves."""
         return bool(self._session.info.routers_zid())
 
+    @property
+    def connections(self) -> int:
+        """How many processes are at the other ends now: of a router those that are connected to it."""
+        return len(self._session.info.transports())
+
     def post(self, key: str, *, waits: bool = True) -> Post:
         """A publisher for ticks and answers: sends at once, ahead of all else.
 

@@ -92,6 +92,11 @@ class Mailbox(Generic[T]):
         self._ready: deque[str] = deque()
         self._changed = threading.Condition()
 
+    @property
+    def waiting(self) -> int:
+        """How many messages wait; asked by any thread."""
+        return sum(len(waiting) for waiting in self._waiting.values())
+
     def deliver(self, key: str, payload: Payload) -> None:
         """Decode one message and put it in; called on the receiving thread.
 

@@ -13,11 +13,12 @@ import os
 import signal
 import sys
 import threading
-import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
+
+from patrol.process.logs import crashed
 
 GRACE_S = 1.5
 INTERRUPTED = 130
@@ -131,8 +132,8 @@ def run_process(main: Callable[[], int]) -> NoReturn:
         code = main()
     except SystemExit as asked:
         code = asked.code if isinstance(asked.code, int) else 0
-    except BaseException:  # noqa: BLE001 - the process is over, and must not hang on threads of libraries
-        traceback.print_exc()
+    except BaseException as error:  # noqa: BLE001 - the process is over, and must not hang on threads of libraries
+        crashed(error)
         code = CRASHED
     leave(code)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from patrol.errors import BadInput
 from patrol.process.lifeline import Ending
+from patrol.process.supervision import add_supervision
 
 if TYPE_CHECKING:
     from patrol.net.credentials import Credentials
@@ -63,6 +64,7 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> ar
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--wait", type=float, default=60.0, metavar="S", help=f"how long to wait for {others} (%(default)g s)")
     add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
+    add_supervision(parser)
     return parser
 
 

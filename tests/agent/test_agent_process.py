@@ -8,6 +8,7 @@ import pytest
 
 from agent import process
 from patrol.process.lifeline import Ending
+from patrol.process.logs import Log
 from patrol.scenario import load_scenario
 
 
@@ -30,5 +31,6 @@ def test_static_fields_are_waited_for_as_long_as_there_is_a_launcher(
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": 1}})
     options = argparse.Namespace(static=tmp_path / "static", wait=60.0, lifeline=lifeline, incarnation=1)
     ending = Leaving()
-    assert process._mind(scenario, scenario.roster[0], options, ending) is None
+    told = process._Process(options, ending, Log("r1"), None)
+    assert process._mind(scenario, scenario.roster[0], told) is None
     assert ending.limit_s == limit_s

@@ -15,7 +15,7 @@ from patrol.net.roles import WORLD_ROLE
 from patrol.process.lifeline import Ending
 from patrol.process.options import Meeting
 from worldsim.options import parse_options
-from worldsim.process import _remedy, _run
+from worldsim.process import _follow, _remedy
 
 
 class FakeLink:
@@ -37,12 +37,12 @@ def test_a_link_is_closed_once_where_the_next_does_not_come(
         told.append(say)
         return (link, air if apart else link) if len(told) == 1 else None
 
-    monkeypatch.setattr("patrol.net.link.open_links", open_links)
+    monkeypatch.setattr("patrol.net.open_links.open_links", open_links)
     file = tmp_path / "scenario.yaml"
     scenario = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 5, "robots": [{"model": "holonomic"}]}
     file.write_text(json.dumps(scenario), encoding="utf-8")
     words = ["--router", "tcp/127.0.0.1:7447", "--fleet", "f", "--scenario", str(file), "--out", str(tmp_path / "run")]
-    assert _run(parse_options(words), Ending()) == 130
+    assert _follow(parse_options(words), Ending()) == 130
     assert (link.closed, air.closed) == (1, int(apart))
     assert len(set(told)) == 2, "what waits for the same router says so once"
 

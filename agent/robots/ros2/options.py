@@ -13,6 +13,7 @@ from agent.robots.ros2.localisation import LocalisationSettings, Source
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Pose, wrap
+from patrol.process.supervision import add_supervision
 
 FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
 
@@ -129,6 +130,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--epoch", type=float, metavar="S", help="Unix time of tick 0 (default: as a robot that is heard counts)")
     add("--wait", type=float, default=60.0, metavar="S", help="for routers, map and pose (default: %(default)g s)")
     add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
+    add_supervision(parser)
     return parser.parse_args(arguments)
 
 

@@ -1,0 +1,243 @@
+"""A process's log, on the standard error: lines for people or, on request, a JSON object in each line for programs.
+
+Lines for people begin with the name of the process, and are what they were before there was a choice. A JSON line has
+``time`` (UTC), ``level``, ``process``, ``pid`` and ``message``; some have more. Everything that Python writes goes the
+same way then: warnings, messages of libraries, and the traceback of a crash, which is one line.
+
+A log that cannot be written is no reason to end: whoever read it has gone.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from datetime import UTC, datetime
+from enum import StrEnum
+from types import TracebackType
+from typing import Any
+
+LEVELS = ("debug", "info", "warning", "error")
+"""From all lines to the fewest."""
+
+LONGEST = 8192
+"""Characters of the longest message or traceback in a JSON line; of longer ones the beginning and the end remain."""
+
+_LOGGER = logging.getLogger("fogwatch")
+
+
+class Format(StrEnum):
+    """How a log is written."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+class Log:
+    """What one process, or one part of it, reports."""
+
+    def __init__(self, process: str, prefix: str | None = None) -> None:
+        """Report under a name.
+
+        Args:
+            process: The name: a robot's, world, router, or monitor.
+            prefix: What lines for people begin with, instead of the name and a colon.
+        """
+        self.process = process
+        self._prefix = f"{process}: " if prefix is None else prefix
+
+    def debug(self, line: str) -> None:
+        """Report what only those who look for a mistake want to know.
+
+        Args:
+            line: One line.
+        """
+        self._report(logging.DEBUG, line)
+
+    def info(self, line: str, **facts: object) -> None:
+        """Report what happens.
+
+        Args:
+            line: One line.
+            facts: More fields of a JSON line; lines for people leave them out.
+        """
+        self._report(logging.INFO, line, facts=facts)
+
+    def warning(self, line: str) -> None:
+        """Report what somebody may have to look after.
+
+        Args:
+            line: One line.
+        """
+        self._report(logging.WARNING, line)
+
+    def error(self, line: str) -> None:
+        """Report why the process, or its task, ends.
+
+        Args:
+            line: One line.
+        """
+        self._report(logging.ERROR, line)
+
+    def failure(self, error: BaseException) -> None:
+        """Report an exception with its traceback.
+
+        Args:
+            error: The exception.
+        """
+        self._report(logging.ERROR, described(error), error=error)
+
+    def announce(self, line: str) -> None:
+        """Tell whoever started this process, on the standard output and whatever the level, what they wait for.
+
+        Args:
+            line: One line.
+        """
+        record = _LOGGER.makeRecord(_LOGGER.name, logging.INFO, "", 0, "%s", (line,), None, extra=self._more())
+        print(_HANDLER.shape(record), flush=True)
+
+    def _report(
+        self, level: int, line: str, facts: Mapping[str, object] | None = None, error: BaseException | None = None
+    ) -> None:
+        _LOGGER.log(level, "%s", line, extra=self._more(facts, error))
+
+    def _more(self, facts: Mapping[str, object] | None = None, error: BaseException | None = None) -> dict[str, object]:
+        return {"process_name": self.process, "prefix": self._prefix, "facts": facts or {}, "error": error}
+
+
+def described(error: BaseException) -> str:
+    """An exception's type and message.
+
+    Args:
+        error: The exception.
+    """
+    return "".join(traceback.format_exception_only(error)).strip()
+
+
+class _Handler(logging.Handler):
+    """Writes lines to what is the standard error at the time, whole and at once."""
+
+    def __init__(self, shape: Callable[[logging.LogRecord], str]) -> None:
+        super().__init__()
+        self.shape = shape
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one record.
+
+        Args:
+            record: Of our own logger or of a library's.
+        """
+        stream = sys.stderr
+        with suppress(OSError, ValueError, AttributeError):  # nobody reads it any more, or there is none
+            stream.write(f"{self.shape(record)}\n")
+            stream.flush()
+
+
+def _as_text(record: logging.LogRecord) -> str:
+    error = getattr(record, "error", None)
+    if error is not None:
+        return "".join(traceback.format_exception(error)).rstrip("\n")
+    return f"{getattr(record, 'prefix', '')}{record.getMessage()}"
+
+
+class _AsJson:
+    """Writes records as JSON objects; ASCII only, so that no character of a message acts on a terminal."""
+
+    def __init__(self, process: str) -> None:
+        self.process = process
+        """Whose records are those that name no process: a library's, and crashes."""
+
+    def __call__(self, record: logging.LogRecord) -> str:
+        """One line.
+
+        Args:
+            record: Of our own logger or of a library's.
+        """
+        when = datetime.fromtimestamp(record.created, UTC)
+        fields: dict[str, Any] = {
+            "time": when.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+            "level": _level_of(record.levelno),
+            "process": getattr(record, "process_name", self.process),
+            "pid": os.getpid(),
+            "message": _shortened(record.getMessage()),
+        }
+        if record.name != _LOGGER.name:
+            fields["library"] = record.name
+        error = getattr(record, "error", None) or (record.exc_info[1] if record.exc_info else None)
+        if error is not None:
+            fields["traceback"] = _shortened("".join(traceback.format_exception(error)))
+        more = {name: fact for name, fact in getattr(record, "facts", {}).items() if name not in fields}
+        return json.dumps(fields | more, default=str)
+
+
+def begin_log(process: str, form: Format, level: str) -> Log:
+    """Choose how this process writes its log, from now on.
+
+    Args:
+        process: Its name.
+        form: Text or JSON.
+        level: The least of `LEVELS` that is written.
+
+    Returns:
+        The process's log.
+    """
+    _LOGGER.setLevel(level.upper())
+    if form is Format.TEXT:
+        _HANDLER.shape = _as_text
+        return Log(process)
+    _HANDLER.shape = shape = _AsJson(process)
+    root = logging.getLogger()
+    root.handlers[:] = [_Handler(shape)]  # libraries, from the root's own level on: warnings and errors
+    logging.captureWarnings(True)
+
+    def in_main(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        del kind, trace
+        crashed(error)
+
+    def in_thread(hook: threading.ExceptHookArgs) -> None:
+        if hook.exc_value is not None and not isinstance(hook.exc_value, SystemExit):
+            crashed(hook.exc_value)
+
+    sys.excepthook = in_main
+    threading.excepthook = in_thread
+    return Log(process)
+
+
+def is_json() -> bool:
+    """Whether the log is one JSON object in each line; then libraries must not write lines of their own."""
+    return isinstance(_HANDLER.shape, _AsJson)
+
+
+def crashed(error: BaseException) -> None:
+    """Report a mistake of ours, which ends the process or one of its threads.
+
+    Args:
+        error: The exception.
+    """
+    shape = _HANDLER.shape
+    Log(shape.process if isinstance(shape, _AsJson) else "").failure(error)
+
+
+def _level_of(number: int) -> str:
+    for level in reversed(LEVELS):
+        if number >= logging.getLevelNamesMapping()[level.upper()]:
+            return level
+    return LEVELS[0]
+
+
+def _shortened(text: str) -> str:
+    if len(text) <= LONGEST:
+        return text
+    half = LONGEST // 2
+    return f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"
+
+
+_HANDLER = _Handler(_as_text)
+_LOGGER.propagate = False
+_LOGGER.setLevel(logging.INFO)
+_LOGGER.handlers[:] = [_HANDLER]
