@@ -102,6 +102,15 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 
 @pytest.fixture(scope="session")
+def saving(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """The same without the drift, with robots that save on their radio: most ticks have no frame of theirs."""
+    faults = [fault for fault in FAULTS if fault["kind"] != "drift"]
+    budget = {"bits_per_s": 700, "overhead": 8}
+    radio = {"trail": 4, "trail_every": 2, "budget": budget, "adaptive": {"error": 1}}
+    return run_of(tmp_path_factory.mktemp("saving"), {**QUIET, "name": "saving", "faults": faults, "radio": radio})
+
+
+@pytest.fixture(scope="session")
 def hazy(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """A run whose sensors leave a part of each point's age."""
     return run_of(tmp_path_factory.mktemp("hazy"), {**QUIET, "name": "hazy", "sensor": {"quality": 0.6}})

@@ -3,6 +3,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from monitor.replay.belief_errors import BeliefWatcher, chosen_robots, exact_by_construction
 from monitor.replay.replay import play
@@ -11,8 +12,10 @@ from patrol.ground.fog import Fog
 from patrol.prepare import sensor_footprint
 
 
-def test_beliefs_are_those_of_the_minds(faulty: Any) -> None:
+@pytest.mark.parametrize("kind", ["faulty", "saving"])
+def test_beliefs_are_those_of_the_minds(kind: str, request: pytest.FixtureRequest) -> None:
     """With losses, delays, forged frames, a drift, a pause and a restart: point for point, in every tick."""
+    faulty: Any = request.getfixturevalue(kind)
     run = faulty.open()
     watcher = BeliefWatcher(run, sensor_footprint(run.prepared.scenario, run.prepared.terrain))
     checked = set()
