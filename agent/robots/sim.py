@@ -125,15 +125,13 @@ class SimRobot:
         self._waiting = waiting
         self._now = now
         self._alive = alive
-        self._posed = now()
         self._model = model
         self._answer: ReplyB | None = None  # the last one, unless withdrawn
         self._decision: Reply | None = None  # diagnostics for the next answer
         self._run: int | None = None
         self._world_present = False
         self._unbroken = True  # no token has disappeared since our own world's last message
-        self._own_news = now()
-        self._last_news = self._last_said = self._checked = now()
+        self._own_news = self._last_news = self._last_said = self._checked = self._posed = now()
         self._tell_at = now() + TELL_S[0]
         self._offers: dict[int, TickProofs] = {}  # by run, until a phase of one of them has come
         self._transcript = RobotTranscript()
@@ -144,8 +142,7 @@ class SimRobot:
         self._next: PhaseA | None = None
         self._sensed: Sensed | None = None
         self._frames: list[bytes] = []
-        self._answer_a = (-1, b"")
-        self._answer_b = (-1, b"")
+        self._answer_a = self._answer_b = (-1, b"")
 
     # --- Robot and Radio ---------------------------------------------------------------------------------------------
 
@@ -240,11 +237,7 @@ class SimRobot:
         return self._mailbox.refused.total()
 
     def show(self, vitals: Vitals) -> None:
-        """Have what waits and what was dropped read with this process's figures.
-
-        Args:
-            vitals: The figures.
-        """
+        """Have what waits and what was dropped read with this process's figures."""
         vitals.probe_mailbox(self._mailbox)
 
     # --- receiving ---------------------------------------------------------------------------------------------------
