@@ -2,7 +2,7 @@
 
 import sys
 
-from fogwatch.cli.app import main
+from fogwatch.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -9,6 +9,7 @@ import socket
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -121,6 +122,7 @@ def serve(
     Raises:
         BadInput: The address or the key cannot be used, or the source cannot be opened.
     """
+    _check_libraries()
     from monitor.page.authorisation import MIN_TOKEN_LENGTH, Authorisation
     from patrol.net.keys import is_loopback
 
@@ -140,6 +142,13 @@ def serve(
             _run_server(source, authorisation, listening, ending, address, opened, vitals)
     finally:
         listening.close()
+
+
+def _check_libraries() -> None:
+    """Raises BadInput where the libraries that serve a page are not installed."""
+    for name in ("starlette", "uvicorn", "websockets"):
+        if find_spec(name) is None:
+            raise BadInput(f"the page needs {name}; install it with: pip install 'fogwatch[monitor]'")
 
 
 def _run_server(

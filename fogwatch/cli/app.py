@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import platform
 import sys
-import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -31,13 +30,11 @@ from fogwatch.cli import (
     sweep,
 )
 from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
+from fogwatch.cli.ending import INTERRUPTED, UNKNOWN, complain, run_app
 from patrol.errors import BadInput
 from patrol.pose import MODELS
 from patrol.process.lifeline import heed
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
-
-INTERRUPTED = 130
-UNKNOWN = 3
 
 app = typer.Typer(
     cls=OrderedGroup,
@@ -248,7 +245,7 @@ def run(
     try:
         result = execute(scenario, run_options)
     except Failed as failed:
-        _complain(str(failed))
+        complain(str(failed))
         return UNKNOWN
     with _readers_may_leave():
         if quiet:
@@ -291,49 +288,7 @@ def main() -> int:
     Returns:
         The exit code.
     """
-    code = guarded(lambda: app(standalone_mode=False))
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except BrokenPipeError:  # else the interpreter finds it while it ends and replaces any exit code by 120
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    return code
-
-
-def guarded(call: Callable[[], Any]) -> int:
-    """Run a command; an error that the user can mend becomes one line on the standard error.
-
-    Args:
-        call: Parses the arguments and runs the command that they name; returns its exit code.
-
-    Returns:
-        The exit code: the command's own, 2 for bad input, 3 for a crash, 130 when interrupted.
-    """
-    try:
-        code = call()
-    except BadInput as bad:
-        _complain(str(bad))
-        return 2
-    except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED
-    except BrokenPipeError:
-        return 0
-    except Exception as error:  # noqa: BLE001 - a crash leaves the run unjudged, not invalid
-        if not hasattr(error, "format_message"):
-            traceback.print_exc()
-            return UNKNOWN
-        if message := error.format_message():  # without one it has printed the help
-            _complain(message)
-        return 2
-    if code == INTERRUPTED:  # typer may turn the signal into this code
-        _complain("interrupted")
-    return code if isinstance(code, int) else 0
-
-
-def _complain(line: str) -> None:
-    """Print a line on the standard error, unless nobody reads it."""
-    with suppress(BrokenPipeError):
-        print(f"fogwatch: {line}", file=sys.stderr, flush=True)
+    return run_app(app)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import Any
 import typer
 
 from fogwatch.cli.bad_arguments import HelpfulCommand
-from fogwatch.cli.command_help import command
+from fogwatch.cli.command_help import START, OrderedGroup, command
 
 AGENT_EXAMPLES = [
     "fogwatch agent --robot ros2 --namespace robot1 --map map.yaml --connect tcp/192.168.1.20:7447",
@@ -74,6 +74,13 @@ def register(app: typer.Typer, panel: str) -> None:
     """
     command(app, examples=AGENT_EXAMPLES, exit_codes=AGENT_CODES, panel=panel, kind=PassedOn)(agent)
     command(app, "robot-sim", examples=SIM_EXAMPLES, exit_codes=SIM_CODES, panel=panel, kind=PassedOn)(robot_sim)
+
+
+def only_these() -> typer.Typer:
+    """The command `fogwatch` with no commands but these, which quickly begins."""
+    app = typer.Typer(cls=OrderedGroup, add_completion=False, pretty_exceptions_enable=False)
+    register(app, START)
+    return app
 
 
 def _code(main: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:

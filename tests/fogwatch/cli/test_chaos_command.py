@@ -9,7 +9,8 @@ import pytest
 
 from experiments.chaos import Breakage, Narrowed
 from experiments.inprocess import InProcessFleet
-from fogwatch.cli.app import app, guarded
+from fogwatch.cli.app import app
+from fogwatch.cli.ending import guarded
 from fogwatch.hostile.judge import Seen
 from fogwatch.hostile.spell import Spell
 from patrol.process.lifeline import Ending

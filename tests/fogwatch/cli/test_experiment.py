@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from experiments.faults.cost import VARIANTS
-from fogwatch.cli.app import app, guarded
+from fogwatch.cli.app import app
+from fogwatch.cli.ending import guarded
 
 SMALL = ("--terrain", "open", "--point", "2", "--robots", "2", "--duration", "20", "--seeds", "2", "--workers", "1")
 

@@ -22,7 +22,8 @@ from experiments.sweeps.casetable import CaseRow
 from experiments.sweeps.plan import Run, read_plan
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.stats import Estimate
-from fogwatch.cli.app import guarded, main
+from fogwatch.cli.app import main
+from fogwatch.cli.ending import guarded
 from fogwatch.cli.sweep import SHOWN, print_cases, told_apart
 from fogwatch.progress import SweepProgress, duration
 from patrol.errors import BadInput

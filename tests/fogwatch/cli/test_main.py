@@ -1,0 +1,69 @@
+"""A robot's own command begins quickly: it loads nothing that a robot does not need."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.processes
+
+HEAVY = ("llvmlite", "matplotlib", "numba", "numpy", "scipy", "starlette", "uvicorn", "yaml", "zenoh")
+OTHERS = ("experiments", "monitor", "worldsim")
+PROGRAM = """
+import json, sys
+from {module} import main
+sys.argv = {words!r}
+try:
+    code = main()
+except SystemExit as left:
+    code = left.code
+print()
+print(json.dumps([code, sorted({{name.partition(".")[0] for name in sys.modules}})]))
+"""
+
+
+def loaded(module: str, *words: str) -> tuple[int, set[str], str]:
+    """The exit code of a command in a fresh interpreter, the packages that it has loaded, and what it has said."""
+    program = PROGRAM.format(module=module, words=list(words))
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    said, _, last = done.stdout.rstrip().rpartition("\n")
+    code, names = json.loads(last)
+    return code, set(names), said + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("fogwatch.cli.main", ["fogwatch", "agent", "--help"]),
+        ("fogwatch.cli.main", ["fogwatch", "agent", "--robot", "ros2", "--help"]),
+        ("agent.process", ["agent", "--help"]),
+    ],
+)
+def test_an_agents_help_loads_nothing_heavy(module: str, words: list[str]) -> None:
+    code, names, said = loaded(module, *words)
+    assert code == 0
+    assert "robot" in said
+    assert not names & {*HEAVY, *OTHERS}
+
+
+def test_it_is_the_same_command_as_among_all_others() -> None:
+    alone = loaded("fogwatch.cli.main", "fogwatch", "agent", "--help")[2]
+    assert alone == loaded("fogwatch.cli.app", "fogwatch", "agent", "--help")[2]
+    assert "agent" in loaded("fogwatch.cli.main", "fogwatch", "--help")[2]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["agnt"], "fogwatch: agnt: no such command; did you mean agent?"),
+        (["agent", "--credentials", "nowhere", "--scenario", "none"], "agent: --credentials: nowhere cannot be read"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], line: str) -> None:
+    code, _, said = loaded("fogwatch.cli.main", "fogwatch", *words)
+    assert code == 2
+    (only,) = said.strip().splitlines()
+    assert only.startswith(line)
