@@ -36,6 +36,10 @@ Without --fleet anybody who can reach the router can read, send and forge everyt
 OPEN = "it is open: anybody who can reach {listen} can read, send and forge everything, positions and controls included"
 
 
+CLOSE_S = 0.5
+"""How long closing may take, s. A client that has stopped reading holds it up, and launchers kill whoever takes long."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Route messages until asked to stop.
 
@@ -60,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     report_ready(options.ready, listen)
     while not ending.wait(3600.0):
         pass
-    router.close()
+    router.close(CLOSE_S)
     return 0
 
 
