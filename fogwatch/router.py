@@ -49,6 +49,10 @@ PULSE, PULSE_S = fleet_keys("router").alive("router"), 1.0
 OPEN = "it is open: anybody who can reach {listen} can read, send and forge everything, positions and controls included"
 
 
+CLOSE_S = 0.5
+"""How long closing may take, s. A client that has stopped reading holds it up, and launchers kill whoever takes long."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Route messages until asked to stop.
 
@@ -91,7 +95,7 @@ def _route(options: argparse.Namespace) -> None:
             if answered():
                 notifier.alive()
                 answered = router.pulse(PULSE)
-    router.close()
+    router.close(CLOSE_S)
 
 
 def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
