@@ -50,7 +50,7 @@ OPEN = "it is open: anybody who can reach {listen} can read, send and forge ever
 
 
 CLOSE_S = 0.5
-"""How long closing may take, s. A client that has stopped reading holds it up, and launchers kill whoever takes long."""
+"""How long closing may take, s: a client that has stopped reading holds it up, and launchers kill who takes long."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch import router
 from fogwatch.launch.children import TERM_S, Child, Children
+from fogwatch.router import CLOSE_S
 from patrol.process.readiness import StartFailure, StartReport
 
 pytestmark = pytest.mark.processes
@@ -76,7 +76,7 @@ def test_a_child_that_ends_before_it_is_ready_reports_nothing(module: str, child
 
 def test_a_router_gives_up_closing_before_it_is_killed_for_it() -> None:
     """With a viewer that has stopped reading, closing takes as long as it may; killed, it would fail the verdict."""
-    assert router.CLOSE_S <= TERM_S / 2
+    assert CLOSE_S <= TERM_S / 2
 
 
 def test_a_quoted_log_cannot_disturb_a_terminal(children: Children, tmp_path: Path) -> None:
