@@ -26,6 +26,8 @@ FOR_S = 2.0
 """How long an attack that goes on lasts."""
 MESSAGES = 300
 """Messages of an attack that sends so many."""
+HUGE = 100_000_000
+"""Bytes of a huge message."""
 QUESTIONS = 100
 ANSWER_S = 0.5
 """How long a question waits for an answer."""
@@ -34,6 +36,12 @@ OVERHEARD, ASKED = "overheard", "asked in the world's place"
 
 _KEPT = 2000
 _OWN = zenoh.Locality.REMOTE
+_QUEUES = (
+    zenoh.Priority.REAL_TIME,
+    zenoh.Priority.DATA_HIGH,
+    zenoh.Priority.DATA,
+    zenoh.Priority.BACKGROUND,
+)
 
 
 class Member:
@@ -135,6 +143,13 @@ class Member:
             counts += self._send([(key, payload)] * 50)
         return counts
 
+    def send_huge(self, dice: Draws) -> Counter[str]:
+        """Publish messages that together would take more memory than a process may, one in each queue."""
+        counts: Counter[str] = Counter()
+        for priority in _QUEUES:
+            counts += self._send([(dice.choice(*self._keys, *self._own_keys), bytes(HUGE))], priority)
+        return counts
+
     def ask(self, dice: Draws) -> Counter[str]:
         """Ask the world for everything, without the token."""
         keys = self.door.keys
@@ -223,12 +238,14 @@ class Member:
             self._newest = message
         return message
 
-    def _send(self, messages: list[tuple[str, bytes]]) -> Counter[str]:
+    def _send(
+        self, messages: list[tuple[str, bytes]], priority: zenoh.Priority = zenoh.Priority.REAL_TIME
+    ) -> Counter[str]:
         for key, payload in messages:
             self._session.put(
                 key,
                 payload,
-                priority=zenoh.Priority.REAL_TIME,
+                priority=priority,
                 express=True,
                 congestion_control=zenoh.CongestionControl.BLOCK,
             )

@@ -81,6 +81,7 @@ def _attacks(run: Path, robots: tuple[str, ...], holds: Holds, victim: str) -> M
         "replays": member.replay,
         "forgeries": member.forge,
         "floods": member.flood,
+        "huge messages": member.send_huge,
         "questions": member.ask,
         "false tokens": member.pretend,
         "stopped readers": member.stop_reading,

@@ -19,12 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.net.packed import Reader, Unexpected
+from patrol.net.settings import MAX_MESSAGE
 
 TICKS = "ticks"
 FOG = "fog"
 """The last parts of the keys (`patrol.net.keys.FleetKeys.truth`)."""
 
-MAX_BATCH = 1 << 25
+MAX_BATCH = MAX_MESSAGE
 """Bytes of the longest batch that a viewer looks at."""
 
 MAX_RECORDS = 4096
@@ -33,7 +34,7 @@ MAX_RECORDS = 4096
 MAX_NUMBER = 1 << 40
 """The greatest number of a record: more than any run has."""
 
-MAX_ANSWER = 1 << 27
+MAX_ANSWER = MAX_MESSAGE
 """Bytes of the longest answer that a viewer looks at."""
 
 MAX_GRIDS = 300_000_000

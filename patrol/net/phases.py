@@ -47,13 +47,11 @@ MAX_REPLY = 2048
 
 _MAX_COUNT = 2**31 - 1
 _MAX_ID = 2**63 - 1
-_MAX_STATE = 32
-_MAX_REASON = 400
+_MAX_STATE, _MAX_REASON = 32, 400
 _HASH = 64
 _HEAD = 5
 _HELLO, _PHASE_A, _PHASE_B, _STOP = 0, 1, 2, 3
-_FAILED = 3
-_REPORT = 4
+_FAILED, _REPORT = 3, 4
 
 
 class Malformed(ValueError):
@@ -364,8 +362,10 @@ def _report(values: list[Any]) -> Report:
 def _line(values: object) -> Line:
     if type(values) is not list or len(values) != 1 + PLACES:
         raise Malformed(f"a line is an array of {1 + PLACES}")
-    a, b, c, d = (_bytes(value, 0, MAX_DIGESTS * DIGEST) for value in values[1:])
-    return Line(_whole(values[0], _MAX_COUNT), (a, b, c, d))
+    k, *digests = values
+    if any(type(one) is not bytes or len(one) > MAX_DIGESTS * DIGEST for one in digests):
+        raise Malformed(f"no digests of at most {MAX_DIGESTS * DIGEST} bytes")
+    return Line(_whole(k, _MAX_COUNT), tuple(digests))
 
 
 def _whole(value: object, most: int, least: int = 0) -> int:

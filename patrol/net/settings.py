@@ -19,6 +19,11 @@ in seven from the third of a burst on: at a pace, only the first two robots of a
 _DROP_US = 100
 """How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
 
+MAX_MESSAGE = 1 << 24
+"""Bytes of the longest message that a fleet's sessions put together. A router puts messages together before it looks at
+who may send them: with Zenoh's limit of 1 GiB, a message of 400 MB that its sender was not allowed to send took as much
+of the router's memory, for good."""
+
 _CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
 _CLOSE_US = 1_000_000
 """How long a router waits, of what must not be dropped, for one who does not read, and then closes its connection. All
@@ -28,6 +33,7 @@ _QUIET: dict[str, object] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "transport/shared_memory/enabled": False,
+    "transport/link/rx/max_message_size": MAX_MESSAGE,
     "transport/link/tcp/so_rcvbuf": _SOCKET,
     "transport/link/tcp/so_sndbuf": _SOCKET,
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _DROP_US,

@@ -28,6 +28,8 @@ MAX_LINES = 24
 MAX_DIGESTS = 2
 """Digests in one place: a robot that stops because it is blind withdraws the reply that it has sent."""
 
+_LENGTHS = [bytes((length,)) for length in range(MAX_DIGESTS * DIGEST + 1)]
+
 
 def digest_of(payload: bytes) -> bytes:
     """The digest of a message.
@@ -96,7 +98,7 @@ class RobotTranscript:
 # --- the world -------------------------------------------------------------------------------------------------------
 
 MAX_TICKS = 256
-"""Ticks of which the world keeps the digests: a robot's report has to come by then."""
+"""Ticks of which the world keeps the digests: a robot's report has to come by then, and it acts on no older reply."""
 MAX_REPLIES = 8
 """Different replies to one phase of which the world keeps the digests; a robot sends `MAX_DIGESTS` at most."""
 MAX_SPANS = 16
@@ -187,6 +189,7 @@ class WorldTranscript:
             digest: Its digest.
         """
         if k <= self._forgotten:
+            self._missed += 1
             return
         digests = self._acted_on.setdefault(k, [{}, {}])[place - REPLY_A]
         if len(digests) < MAX_REPLIES:
@@ -206,25 +209,27 @@ class WorldTranscript:
         self.closed = self.closed or until == LAST
         self._until = max(self._until, until)
         by_tick = {line.k: line.digests for line in lines}
-        phases: list[tuple[bytes, bytes]] = []
-        replies: list[tuple[bytes, bytes]] = []
+        phases: tuple[list[bytes], list[bytes]] = ([], [])
+        replies: tuple[list[bytes], list[bytes]] = ([], [])
         ticks = sorted({*by_tick, *(k for k in self._acted_on if since <= k <= until)})
         for k in ticks:
             says = by_tick.get(k, (b"",) * PLACES)
             ours = self._sent.get(k, [b"", b""])
             for place in (PHASE_A, PHASE_B):
                 if says[place] and k > self._forgotten:
-                    phases.append((says[place], ours[place]))
+                    phases[0].append(says[place])
+                    phases[1].append(ours[place])
                     ours[place] = b""  # nobody acts on a phase twice
             for place, digests in enumerate(self._acted_on.get(k, ()), REPLY_A):
                 given = _apart(says[place])
                 for digest in digests:
                     if digest in given or k >= since:
                         digests[digest] = True
-                        replies.append((digest if digest in given else says[place], digest))
-        if phases or replies:
-            self.messages += len(phases) + len(replies)
-            self._add(Span(ticks[0], ticks[-1], _hashed(phases), _hashed(replies)))
+                        replies[0].append(digest if digest in given else says[place])
+                        replies[1].append(digest)
+        if phases[0] or replies[0]:
+            self.messages += len(phases[0]) + len(replies[0])
+            self._add(Span(ticks[0], ticks[-1], _hashed(*phases), _hashed(*replies)))
 
     def _forget(self, k: int) -> None:
         self._forgotten = max(self._forgotten, k)
@@ -251,6 +256,7 @@ def as_notes(transcripts: Mapping[tuple[int, int], WorldTranscript]) -> list[dic
             "asked": one.asked,
             "messages": one.messages,
             "missed": one.missed,
+            "closed": one.closed,
             "spans": [[span.first, span.last, *span.phases, *span.replies] for span in one.spans],
         }
         for (robot, incarnation), one in sorted(transcripts.items())
@@ -261,17 +267,19 @@ def _uncovered(places: Iterable[Mapping[bytes, bool]]) -> int:
     return sum(not covered for digests in places for covered in digests.values())
 
 
-def _apart(digests: bytes) -> list[bytes]:
+def _apart(digests: bytes) -> Sequence[bytes]:
+    if len(digests) == DIGEST:
+        return (digests,)
     return [digests[place : place + DIGEST] for place in range(0, len(digests), DIGEST)]
 
 
-def _hashed(pairs: Sequence[tuple[bytes, bytes]]) -> tuple[str, str]:
-    by_robot, by_world = ([pair[side] for pair in pairs] for side in (0, 1))
-    return _hash(by_robot), _hash(by_world)
+def _hashed(by_robot: Sequence[bytes], by_world: Sequence[bytes]) -> tuple[str, str]:
+    ours = _hash(by_world)
+    return (ours if by_robot == by_world else _hash(by_robot)), ours
 
 
 def _hash(digests: Sequence[bytes]) -> str:
-    return hashlib.blake2b(b"".join(b"%d:" % len(one) + one for one in digests), digest_size=16).hexdigest()
+    return hashlib.blake2b(b"".join([_LENGTHS[len(one)] + one for one in digests]), digest_size=16).hexdigest()
 
 
 def _chained(before: str, after: str) -> str:

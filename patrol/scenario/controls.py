@@ -37,11 +37,9 @@ if TYPE_CHECKING:
 OPERATOR = "operator"
 """The kind of the journal's events that tell of controls; their detail is JSON, as `as_detail` makes it."""
 
-MOST_FAULTS = 2000
-"""Faults of a scenario beyond which an operator adds no more."""
-
-MOST_INTRUDERS = 2000
-"""Intruders of a scenario beyond which an operator adds no more."""
+MOST_FAULTS = MOST_INTRUDERS = 400
+"""Faults, and intruders, of a scenario beyond which operators change no more: each change checks all of them again, and
+so does everybody who reads the run afterwards."""
 
 MOST_STEPS = 100_000
 FACTORS = (1e-3, 1e6)
@@ -307,6 +305,8 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
 
 def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
     """The scenario in which a lasting fault ends before tick k; of one that begins then only its place remains."""
+    if len(scenario.faults) > MOST_FAULTS:
+        raise BadInput(f"control: id = {name}: this run has more than {MOST_FAULTS} faults, and none can be ended")
     place, fault = _find(scenario, name)
     if not isinstance(fault, Lasting):
         raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")

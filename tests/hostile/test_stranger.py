@@ -93,6 +93,7 @@ def _while(attack: Callable[[], Mapping[str, int]], work: Callable[[], object]) 
         (Holds.NOTHING, "silent connections"),
         (Holds.VIEWER, "stopped readers"),
         (Holds.VIEWER, "floods"),
+        (Holds.VIEWER, "huge messages"),
         (Holds.ROBOT, "floods"),
     ],
 )

@@ -36,7 +36,7 @@ from patrol.net.phases import (
     ToWorld,
     encode,
 )
-from patrol.net.transcripts import PHASE_A, PHASE_B, REPLY_A, REPLY_B, WorldTranscript, as_notes, digest_of
+from patrol.net.transcripts import MAX_TICKS, PHASE_A, PHASE_B, REPLY_A, REPLY_B, WorldTranscript, as_notes, digest_of
 from worldsim.fleet.connection import Addressee, FleetConnection, RunIdentity
 
 POLL_S = 0.1
@@ -200,9 +200,9 @@ class Sessions:
             return None
         if isinstance(message, ReplyA | ReplyB):
             if self._has_session(number, message):
-                if message.k < self._begun:
+                if self._begun - MAX_TICKS <= message.k < self._begun:
                     return number, message
-                self._connection.mailbox.refused["ahead"] += 1
+                self._connection.mailbox.refused["ahead" if message.k >= self._begun else "late"] += 1
                 return None
             self._connection.mailbox.refused["stranger"] += 1
         elif isinstance(message, Failed):

@@ -7,6 +7,7 @@ import pytest
 
 from patrol.net.link import Link, LinkDown, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
+from patrol.net.settings import MAX_MESSAGE
 from tests.routers import PATIENCE_S, free_endpoint, routed
 
 
@@ -148,3 +149,17 @@ def test_a_busy_port_and_a_foreign_address_are_said_in_one_line(endpoint: str) -
         open_router(endpoint)
     with pytest.raises(LinkDown, match=r"cannot listen there \([^()\n]+\)$"):
         open_router("tcp/192.0.2.1:7447")
+
+
+def test_a_message_that_is_too_long_is_put_together_by_nobody(links: Callable[[], Link]) -> None:
+    """What would take a router's memory is dropped piece by piece, and the session lives on."""
+    mailbox: Mailbox[int] = Mailbox(["a/b"], len, 4 * MAX_MESSAGE)
+    links().subscribe("a/b", mailbox)
+    sender = links()
+    post = sender.post("a/b")
+    reach(post, mailbox, b"1")
+    post(bytes(MAX_MESSAGE // 2))
+    post(bytes(2 * MAX_MESSAGE))
+    post(b"12")
+    assert next_but(mailbox, 1) == ("a/b", MAX_MESSAGE // 2)
+    assert next_but(mailbox, 1) == ("a/b", 2)

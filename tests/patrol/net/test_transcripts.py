@@ -253,6 +253,7 @@ def test_notes_hold_both_accounts_of_each_process() -> None:
         "asked": 29,
         "messages": 120,
         "missed": 0,
+        "closed": True,
         "spans": [[0, 29, *span.phases, *span.replies]],
     }
     assert len(digest(1, 1)) == DIGEST

@@ -29,7 +29,7 @@ from worldsim.fleet.sessions import Sessions
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2", 3: "r3"}
 RUN, HASH = 9, "c" * 64
-CHAIN = TickChain(b"secret", 100)
+CHAIN = TickChain(b"secret", 1000)
 POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from patrol.exchange import Reply
 from patrol.net.phases import ANYONE, PROTOCOL, UNLIKE, HelloReply, ReplyA, ReplyB, Report, Stop, encode
-from patrol.net.transcripts import LAST, Line, digest_of
+from patrol.net.transcripts import LAST, MAX_TICKS, Line, digest_of
 from patrol.pose import Velocity
 from tests.worldsim.fleet.net import HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
@@ -86,6 +86,23 @@ def test_an_answer_to_a_tick_that_has_not_begun_is_refused() -> None:
     assert replies[1] is not None
     assert replies[1].command == Velocity(0.0, 0.0)
     assert net.refused == {"ahead": 3}
+
+
+def test_an_answer_older_than_what_the_transcript_holds_is_refused() -> None:
+    """Nobody could tell afterwards whether the robot had sent it."""
+    net = Net()
+    net.gather()
+    fleet = PacedFleet(net.sessions, 0.5)
+    net.mute = {1}
+    for k in range(MAX_TICKS + 1):
+        fleet.phase_a(k, sensed(k))
+        fleet.phase_b(k, heard())
+    fleet.phase_a(MAX_TICKS + 1, sensed(MAX_TICKS + 1))
+    net.deliver(1, ReplyB(1, 71, 1, RUN, COMMAND))
+    replies = fleet.phase_b(MAX_TICKS + 1, heard())
+    assert (replies[1], net.refused) == (None, {"late": 1})
+    net.deliver(1, ReplyB(1, 71, 3, RUN, COMMAND))
+    assert fleet.phase_b(MAX_TICKS + 1, heard())[1] == COMMAND
 
 
 def test_an_answer_of_another_run_is_refused() -> None:

@@ -25,10 +25,10 @@ def result(lab: Lab) -> Result:
     return world, lab.run(world)
 
 
-def noted(result: Result, transcripts: Any) -> CheckResult:
+def noted(result: Result, transcripts: Any, **notes: Any) -> CheckResult:
     world, journal = result
     assert journal.end
-    journal.end = replace(journal.end, notes={"transcripts": transcripts})
+    journal.end = replace(journal.end, notes={"transcripts": transcripts, **notes})
     return result_of(TranscriptsAgree, world.prepared, journal)
 
 
@@ -56,6 +56,7 @@ def test_two_that_agree_are_good(result: Result) -> None:
 def test_what_was_not_compared_is_said(result: Result) -> None:
     check = noted(result, [note(1, [0, 7, *SAME]), note(2), note(2, [4, 11, *SAME], incarnation=2, missed=3)])
     assert check.ok
+    assert check.warnings == ("r2 (2): no report has come of 3 replies that the world acted on",)
     left_out = "r1 from tick 8, r2 from tick 0, 3 replies of r2 (2), whose reports were lost"
     assert check.detail.endswith(f"; not compared: {left_out}")
 
@@ -80,3 +81,16 @@ def test_a_difference_names_robot_and_ticks(result: Result, hashes: list[str], p
 def test_what_cannot_be_read_fails(result: Result, wrong: Any) -> None:
     check = noted(result, wrong)
     assert (check.ok, check.detail) == (False, "what the journal holds cannot be read")
+
+
+def test_a_report_that_is_missing_for_no_reason_is_a_warning(result: Result) -> None:
+    """Not where the router was down: then reports are lost with everything else."""
+    unreported = {**note(1, [0, 7, *SAME], missed=4), "closed": False}
+    world, journal = result
+    noted(result, [unreported])
+    verdict = judge(journal, {"r1": 0}, world.prepared)
+    gone = "r1: no report has come of 4 replies that the world acted on"
+    assert verdict.warnings[-2:] == (gone, "r1 ended in order, and its last report has not come")
+    noted(result, [unreported])
+    assert judge(journal, {"r1": -9}, world.prepared).warnings[-1:] == (gone,)
+    assert not noted(result, [unreported], router_silent_s=2.5).warnings

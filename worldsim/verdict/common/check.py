@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from worldsim.timeline import Timeline
 
 Severity = Literal["error", "warning"]
-"""An error means that the run cannot be believed, a warning that the patrol makes no progress."""
+"""Error: the run cannot be believed. Warning: the patrol makes no progress, or evidence is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class CheckResult:
         ok: Whether the run passed.
         detail: What was found; where the run failed, the first problem.
         judged: False where there was nothing to judge by, or too little. Then `ok` is True and the detail says why.
-        warnings: What is wrong with the patrol although the run can be believed, one line each.
+        warnings: What is wrong with the patrol or its evidence although the run can be believed, one line each.
     """
 
     name: str

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from worldsim.lifecycle import process_name
@@ -11,7 +12,7 @@ from worldsim.verdict.common.check import Check, CheckResult
 if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
-_NOTE = "transcripts"
+_NOTE, _SILENT = "transcripts", "router_silent_s"
 
 
 class TranscriptsAgree(Check):
@@ -19,6 +20,7 @@ class TranscriptsAgree(Check):
 
     Both have kept the hashes of what they sent and acted on (`patrol.net.transcripts`), and the journal's end holds
     those of both. The last ticks of a process that was killed or lost are not compared, because it cannot report them.
+    Where reports are missing although process and router were there, somebody may have crowded them out: a warning.
     """
 
     name = "transcripts"
@@ -27,6 +29,7 @@ class TranscriptsAgree(Check):
         super().__init__(run, readings)
         self._messages = 0
         self._left_out: list[str] = []
+        self._gone: list[str] = []
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
@@ -40,12 +43,13 @@ class TranscriptsAgree(Check):
             return self._not_judged("not judged: the journal holds none, as those of earlier versions")
         self._messages = 0
         self._left_out = []
+        self._gone = []
         try:
             problems = [problem for note in notes[_NOTE] for problem in self._compare(note)]
         except (TypeError, KeyError, ValueError):
             problems = ["what the journal holds cannot be read"]
         self._fail("; ".join(problems))
-        return super().result()
+        return replace(super().result(), warnings=tuple(self._gone))
 
     def _compare(self, note: Any) -> Iterator[str]:
         """The differences between the transcripts of one process and the world."""
@@ -64,6 +68,12 @@ class TranscriptsAgree(Check):
             self._left_out.append(f"{missed} replies of {name}, whose reports were lost")
         if compared < asked:
             self._left_out.append(f"{name} from tick {compared + 1}")
+        if _SILENT in _notes(self._run):
+            return  # the router was down, and with it reports were lost
+        if missed:
+            self._gone.append(f"{name}: no report has come of {missed} replies that the world acted on")
+        if note.get("closed") is False and self._run.exit_codes.get(name) == 0:
+            self._gone.append(f"{name} ended in order, and its last report has not come")
 
     def _good(self) -> str:
         left_out = f"; not compared: {', '.join(self._left_out)}" if self._left_out else ""
