@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import mean
@@ -16,14 +17,15 @@ from typing import Any
 import pytest
 
 from experiments.inprocess import run_in_process
-from patrol.scenario import load_scenario
+from patrol.scenario import dump_scenario, load_scenario
 from tests.ros2_bench import write_plan
 from tests.routers import PATIENCE_S, routed
 
 pytestmark = pytest.mark.accept
 
 YARDS = Path(__file__).parents[2] / "examples" / "ros2-yards.yaml"
-SEEDS = (7, 8, 9)
+SEEDS = (7, 8)
+NATIVE_SEEDS = range(1, 10)
 FORMATS = {"r1": "rmw_zenoh", "r2": "bridge", "r3": "rmw_zenoh-humble"}
 HALF_AN_HOUR_S = 1800.0
 
@@ -67,17 +69,27 @@ def test_a_robot_whose_plug_is_pulled_stands_within_half_a_second(tmp_path: Path
     assert all(0.0 < one <= 0.5 for one in stood), stood
 
 
-def test_three_robots_patrol_the_yards_as_well_as_without_ros(tmp_path: Path) -> None:
-    """In real time. MFoW differs between seeds without ROS too, so it is held against the mean of some."""
-    native = [
-        run_in_process(load_scenario(YARDS, {"seed": seed, "pace": "lockstep", "radio.via": "ether"})).summary
-        for seed in SEEDS
-    ]
-    scenario = ["--scenario", str(YARDS), "--margin", "0.15"]
+def patrolled(seed: int, folder: Path) -> dict[str, Any]:
+    """What three robots measure that patrol the yards for half an hour, in real time."""
+    folder.mkdir()
+    scenario_file = folder / "scenario.yaml"
+    scenario_file.write_text(dump_scenario(load_scenario(YARDS, {"seed": seed})), encoding="utf-8")
+    scenario = ["--scenario", str(scenario_file), "--margin", "0.15"]
     errors = ["--delay", "0.1", "--noise", "0.05", "--noise-heading", "0.01"]
     robots = ",".join(f"{name}:{form}" for name, form in FORMATS.items())
     with routed() as endpoint, agents(endpoint, [*scenario, "--acceleration", "4"], FORMATS):
         words = [*scenario, *errors, "--robots", robots, "--duration", str(HALF_AN_HOUR_S)]
-        summary = measured(endpoint, tmp_path / "sim.json", *words)
-    assert all(one["walls_touched"] == 0 for one in summary["robots"].values()), summary
-    assert summary["mfow_mean_s"] <= 1.1 * mean(one["mfow_mean_s"] for one in native), summary
+        return measured(endpoint, folder / "sim.json", *words)
+
+
+def test_three_robots_patrol_the_yards_as_well_as_without_ros(tmp_path: Path) -> None:
+    """MFoW differs between seeds without ROS too, and two patrols of one seed soon part, so means are compared."""
+    native = [
+        run_in_process(load_scenario(YARDS, {"seed": seed, "pace": "lockstep", "radio.via": "ether"})).summary
+        for seed in NATIVE_SEEDS
+    ]
+    with ThreadPoolExecutor(len(SEEDS)) as pool:
+        summaries = list(pool.map(lambda seed: patrolled(seed, tmp_path / str(seed)), SEEDS))
+    assert all(one["walls_touched"] == 0 for summary in summaries for one in summary["robots"].values()), summaries
+    through_ros = mean(summary["mfow_mean_s"] for summary in summaries)
+    assert through_ros <= 1.1 * mean(one["mfow_mean_s"] for one in native), summaries
