@@ -155,8 +155,10 @@ def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
     namespace = options.namespace.strip("/")
     if namespace:
         check_name(namespace, "--namespace")
-    proof = options.ros_credentials
-    credentials = None if proof is None else read_credentials(proof, "--ros-credentials")
+    option, proof = "--ros-credentials", options.ros_credentials
+    if proof is None and locator.startswith("tls/"):
+        option, proof = "--credentials", options.credentials
+    credentials = None if proof is None else read_credentials(proof, option)
     return open_ros2(
         locator,
         format_named(options.format, domain_of(options), "--format"),

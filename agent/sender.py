@@ -63,6 +63,7 @@ class Sender:
         self._framed = -1
         self._last: Position | None = None
         self._reported: Places = ()
+        self._turn = 0
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
         """What the robot sends in a tick.
@@ -78,14 +79,23 @@ class Sender:
         seen = sensed.contacts[:MAX_CONTACTS]
         if self._allowance is not None:
             self._allowance.earn(sensed.k)
+            seen = self._in_turn(seen)
         if not self._has_news(position, seen):
             return ()
         position, frame = self._fitting(position)
         contacts = [encode(Position.of_contact(sensed.k, sensed.clock_s, x, y), self._key) for x, y in seen]
         frames = self._affordable((frame, *contacts))
         if frames:
-            self._last, self._reported = position, seen
+            told = seen[: len(frames) - 1]
+            self._last = position
+            self._reported = tuple(place for place in seen if place in told or place in self._reported)
+            self._turn += len(told)
         return frames
+
+    def _in_turn(self, seen: Places) -> Places:
+        """The same intruders: first those that are not reported yet, and whose turn it is, since not all may fit."""
+        first = self._turn % len(seen) if seen else 0
+        return tuple(sorted((*seen[first:], *seen[:first]), key=self._reported.__contains__))
 
     def _follow(self, position: Position) -> None:
         if position.sequence != self._framed + 1:
@@ -101,7 +111,7 @@ class Sender:
         silent = position.sequence - last.sequence
         return (
             silent >= sending.silence
-            or seen != self._reported
+            or set(seen) != set(self._reported)
             or sending.predictor.error(last, position) > sending.error
         )
 

@@ -98,9 +98,9 @@ static int hex_in(void) {
     char text[LINE];
     while (fgets(text, sizeof text, stdin)) {
         uint8_t frame[LINE];
-        size_t bytes = 0;
-        unsigned byte;
-        while (sscanf(text + 2 * bytes, "%2x", &byte) == 1) frame[bytes++] = (uint8_t)byte;
+        size_t bytes = 0, digits = strspn(text, "0123456789abcdefABCDEF");
+        for (unsigned byte; 2 * bytes + 1 < digits && sscanf(text + 2 * bytes, "%2x", &byte) == 1;)
+            frame[bytes++] = (uint8_t)byte;
         say(frame, bytes);
     }
     return 0;

@@ -26,12 +26,23 @@ WAIT_S = 10.0
 def doctor(
     connect: Annotated[str, typer.Option(metavar="LOCATOR", help="The robot's Zenoh router, tcp/HOST:7447.")],
     namespace: Annotated[str, typer.Option(metavar="NAME", help="The robot's namespace (default: none).")] = "",
-    domain: Annotated[int, typer.Option(metavar="N", help="The robot's ROS_DOMAIN_ID.")] = 0,
+    domain: Annotated[
+        int | None, typer.Option(metavar="N", help="The robot's ROS_DOMAIN_ID (default: of the environment, or 0).")
+    ] = None,
     credentials: Annotated[
         Path | None, typer.Option(metavar="PATH", help="A robot's credentials, where its router asks for them.")
     ] = None,
-    odometry: Annotated[str, typer.Option(metavar="TOPIC", help="Topic of the odometry.")] = "odom",
-    command: Annotated[str, typer.Option(metavar="TOPIC", help="Topic of the commands.")] = "cmd_vel",
+    topic: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=TOPIC", help="Another name of a topic, as for the agent: odom=odometry/filtered."),
+    ] = None,
+    localisation: Annotated[
+        str, typer.Option(metavar="tf|pose|odometry", help="What corrects the odometry, as for the agent.")
+    ] = "tf",
+    map_frame: Annotated[str, typer.Option(metavar="NAME", help="The map's frame.")] = "map",
+    use_sim_time: Annotated[
+        bool, typer.Option("--use-sim-time", help="The robot's time is on /clock: it is simulated.")
+    ] = False,
     seconds: Annotated[float, typer.Option(metavar="S", help="How long to listen, in s.")] = 3.0,
     wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the router, in s.")] = WAIT_S,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -40,6 +51,8 @@ def doctor(
 
     It needs no ROS, finds out whether the robot speaks rmw_zenoh or zenoh-bridge-ros2dds, and sends nothing to it.
     """
+    from agent.robots.ros2.localisation import Source
+    from agent.robots.ros2.options import topics_given
     from fogwatch.doctor.examine import examine
     from fogwatch.doctor.survey import Wanted, survey
     from patrol.net.credentials import read_credentials
@@ -47,22 +60,24 @@ def doctor(
     from patrol.net.link import LinkDown
     from patrol.ros2.formats import RmwZenoh
     from patrol.ros2.link import open_ros2
-    from patrol.ros2.names import NodeName, check_domain, check_name
+    from patrol.ros2.names import NodeName, check_name, domain_given
 
     check_locator(connect, "--connect")
     check_name(namespace, "--namespace")
-    check_domain(domain, "--domain")
-    wanted = Wanted(check_name(odometry, "--odometry"), command=check_name(command, "--command"))
+    number = domain_given(domain)
+    if localisation not in (known := [one.value for one in Source]):
+        raise BadInput(f"--localisation {localisation}: unknown; give {', '.join(known)}")
+    wanted = Wanted(topics_given(topic or ()), Source(localisation), map_frame, use_sim_time)
     if not 0.1 <= seconds <= 600.0:
         raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
     member = None if credentials is None else read_credentials(credentials, "--credentials")
     node = NodeName("fogwatch_doctor", namespace)
     try:
-        link = open_ros2(connect, RmwZenoh(domain), node, wait, credentials=member)
+        link = open_ros2(connect, RmwZenoh(number), node, wait, credentials=member)
     except LinkDown as down:
         raise BadInput(f"--connect: {down}; is the robot's router running?") from None
     try:
-        found = examine(survey(link, domain, namespace, wanted, seconds))
+        found = examine(survey(link, number, namespace, wanted, seconds))
     finally:
         link.close()
     typer.echo(json.dumps(_as_json(found), indent=2) if as_json else _as_text(found, connect))

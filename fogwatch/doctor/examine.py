@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+from agent.robots.ros2.localisation import AHEAD_S, LONGEST_S, Source
 from fogwatch.doctor.survey import Survey, Wanted
 from fogwatch.doctor.topics import ARROW, Topic, topics_of
 from patrol.printable import printable
@@ -14,6 +15,7 @@ from patrol.ros2.codec import CODINGS, decode
 from patrol.ros2.definitions import ACTION, NO_HASH
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
 from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, entity_of, full_name
+from patrol.ros2.packing import BadMessage
 
 SLOW_HZ = 5.0
 """Fewer poses a second than this are few for a robot that drives."""
@@ -85,14 +87,16 @@ def examine(seen: Survey) -> Examined:
     entities = bridged if isinstance(form, Bridge) else here
     topics = tuple(topics_of(seen, form, entities))
     findings = [*_of_format(seen, form, entities, ours)]
-    clock_s = _clock(seen, topics)
+    clock_s = _clock(seen, form)
     if findings[-1].level is not Level.MISSING:
         findings += [
             *_of_topics(topics),
-            *_of_pose(seen, topics, entities),
+            *_of_odometry(seen, topics, entities),
+            *_of_stamps(seen, form),
+            *_of_pose(seen, topics),
             *_of_commands(seen, topics, entities),
             *_of_map(seen, topics),
-            *_of_clock(clock_s),
+            *_of_clock(seen, topics, clock_s),
         ]
     order = [Level.MISSING, Level.WARNING, Level.OK]
     return Examined(
@@ -124,19 +128,22 @@ def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequenc
 
 def _speaks(seen: Survey, form: Format) -> bool:
     """Whether odometry came in the robot's namespace."""
-    where = form.heard(full_name(seen.namespace, seen.wanted.odometry)).removesuffix("/*/*")
+    where = form.heard(full_name(seen.namespace, seen.wanted.topic("odom"))).removesuffix("/*/*")
     return any(key == where or key.startswith(f"{where}/") for key in seen.heard)
 
 
-def _elsewhere(entities: Iterable[Entity], option: str) -> str:
+def _elsewhere(entities: Iterable[Entity], usual: str) -> str:
     """What to do where a topic has another name, or nobody has it."""
     names = sorted({printable(entity.topic[:255]) for entity in entities})
-    return f"name it with {option}: {', '.join(names[:4])}" if names else "start the robot's base driver"
+    if not names:
+        return "start the robot's base driver"
+    more = f" (there is {', '.join(names[1:4])}, too)" if names[1:] else ""
+    return f"give --topic {usual}={names[0]}{more}"
 
 
 def _namespaces(entities: Iterable[Entity], wanted: Wanted) -> list[str]:
     """Where there is odometry, or commands are wanted."""
-    names = (wanted.odometry, wanted.command)
+    names = (wanted.topic("odom"), wanted.topic("cmd_vel"))
     found = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
     return sorted(printable(name[:255]) for name in found)
 
@@ -152,35 +159,71 @@ def _usable(topics: Iterable[Topic], names: Iterable[str]) -> list[Topic]:
     return [topic for topic in topics if topic.name in set(names) and topic.messages and not topic.wrong]
 
 
-def _of_pose(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
-    name = full_name(seen.namespace, seen.wanted.odometry)
+def _of_odometry(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
+    name = full_name(seen.namespace, seen.wanted.topic("odom"))
     odometry = _usable(topics, [name])
     if not odometry:
         kind = CODINGS[ros.Odometry].type_name
         known = [entity for entity in entities if entity.type_name == kind and entity.topic != name]
-        yield Finding(Level.MISSING, f"no odometry comes on {name}", _elsewhere(known, "--odometry"))
+        yield Finding(Level.MISSING, f"no odometry comes on {name}", _elsewhere(known, "odom"))
     for topic in odometry:
         if topic.publishers > 1:
             remedy = "only one may publish it; give each robot a namespace of its own"
-            yield Finding(Level.WARNING, f"{name}: {topic.publishers} publish it", remedy)
+            yield Finding(Level.MISSING, f"{name}: {topic.publishers} publish it", remedy)
         if topic.rate < SLOW_HZ:
             says = f"{name}: {topic.rate:.1f} messages a second; fewer than {SLOW_HZ:g} are few for a robot that drives"
             yield Finding(Level.WARNING, says, "raise its rate, or drive slowly")
         else:
             yield Finding(Level.OK, f"{name}: {topic.rate:.1f} messages a second, {', '.join(topic.frames)}")
-    placed = _usable(topics, [full_name(seen.namespace, seen.wanted.pose)])
-    tf = _usable(topics, [full_name(space, kind) for space in (seen.namespace, "") for kind in ("tf", "tf_static")])
-    links = {frame for topic in tf for frame in topic.frames}
-    if placed or any(link.startswith(f"map{ARROW}") for link in links):
+
+
+def _of_stamps(seen: Survey, form: Format) -> Iterator[Finding]:
+    """Whether an agent would take the robot's odometry for new (`agent.robots.ros2.localisation`)."""
+    age_s = _age_of_odometry(seen, form)
+    if age_s is None or seen.wanted.sim_time or -AHEAD_S <= age_s <= LONGEST_S:
+        return
+    if abs(age_s) > _SIMULATED_S:
+        remedy = "where the robot runs on simulated time, give --use-sim-time"
+        yield Finding(Level.MISSING, "the stamps of odometry are of another day", remedy)
+        return
+    way = "behind" if age_s > 0.0 else "ahead of"
+    says = f"the stamps of odometry are {abs(age_s):.2f} s {way} our clock; an agent does not drive by these"
+    remedy = "run chrony or another NTP client on both machines; give the agent --delay S if only the stamps are wrong"
+    yield Finding(Level.MISSING, says, remedy)
+
+
+def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
+    """Whether the robot's place on the map is known, by what the agent is to go by."""
+    wanted = seen.wanted
+    spaces, kinds = (seen.namespace, ""), ("tf", "tf_static")
+    tf = _usable(topics, [full_name(space, wanted.topic(kind)) for space in spaces for kind in kinds])
+    links = [frame.partition(ARROW) for topic in tf for frame in topic.frames]
+    corrected = {child.lstrip("/") for parent, _, child in links if parent.lstrip("/") == wanted.map_frame.lstrip("/")}
+    odometry = _usable(topics, [full_name(seen.namespace, wanted.topic("odom"))])
+    frames = {frame.partition(ARROW)[0].lstrip("/") for topic in odometry for frame in topic.frames}
+    by_tf = bool(corrected & frames)
+    by_pose = bool(_usable(topics, [full_name(seen.namespace, wanted.topic("amcl_pose"))]))
+    if wanted.localisation is Source.ODOMETRY:
+        yield Finding(Level.OK, "nothing corrects the odometry, as asked; give the agent --start X,Y,HEADING")
+    elif by_tf if wanted.localisation is Source.TF else by_pose:
         yield Finding(Level.OK, "the robot knows its place on the map")
+    elif by_tf or by_pose:
+        other = Source.TF if by_tf else Source.POSE
+        says = f"the robot knows its place on the map, but not by --localisation {wanted.localisation.value}"
+        yield Finding(Level.MISSING, says, f"give --localisation {other.value}")
     else:
-        remedy = "start its localisation (amcl, slam_toolbox), or give its start pose and trust the odometry"
-        yield Finding(Level.WARNING, "neither tf nor a pose says where the robot is on the map", remedy)
+        missing = " or ".join(f"{wanted.map_frame}{ARROW}{printable(frame)}" for frame in sorted(frames))
+        says = f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and no pose"
+        remedy = (
+            "start its localisation (amcl, slam_toolbox) and tell it where the robot is, or give"
+            " --localisation odometry and the agent a --start"
+        )
+        yield Finding(Level.MISSING, says, remedy)
 
 
 def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
-    name = full_name(seen.namespace, seen.wanted.command)
-    action = f"{full_name(seen.namespace, seen.wanted.action)}/_action/send_goal"
+    name = full_name(seen.namespace, seen.wanted.topic("cmd_vel"))
+    action = f"{full_name(seen.namespace, seen.wanted.topic('navigate_to_pose'))}/_action/send_goal"
     obeys = [entity for entity in entities if entity.topic == name and entity.kind is Kind.SUBSCRIPTION]
     types = sorted({entity.type_name for entity in obeys})
     nav2 = any(entity.topic == action and entity.kind is Kind.SERVER for entity in entities)
@@ -198,7 +241,7 @@ def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
         yield Finding(Level.WARNING, f"nobody says whether the robot obeys commands on {name}", remedy)
     elif not nav2:
         wanting = [entity for entity in entities if entity.type_name in _COMMANDS and entity.kind is Kind.SUBSCRIPTION]
-        yield Finding(Level.MISSING, f"nobody obeys commands on {name}", _elsewhere(wanting, "--command"))
+        yield Finding(Level.MISSING, f"nobody obeys commands on {name}", _elsewhere(wanting, "cmd_vel"))
     rivals = sum(topic.messages for topic in topics if topic.name == name)
     if rivals:
         remedy = "stop the other program (a joystick, Nav2, another agent), or the robot gets both"
@@ -206,32 +249,40 @@ def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
 
 
 def _of_map(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
-    maps = _usable(topics, [full_name(space, seen.wanted.map) for space in (seen.namespace, "")])
+    maps = _usable(topics, [full_name(space, seen.wanted.topic("map")) for space in (seen.namespace, "")])
     if maps:
         yield Finding(Level.OK, f"{maps[0].name}: a latched map of {maps[0].size} bytes")
     else:
         yield Finding(Level.WARNING, "there is no latched map", "give the agent a map's file with --map")
 
 
-def _clock(seen: Survey, topics: Sequence[Topic]) -> float | None:
+def _clock(seen: Survey, form: Format) -> float | None:
     """By how much our clock is ahead, s: by the attachments, or by the stamps of odometry where there are none."""
     ages = [heard.age_ns for heard in seen.heard.values() if heard.age_ns is not None]
-    if ages:
-        return min(ages, key=abs) / 1e9
-    for topic in topics:
-        for key, heard in seen.heard.items():
-            if key.endswith(topic.name.strip("/")) and topic.name.endswith(seen.wanted.odometry) and not topic.wrong:
+    return min(ages, key=abs) / 1e9 if ages else _age_of_odometry(seen, form)
+
+
+def _age_of_odometry(seen: Survey, form: Format) -> float | None:
+    """How old the newest odometry was by its stamp when it arrived, s; None where there is none that can be used."""
+    where = form.heard(full_name(seen.namespace, seen.wanted.topic("odom"))).removesuffix("/*/*")
+    for key, heard in seen.heard.items():
+        if (key == where or key.startswith(f"{where}/")) and heard.newest is not None:
+            try:
                 return (heard.last_ns - decode(ros.Odometry, heard.newest).stamp_ns) / 1e9
+            except BadMessage:
+                continue
     return None
 
 
-def _of_clock(clock_s: float | None) -> Iterator[Finding]:
-    if clock_s is None:
+def _of_clock(seen: Survey, topics: Sequence[Topic], clock_s: float | None) -> Iterator[Finding]:
+    if seen.wanted.sim_time:
+        name = full_name(seen.namespace, seen.wanted.topic("clock"))
+        if _usable(topics, [name]):
+            yield Finding(Level.OK, f"{name}: the robot's time comes")
+        else:
+            yield Finding(Level.MISSING, f"no time comes on {name}", "start the simulation, or leave out --use-sim-time")
+    elif clock_s is None or abs(clock_s) > _SIMULATED_S:
         return
-    if abs(clock_s) > _SIMULATED_S:
-        yield Finding(
-            Level.WARNING, "the robot's stamps are of another day", "it may run on simulated time: use_sim_time"
-        )
     elif abs(clock_s) > CLOCKS_S:
         way = "behind" if clock_s > 0.0 else "ahead of"
         says = f"the robot's clock is {abs(clock_s):.2f} s {way} ours, or its messages take so long"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from agent.robots.ros2.localisation import Source
 from patrol.ros2.ear import Ear, Overheard
 from patrol.ros2.formats import Bridge, RmwZenoh
 from patrol.ros2.link import ZenohRos2Link
@@ -16,13 +17,27 @@ _TOKENS_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Names of the topics that a patrol uses, relative to the robot's namespace."""
+    """What a patrol wants of a robot, as its agent is told.
 
-    odometry: str = "odom"
-    pose: str = "amcl_pose"
-    command: str = "cmd_vel"
-    map: str = "map"
-    action: str = "navigate_to_pose"
+    Attributes:
+        topics: Names of topics other than the usual, by those (`agent.robots.ros2.settings.TOPICS`).
+        localisation: What corrects the odometry.
+        map_frame: The frame of the map.
+        sim_time: Whether the robot's time comes from its clock topic.
+    """
+
+    topics: Mapping[str, str] = field(default_factory=dict)
+    localisation: Source = Source.TF
+    map_frame: str = "map"
+    sim_time: bool = False
+
+    def topic(self, usual: str) -> str:
+        """The name of a topic, relative to the robot's namespace.
+
+        Args:
+            usual: Its usual name.
+        """
+        return self.topics.get(usual, "/clock" if usual == "clock" else usual)
 
 
 @dataclass(slots=True)
@@ -67,7 +82,10 @@ def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, sec
 
 def names_of(namespace: str, wanted: Wanted) -> Iterator[tuple[str, bool]]:
     """The full names of all topics that matter, and whether they are latched."""
-    for name in (wanted.odometry, wanted.pose, wanted.command):
-        yield full_name(namespace, name), False
-    for name, latched in (("tf", False), ("tf_static", True), (wanted.map, True)):
+    for usual, latched in (("odom", False), ("amcl_pose", True), ("cmd_vel", False)):
+        yield full_name(namespace, wanted.topic(usual)), latched
+    for usual, latched in (("tf", False), ("tf_static", True), ("map", True)):
+        name = wanted.topic(usual)
         yield from dict.fromkeys([(full_name(namespace, name), latched), (full_name("", name), latched)])
+    if wanted.sim_time:
+        yield full_name(namespace, wanted.topic("clock")), False

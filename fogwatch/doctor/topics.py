@@ -98,7 +98,7 @@ def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) ->
     frames: dict[str, None] = {}
     try:
         for payload in [*heard.recent, heard.newest]:
-            if payload:
+            if payload is not None:
                 frames |= dict.fromkeys(_frames(decode(kind, payload)))
     except BadMessage as bad:
         return tuple(frames), str(bad)
@@ -107,15 +107,15 @@ def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) ->
 
 def _expected(name: str, wanted: Wanted) -> Any:
     """The class of a topic's messages, where its key does not say."""
-    last = name.rpartition("/")[2]
     kinds: dict[str, Any] = {
         "tf": ros.TFMessage,
         "tf_static": ros.TFMessage,
-        wanted.odometry.rpartition("/")[2]: ros.Odometry,
-        wanted.pose.rpartition("/")[2]: ros.PoseWithCovarianceStamped,
-        wanted.map.rpartition("/")[2]: ros.OccupancyGrid,
+        "odom": ros.Odometry,
+        "amcl_pose": ros.PoseWithCovarianceStamped,
+        "map": ros.OccupancyGrid,
+        "clock": ros.Clock,
     }
-    return kinds.get(last)
+    return {wanted.topic(usual).rpartition("/")[2]: kind for usual, kind in kinds.items()}.get(name.rpartition("/")[2])
 
 
 def _frames(message: Any) -> Iterator[str]:

@@ -216,6 +216,7 @@ def _opened(device: str, speed: int) -> int:
         tty.setraw(fd)
         settings = termios.tcgetattr(fd)
         settings[2] |= termios.CLOCAL | termios.CREAD
+        settings[2] &= ~(termios.CSTOPB | termios.CRTSCTS)  # whoever had the line before may have set them
         settings[4] = settings[5] = speed
         termios.tcsetattr(fd, termios.TCSANOW, settings)
         termios.tcflush(fd, termios.TCIOFLUSH)

@@ -27,7 +27,7 @@ class Overheard:
         age_ns: How old the message was that seemed youngest: our clock less that of its sender; None where senders do
             not say.
         senders: The different senders, at most 16; empty where senders do not say.
-        newest: The newest payload; empty if it is longer than 4 MiB.
+        newest: The newest payload; None if it is longer than 4 MiB.
         recent: The last 32 payloads of at most 16 KiB, for topics that many publish.
     """
 
@@ -38,7 +38,7 @@ class Overheard:
     size: int = 0
     age_ns: int | None = None
     senders: set[bytes] = field(default_factory=set)
-    newest: bytes = b""
+    newest: bytes | None = None
     recent: deque[bytes] = field(default_factory=lambda: deque(maxlen=_RECENT))
 
     @property
@@ -83,8 +83,8 @@ class Ear:
         known.messages += 1
         known.size = max(known.size, len(payload))
         known.last_s, known.last_ns = at_s, now_ns
-        known.newest = payload.to_bytes() if len(payload) <= _LONGEST_KEPT else b""
-        if len(payload) <= _LONGEST_RECENT:
+        known.newest = payload.to_bytes() if len(payload) <= _LONGEST_KEPT else None
+        if known.newest is not None and len(payload) <= _LONGEST_RECENT:
             known.recent.append(known.newest)
         given = attachment_of(attached)
         if given is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from enum import StrEnum
@@ -51,6 +52,23 @@ def check_domain(domain: int, option: str) -> int:
     if not 0 <= domain <= LAST_DOMAIN:
         raise BadInput(f"{option} {domain}: not a domain of ROS 2; give the robot's ROS_DOMAIN_ID, 0 to {LAST_DOMAIN}")
     return domain
+
+
+def domain_given(domain: int | None) -> int:
+    """The ROS_DOMAIN_ID that an option gives, or else the environment, or else 0, as in ROS.
+
+    Args:
+        domain: The option's; None where it was not given.
+
+    Raises:
+        BadInput: It cannot be one.
+    """
+    if domain is not None:
+        return check_domain(domain, "--domain")
+    text = os.environ.get("ROS_DOMAIN_ID", "0")
+    if not (text.isascii() and text.isdecimal() and len(text) <= 9):
+        raise BadInput(f"ROS_DOMAIN_ID={text[:20]!r} in the environment: expected a whole number, 0 to {LAST_DOMAIN}")
+    return check_domain(int(text), "ROS_DOMAIN_ID in the environment:")
 
 
 def full_name(namespace: str, name: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from agent.sender import Sender, Sending
 from patrol.exchange import Sensed
@@ -115,6 +116,23 @@ def test_contacts_that_the_budget_does_not_hold_are_left_out() -> None:
     assert all(numbers[0] == 1 for numbers in robots)
     assert len(robots) == 4
     assert all(1 < len(numbers) < 5 for numbers in robots), "the position waits until some of them fit, but not all"
+
+
+def reports(frames: Sequence[bytes]) -> list[float]:
+    return [decode(frame).pose.x for frame in frames if decode(frame).robot == CONTACT]
+
+
+@pytest.mark.parametrize("move", [0.0, 0.25], ids=["stand", "move"])
+def test_intruders_that_the_budget_cuts_are_reported_in_turn(move: float) -> None:
+    share = Share(per_tick=100.0, most=400.0, overhead=0, frame=64)
+    sender = Sender(1, adaptive(0, share=share, silence=50), None)
+    told: list[float] = []
+    for k in range(40):
+        seen = tuple((10.0 * n + move * (k % 8), 6.0) for n in range(1, 5))
+        told += reports(sender.frames(Sensed(k, Pose(10.0, 20.0, 0.0), contacts=seen, clock_s=0.5 * k)))
+    assert {int(x / 10.0) for x in told[:6]} == {1, 2, 3, 4}
+    if move == 0.0:
+        assert sorted(told) == [10.0, 20.0, 30.0, 40.0], "each once, while the others' prediction holds"
 
 
 def test_a_budget_that_holds_everything_changes_nothing() -> None:

@@ -185,6 +185,21 @@ def test_c_and_python_find_the_same_packets_in_noise(radio: Path) -> None:
 
 
 @needs_cc
+@pytest.mark.parametrize("digits", [507, 509, 510, 511, 512, 2000])
+def test_lines_of_hex_of_any_length_are_read_within_their_bounds(digits: int, tmp_path: Path) -> None:
+    checked = tmp_path / "radio"
+    sources = [SOURCES / name for name in ("radio.c", "position.c", "packet.c")]
+    flags = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover"]
+    subprocess.run(["cc", *flags, "-o", checked, *sources], check=True, capture_output=True)
+    good = VECTORS["accepted"][0]["frame"]
+    done = subprocess.run([checked, "read"], input=f"{'9' * digits}\n{good}".encode(), capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    *refused, last = done.stdout.decode().splitlines()
+    assert set(refused) == {"refused"}
+    assert last == line_of(position_of(VECTORS["accepted"][0])), "a line without an end holds nothing of the one before"
+
+
+@needs_cc
 def test_what_is_no_position_and_what_is_no_key_is_said(radio: Path, tmp_path: Path) -> None:
     wrong = (
         b"1 7 3500 600 613\n70000 7 0 0 0 0\n1 7 0 0 0 6284\n1 7 0 0 0 0 5\n1 7 0 0 0 0 1 1 1 1 1 1 1 1 1 1\nhello\n\n"

@@ -18,7 +18,18 @@ from tests.deploy.command_lines import DEPLOY
 
 PACKAGE = DEPLOY / "ros" / "fogwatch_agent"
 LAUNCH = PACKAGE / "launch" / "agent.launch.py"
-VALUES = {"namespace": "robot1", "map": "map.yaml", "connect": "tcp/127.0.0.1:7447"}
+FEW = {"connect": "tcp/127.0.0.1:7447"}
+ALL = {**FEW, "namespace": "robot1", "map": "/my maps/map.yaml", "options": "--radius 0.2 --set 'robots.speed=1'"}
+
+
+class Given:
+    """What an argument was given; the context of this launch holds them by name."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def perform(self, context: dict[str, str]) -> str:
+        return context[self._name]
 
 
 def fake_launch() -> dict[str, types.ModuleType]:
@@ -31,7 +42,8 @@ def fake_launch() -> dict[str, types.ModuleType]:
     package.LaunchDescription = lambda entities: entities  # type: ignore[attr-defined]
     actions.DeclareLaunchArgument = made("argument")  # type: ignore[attr-defined]
     actions.ExecuteProcess = made("process")  # type: ignore[attr-defined]
-    substitutions.LaunchConfiguration = lambda name: VALUES[name]  # type: ignore[attr-defined]
+    actions.OpaqueFunction = made("function")  # type: ignore[attr-defined]
+    substitutions.LaunchConfiguration = Given  # type: ignore[attr-defined]
     return {module.__name__: module for module in (package, actions, substitutions)}
 
 
@@ -43,6 +55,17 @@ def described(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     entities = runpy.run_path(str(LAUNCH))["generate_launch_description"]()
     assert isinstance(entities, list)
     return entities
+
+
+def command_of(described: list[Any], given: dict[str, str]) -> list[str]:
+    """The command line that launch runs."""
+    *declared, (kind, _, named) = described
+    assert kind == "function"
+    defaults = {words[0]: said["default_value"] for _, words, said in declared if "default_value" in said}
+    ((kind, _, process),) = named["function"]({**defaults, **given})
+    assert kind == "process"
+    command: list[str] = process["cmd"]
+    return command
 
 
 def test_the_manifest_is_that_of_an_ament_package() -> None:
@@ -72,17 +95,19 @@ def test_setup_installs_files_that_exist() -> None:
     assert all((PACKAGE / name).is_file() for name in installed)
 
 
-def test_the_launch_file_starts_an_agent_with_the_arguments_that_it_declares(described: list[Any]) -> None:
-    *declared, (kind, _, process) = described
-    assert kind == "process"
-    assert [words[0] for _, words, _ in declared] == list(VALUES)
+def test_the_launch_file_starts_an_agent_with_what_it_is_given(described: list[Any]) -> None:
+    *declared, _ = described
+    assert {words[0] for _, words, _ in declared} == set(ALL)
     assert all(named["description"] for _, _, named in declared)
-    given = [word for name, value in VALUES.items() for word in (f"--{name}", value)]
-    assert process["cmd"] == ["fogwatch", "agent", "--robot", "ros2", *given]
+    start = ["fogwatch", "agent", "--robot", "ros2", "--connect", FEW["connect"]]
+    assert command_of(described, FEW) == start
+    more = ["--namespace", "robot1", "--map", "/my maps/map.yaml", "--radius", "0.2", "--set", "robots.speed=1"]
+    assert command_of(described, ALL) == [*start, *more]
 
 
-def test_the_agent_can_read_that_command_line(described: list[Any]) -> None:
+def test_the_agent_can_read_these_command_lines(described: list[Any]) -> None:
     options = pytest.importorskip("agent.robots.ros2.options", reason="no driver for ROS 2 robots is here")
-    *_, (_, _, process) = described
-    read = options.options_of(process["cmd"][2:])
-    assert {name: str(getattr(read, name)) for name in VALUES} == VALUES
+    for given in (FEW, ALL):
+        read = options.options_of(command_of(described, given)[2:])
+        assert (read.connect, read.namespace) == (given["connect"], given.get("namespace", ""))
+    assert (str(read.map), read.radius) == (ALL["map"], 0.2)

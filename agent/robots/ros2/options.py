@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -88,7 +87,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--namespace", default="", metavar="NS", help="the robot's namespace, such as robot1 (default: none)")
     add("--format", choices=FORMATS, default="rmw_zenoh", help="what is spoken there (default: %(default)s)")
     add("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID (default: of the environment, or 0)")
-    add("--ros-credentials", type=Path, metavar="FOLDER", help="prove to the robot's router who this is")
+    add("--ros-credentials", type=Path, metavar="FOLDER", help="for the robot's router (default: --credentials, over TLS)")
     add("--drive", choices=DRIVES, default="twist-stamped", help="what the robot is told (default: %(default)s)")
     add("--topic", action="append", default=[], metavar="NAME=TOPIC", help=f"another name; of {', '.join(TOPICS)}")
     add("--base-frame", default="base_link", metavar="NAME", help="frame of velocities (default: %(default)s)")
@@ -173,7 +172,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
             Source(options.localisation), options.map_frame, start, options.fresh, options.delay
         ),
         sim_time=options.use_sim_time,
-        topics=_topics(options.topic),
+        topics=topics_given(options.topic),
     )
 
 
@@ -186,10 +185,9 @@ def domain_of(options: argparse.Namespace) -> int:
     Raises:
         BadInput: It is none.
     """
-    text = os.environ.get("ROS_DOMAIN_ID", "0") if options.domain is None else str(options.domain)
-    if not text.isdecimal() or int(text) > 232:
-        raise BadInput(f"--domain {text}: not a ROS_DOMAIN_ID; give 0 to 232")
-    return int(text)
+    from patrol.ros2.names import domain_given
+
+    return domain_given(options.domain)
 
 
 def _check(option: str, value: float, least: float, most: float) -> None:
@@ -207,7 +205,15 @@ def _pose(option: str, text: str) -> Pose:
     return Pose(x, y, wrap(heading))
 
 
-def _topics(given: Sequence[str]) -> dict[str, str]:
+def topics_given(given: Sequence[str]) -> dict[str, str]:
+    """Names of topics, by their usual names.
+
+    Args:
+        given: NAME=TOPIC, each.
+
+    Raises:
+        BadInput: One is no such thing, or names no topic of `TOPICS`.
+    """
     from patrol.ros2.names import check_name
 
     found: dict[str, str] = {}

@@ -62,7 +62,7 @@ def test_a_robot_on_a_router(form: Format, fogwatch: Fogwatch, capsys: pytest.Ca
             assert words in shown
         assert "missing" not in shown
         assert "/robot1/cmd_vel: the robot obeys geometry_msgs/msg/TwistStamped" in shown
-        assert fogwatch("doctor", *options, "--odometry", "nothing", "--json") == 1
+        assert fogwatch("doctor", *options, "--topic", "odom=nothing", "--json") == 1
         said = json.loads(capsys.readouterr().out)
         assert said["fit"] is False
         assert any("no odometry comes on /robot1/nothing" in one["says"] for one in said["findings"])
@@ -80,7 +80,9 @@ def test_an_empty_router(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str])
         (["--connect", "192.168.1.1"], "--connect '192.168.1.1': not a router's address"),
         (["--connect", "tcp/a:1", "--namespace", "*"], "--namespace '*': not a name in ROS"),
         (["--connect", "tcp/a:1", "--domain", "999"], "--domain 999: not a domain of ROS 2"),
-        (["--connect", "tcp/a:1", "--odometry", "a b"], "--odometry 'a b': not a name in ROS"),
+        (["--connect", "tcp/a:1", "--localisation", "gps"], "--localisation gps: unknown; give tf, pose, odometry"),
+        (["--connect", "tcp/a:1", "--topic", "odo=x"], "--topic odo=x: 'odo' is no topic of ours"),
+        (["--connect", "tcp/a:1", "--topic", "odom=a b"], "--topic odom 'a b': not a name in ROS"),
         (["--connect", "tcp/a:1", "--seconds", "nan"], "--seconds nan: expected 0.1 to 600"),
         (["--connect", "tcp/a:1", "--credentials", "none"], "--credentials"),
     ],

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import termios
 import time
 import tty
 from collections.abc import Iterator
@@ -123,6 +124,20 @@ def test_what_a_line_does_not_take_is_dropped_and_never_sent_late() -> None:
     assert read.endswith(b"\0" + packet(frame_of(1, 99_999)))
 
 
+def test_what_another_program_set_on_a_line_holds_no_frame_back() -> None:
+    master, slave = os.openpty()
+    settings = termios.tcgetattr(slave)
+    settings[2] |= termios.CSTOPB | termios.CRTSCTS
+    termios.tcsetattr(slave, termios.TCSANOW, settings)
+    line = SerialLine(os.ttyname(slave), 13, CALLERS)
+    try:
+        assert termios.tcgetattr(slave)[2] & (termios.CSTOPB | termios.CRTSCTS) == 0
+    finally:
+        line.close()
+        os.close(master)
+        os.close(slave)
+
+
 def test_a_line_that_goes_down_drops_frames_and_comes_back(tmp_path: Path) -> None:
     device = tmp_path / "ttyUSB0"
     first, second = os.openpty(), os.openpty()
@@ -174,6 +189,7 @@ def test_other_lines_are_refused(locator: str) -> None:
 
 SENDER = """
 import sys
+import termios
 from patrol.net.serial_line import open_serial
 from patrol.radio.message import Position, encode
 from patrol.pose import Pose

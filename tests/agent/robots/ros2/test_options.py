@@ -95,7 +95,7 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
         (["--scenario", "nowhere.yaml"], "nowhere.yaml"),
         (["--connect", "10.0.0.1"], "--connect '10.0.0.1': not a router's address"),
         (["--namespace", "1st"], "--namespace '1st': not a name in ROS"),
-        (["--domain", "300"], "--domain 300: not a ROS_DOMAIN_ID"),
+        (["--domain", "300"], "--domain 300: not a domain of ROS 2"),
         (["--robots", "a,b", "--name", "c", "--wait", "0.2"], "--connect tcp/127.0.0.1:9"),
     ],
 )
