@@ -67,9 +67,10 @@ def main(arguments: Sequence[str]) -> int:
     """
     options = options_of(arguments)
     ending = heed(options.lifeline)
-    name = options.name or options.namespace.strip("/").rpartition("/")[2] or "robot"
-    log = Log(name)
+    log = Log("robot")
     try:
+        name = _name(options)
+        log = Log(name)
         supervision = take_supervision(options)
         supervision.begin_log(name)
         with followed(supervision, log, {}) as vitals:
@@ -77,6 +78,17 @@ def main(arguments: Sequence[str]) -> int:
     except BadInput as bad:
         log.error(str(bad))
         return 2
+
+
+def _name(options: argparse.Namespace) -> str:
+    """The robot's name in its fleet."""
+    from patrol.net.credentials import read_credentials
+
+    if options.name is not None:
+        return str(options.name)
+    if options.credentials is not None:
+        return read_credentials(options.credentials, "--credentials").role.name
+    return options.namespace.strip("/").rpartition("/")[2] or "robot"
 
 
 def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals | None) -> int:

@@ -213,7 +213,9 @@ def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
         yield Finding(Level.MISSING, says, f"give --localisation {other.value}")
     else:
         missing = " or ".join(f"{wanted.map_frame}{ARROW}{printable(frame)}" for frame in sorted(frames))
-        says = f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and no pose"
+        says = (
+            f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and no pose"
+        )
         remedy = (
             "start its localisation (amcl, slam_toolbox) and tell it where the robot is, or give"
             " --localisation odometry and the agent a --start"
@@ -280,7 +282,9 @@ def _of_clock(seen: Survey, topics: Sequence[Topic], clock_s: float | None) -> I
         if _usable(topics, [name]):
             yield Finding(Level.OK, f"{name}: the robot's time comes")
         else:
-            yield Finding(Level.MISSING, f"no time comes on {name}", "start the simulation, or leave out --use-sim-time")
+            yield Finding(
+                Level.MISSING, f"no time comes on {name}", "start the simulation, or leave out --use-sim-time"
+            )
     elif clock_s is None or abs(clock_s) > _SIMULATED_S:
         return
     elif abs(clock_s) > CLOCKS_S:

@@ -107,7 +107,6 @@ def test_the_launch_file_starts_an_agent_with_what_it_is_given(described: list[A
 
 def test_the_agent_can_read_these_command_lines(described: list[Any]) -> None:
     options = pytest.importorskip("agent.robots.ros2.options", reason="no driver for ROS 2 robots is here")
-    for given in (FEW, ALL):
-        read = options.options_of(command_of(described, given)[2:])
-        assert (read.connect, read.namespace) == (given["connect"], given.get("namespace", ""))
-    assert (str(read.map), read.radius) == (ALL["map"], 0.2)
+    few, full = (options.options_of(command_of(described, given)[2:]) for given in (FEW, ALL))
+    assert (few.connect, few.namespace, few.map) == (FEW["connect"], "", None)
+    assert (full.connect, full.namespace, str(full.map), full.radius) == (FEW["connect"], "robot1", ALL["map"], 0.2)

@@ -87,7 +87,12 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--namespace", default="", metavar="NS", help="the robot's namespace, such as robot1 (default: none)")
     add("--format", choices=FORMATS, default="rmw_zenoh", help="what is spoken there (default: %(default)s)")
     add("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID (default: of the environment, or 0)")
-    add("--ros-credentials", type=Path, metavar="FOLDER", help="for the robot's router (default: --credentials, over TLS)")
+    add(
+        "--ros-credentials",
+        type=Path,
+        metavar="FOLDER",
+        help="for the robot's router (default: --credentials, over TLS)",
+    )
     add("--drive", choices=DRIVES, default="twist-stamped", help="what the robot is told (default: %(default)s)")
     add("--topic", action="append", default=[], metavar="NAME=TOPIC", help=f"another name; of {', '.join(TOPICS)}")
     add("--base-frame", default="base_link", metavar="NAME", help="frame of velocities (default: %(default)s)")
@@ -117,7 +122,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--delay", type=float, metavar="S", help="age of odometry on arrival, if its stamps are wrong")
 
     add = parser.add_argument_group("its fleet").add_argument
-    add("--name", metavar="NAME", help="of the robot in its fleet (default: its namespace, or robot)")
+    add("--name", metavar="NAME", help="of the robot in its fleet (default: its credentials', its namespace, or robot)")
     add("--robots", metavar="NAME,NAME", help="all robots of the fleet, with equal bodies (default: this one)")
     add("--scenario", type=Path, metavar="FILE", help="the fleet's scenario, instead of map, body and --robots")
     add("--set", action="append", default=[], metavar="FIELD=VALUE", help="set a field of the scenario; repeatable")

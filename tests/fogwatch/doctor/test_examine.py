@@ -100,9 +100,7 @@ def test_topics_of_other_names_are_named() -> None:
     robot.has(Kind.SUBSCRIPTION, "/robot1/base/cmd_vel_out", "geometry_msgs/msg/Twist").sends("/tf", PLACE)
     robot.has(Kind.SUBSCRIPTION, "/robot1/cmd_vel", "std_msgs/msg/String")
     found = robot.examined()
-    assert "no odometry comes on /robot1/odom; give --topic odom=/robot1/base/odometry" in says(
-        found, Level.MISSING
-    )
+    assert "no odometry comes on /robot1/odom; give --topic odom=/robot1/base/odometry" in says(found, Level.MISSING)
     assert "/robot1/cmd_vel: the robot wants std_msgs/msg/String, which we do not send" in says(found, Level.MISSING)
     robot.seen.tokens.pop()
     expected = "nobody obeys commands on /robot1/cmd_vel; give --topic cmd_vel=/robot1/base/cmd_vel_out"
