@@ -1,0 +1,163 @@
+"""Fleets in one process: how many robot-seconds they simulate in a second of one core, and what memory they need.
+
+A *robot-second* is one second of one robot's patrol: decision, motion, fog, radio and verdict. Divided by processor
+time it is the unit in which simulators compare, whatever the fleet, the step and the number of cores.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from experiments.bench.grounds import square_kilometre, write_map
+from experiments.bench.groups import FLEETS
+from experiments.bench.measure import Effort, Measured, Task, Unmeasured
+from experiments.bench.one_fleet import FleetReadings
+from experiments.sweeps.pool import cores
+
+SIZES = (5, 50, 100, 200, 500, 1000)
+QUICK_MOST = 50
+"""The largest fleet of a quick benchmark."""
+
+LOSS = 0.2
+STEP_S = 0.5
+DURATION_S = 5000.0
+SKIP_TICKS = 4
+"""Ticks that do not count: caches fill, and all robots choose their first place at once."""
+
+BLOCKS = 5
+"""Into how many stretches a run is divided, each of which is one reading."""
+
+
+def tasks() -> list[Task]:
+    """The measures of fleets in one process."""
+    found = []
+    for size in SIZES:
+        for rate in (0.0, LOSS):
+            lost = f", {rate:.0%} lost" if rate else ""
+            found.append(Task(FLEETS, f"{size} robots{lost}", partial(_fleet, size, rate, 1)))
+    threads = cores()
+    if threads > 1:
+        found.append(Task(FLEETS, f"200 robots, {threads} threads", partial(_fleet, 200, 0.0, threads)))
+    return found
+
+
+def kilometre_scenario(size: int, folder: Path, loss: float = 0.0) -> dict[str, Any]:
+    """The scenario of a fleet on the square kilometre with obstacles.
+
+    Args:
+        size: Number of robots.
+        folder: Where the map is written.
+        loss: Share of the frames that are lost.
+
+    Returns:
+        As in a scenario file.
+    """
+    path = write_map(square_kilometre(), 1.0, folder / "square-kilometre.yaml")
+    return {
+        "name": f"kilometre-{size}",
+        "terrain": {"map": str(path)},
+        "point": 1.0,
+        "step": STEP_S,
+        "duration": DURATION_S,
+        "robots": {"count": size, "model": "holonomic"},
+        "faults": [{"kind": "loss", "rate": loss}] if loss else [],
+    }
+
+
+def _fleet(size: int, loss: float, threads: int, effort: Effort) -> Sequence[Measured]:
+    if effort.quick and size > QUICK_MOST:
+        return []
+    with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
+        scenario = kilometre_scenario(size, Path(folder), loss)
+        readings = run_apart(scenario, effort.seconds, threads)
+    return measures_of(readings, size)
+
+
+def measures_of(readings: FleetReadings, size: int) -> list[Measured]:
+    """What the readings of a fleet come to.
+
+    Args:
+        readings: Of its run.
+        size: Number of its robots.
+
+    Raises:
+        Unmeasured: The run's verdict is not valid, or it was too short.
+    """
+    if not readings.valid:
+        raise Unmeasured("the run's verdict is not valid")
+    ticks = len(readings.wall)
+    processor, wall = blocks(readings.processor), blocks(readings.wall)
+    simulated = [size * STEP_S * count for _, count in processor]
+    closing = readings.closing_s + sum(readings.processor)
+    whole = size * STEP_S * ticks / closing
+    return [
+        Measured(
+            "robot-seconds per second and core",
+            "robot-s/s",
+            tuple(robot_s / spent for robot_s, (spent, _) in zip(simulated, processor, strict=True)),
+            says=f"{whole:.4g} with the verdict's and the summary's end; {ticks} ticks",
+        ),
+        Measured("times real time", "x", tuple(STEP_S * count / spent for spent, count in wall)),
+        Measured("processor time per robot and tick", "ms", tuple(1e3 * s / (n * size) for s, n in processor)),
+        Measured("peak memory", "MB", (readings.peak_mb,)),
+        Measured("memory per robot", "MB", (readings.peak_mb / size,)),
+        Measured("bytes sent per robot and tick", "bytes", (readings.frame_bytes,)),
+        Measured("until the first tick", "s", (readings.prepare_s + readings.minds_s,)),
+        Measured("verdict and summary after the last tick", "s", (readings.closing_s,), says="processor time"),
+    ]
+
+
+def blocks(ticks: Sequence[float], count: int = BLOCKS) -> list[tuple[float, int]]:
+    """The readings of ticks as those of a few stretches, so that ticks of different kinds count as they come.
+
+    Args:
+        ticks: One reading for each.
+        count: How many stretches, if there are as many ticks.
+
+    Returns:
+        For each stretch the sum of its readings and the number of its ticks.
+
+    Raises:
+        Unmeasured: There is no tick.
+    """
+    if not ticks:
+        raise Unmeasured("no tick was done in the time given")
+    bounds = [round(len(ticks) * place / min(count, len(ticks))) for place in range(min(count, len(ticks)) + 1)]
+    return [(sum(ticks[first:last]), last - first) for first, last in pairwise(bounds)]
+
+
+def run_apart(
+    scenario: Mapping[str, Any], seconds: float, threads: int = 1, settings: Mapping[str, object] | None = None
+) -> FleetReadings:
+    """Run a fleet in a process of its own.
+
+    Args:
+        scenario: As in a scenario file.
+        seconds: Wall time for its ticks, s.
+        threads: Minds that step at once.
+        settings: What else is set in the scenario, by dotted field.
+
+    Raises:
+        Unmeasured: The process failed.
+    """
+    task = {
+        "scenario": scenario,
+        "settings": dict(settings or {}),
+        "seconds": seconds,
+        "skip": SKIP_TICKS,
+        "threads": threads,
+    }
+    command = [sys.executable, "-P", "-m", "experiments.bench.one_fleet"]
+    done = subprocess.run(command, input=json.dumps(task), capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        raise Unmeasured(f"the fleet's process failed: {last}")
+    return FleetReadings(**json.loads(done.stdout))

@@ -1,0 +1,188 @@
+"""The results of a benchmark as JSON, and as Markdown that goes into pages between marks.
+
+A page keeps what people wrote: only what stands between ``<!-- bench GROUP -->`` and ``<!-- end bench -->`` is replaced.
+"""
+
+from __future__ import annotations
+
+import re
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from experiments.bench.groups import GROUPS
+from experiments.bench.machine import Machine
+from experiments.bench.measure import Finding, Measured
+from patrol.errors import BadInput
+from patrol.untrusted import MIB, Kind
+from patrol.yaml_text import read_text
+
+PAGE = Kind("a page", 4 * MIB)
+END = "<!-- end bench -->"
+HEADS = ("what", "unit", "min", "median", "max", "readings", "ratio to ours", "")
+
+
+def as_json(machine: Machine, command: str, findings: Sequence[Finding]) -> dict[str, Any]:
+    """The content of a file of results.
+
+    Args:
+        machine: Where they were measured.
+        command: The command line that did it.
+        findings: The results.
+    """
+    return {
+        "machine": asdict(machine),
+        "command": command,
+        "results": [
+            {
+                "group": finding.task.group,
+                "name": finding.task.name,
+                "failure": finding.failure,
+                "measures": [
+                    {
+                        "name": one.name,
+                        "unit": one.unit,
+                        "values": list(one.values),
+                        "summary": _summary(one.values),
+                        "ratio_to_ours": list(one.ratio),
+                        "says": one.says,
+                    }
+                    for one in finding.measures
+                ],
+            }
+            for finding in findings
+        ],
+    }
+
+
+def cells(one: Measured) -> tuple[str, ...]:
+    """A measure as the cells of a table, for each of `HEADS`.
+
+    Args:
+        one: The measure.
+    """
+    if not one.values:
+        return (one.name, one.unit, "-", "-", "-", "0", "", one.says)
+    ratio = ""
+    if one.ratio:
+        low, middle, high = (number(value) for value in spread(one.ratio))
+        ratio = f"{middle} ({low} to {high})"
+    return (one.name, one.unit, *map(number, spread(one.values)), str(len(one.values)), ratio, one.says)
+
+
+def spread(values: Sequence[float]) -> tuple[float, float, float]:
+    """The smallest, the median and the largest of some values.
+
+    Args:
+        values: At least one.
+    """
+    return min(values), statistics.median(values), max(values)
+
+
+def number(value: float) -> str:
+    """A number with three digits, and no exponent.
+
+    Args:
+        value: The number.
+    """
+    if value == 0.0 or abs(value) >= 100.0:
+        return f"{value:.0f}"
+    return f"{value:#.3g}" if abs(value) >= 0.001 else f"{value:.5f}"
+
+
+def tables(group: str, machine: Machine, command: str, findings: Sequence[Finding]) -> str:
+    """The Markdown of one group: what made it, and a table for each of its tasks that compare something, or one for all.
+
+    Args:
+        group: Its name.
+        machine: Where it was measured.
+        command: The command line that did it.
+        findings: The results of all groups.
+    """
+    return "\n".join(_lines(machine, command, [finding for finding in findings if finding.task.group == group]))
+
+
+def _lines(machine: Machine, command: str, findings: Sequence[Finding]) -> Iterator[str]:
+    yield f"`{command}`"
+    yield ""
+    for line in machine.lines:
+        yield f"{line}  "
+    if machine.busy:
+        yield f"**{machine.warning[0].upper()}{machine.warning[1:]}**"
+    yield ""
+    yield f"| | {' | '.join(HEADS)} |"
+    yield f"|---|{'---|' * len(HEADS)}"
+    for finding in findings:
+        if finding.failure:
+            yield f"| {finding.task.name} | {_escaped(finding.failure)} |" + " |" * (len(HEADS) - 1)
+        for place, one in enumerate(finding.measures):
+            yield f"| {'' if place else finding.task.name} | {' | '.join(map(_escaped, cells(one)))} |"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def page(path: Path, machine: Machine, command: str, findings: Sequence[Finding]) -> str:
+    """A page with the tables of all groups that have results.
+
+    Args:
+        path: The page. Where it exists, only its marked parts change; where it does not, all of it is new.
+        machine: Where the results were measured.
+        command: The command line that did it.
+        findings: The results.
+
+    Returns:
+        The page's new text.
+
+    Raises:
+        BadInput: The page cannot be read, or has no mark for a group that has results.
+    """
+    measured = {
+        group: tables(group, machine, command, findings)
+        for group in GROUPS
+        if any(finding.task.group == group for finding in findings)
+    }
+    if not path.exists():
+        parts = [f"## {group[0].upper()}{group[1:]}\n\n{_marked(group, text)}\n" for group, text in measured.items()]
+        return "\n".join(["# Benchmarks\n", *parts])
+    return filled(read_text(path, PAGE), measured, str(path))
+
+
+def filled(text: str, parts: Mapping[str, str], called: str) -> str:
+    """A page with its marked parts replaced.
+
+    Args:
+        text: The page.
+        parts: Markdown by the name of its mark.
+        called: What errors call the page.
+
+    Raises:
+        BadInput: The page marks none of the parts.
+    """
+    found = 0
+    for name, part in parts.items():
+        marks = re.compile(rf"{re.escape(_begin(name))}\n.*?{re.escape(END)}", re.DOTALL)
+        text, count = marks.subn(lambda _, name=name, part=part: _marked(name, part), text)  # type: ignore[misc]
+        found += count
+    if not found:
+        wanted = " or ".join(_begin(name) for name in parts)
+        raise BadInput(f"{called}: has no lines {wanted} and {END} to write between; add them, or name a new file")
+    return text
+
+
+def _begin(name: str) -> str:
+    return f"<!-- bench {name} -->"
+
+
+def _marked(name: str, part: str) -> str:
+    return f"{_begin(name)}\n\n{part}\n\n{END}"
+
+
+def _summary(values: Sequence[float]) -> dict[str, float] | None:
+    if not values:
+        return None
+    low, middle, high = spread(values)
+    return {"min": low, "median": middle, "max": high, "readings": float(len(values))}
