@@ -1,8 +1,8 @@
 """What a robot misses that hears only those near it.
 
-A *near* mind hears only positions from within a distance, and otherwise the same as its robot. In each tick both decide,
-and the robot does what its own mind says: so all decisions that are compared are about the same situation. A near mind
-keeps what it decided before, such as its target, so a decision that differs can make later ones differ.
+A *near* mind hears only positions from within a distance, and otherwise the same as its robot. In each tick both
+decide, and the robot does what its own mind says: so all decisions that are compared are about the same situation. A
+near mind keeps what it decided before, such as its target, so a decision that differs can make later ones differ.
 
 What the difference is worth is another question. It is answered by whole runs with and without a radio of that range.
 """

@@ -10,6 +10,7 @@ import json
 import sys
 import time
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 from experiments.bench.procfs import peak_mb
@@ -94,8 +95,8 @@ def run_fleet(scenario: Scenario, seconds: float, skip: int, threads: int) -> Fl
     return FleetReadings(
         prepare_s=ready - begun,
         minds_s=marks[0][0] - ready,
-        wall=[later[0] - earlier[0] for earlier, later in zip(counted, counted[1:], strict=False)],
-        processor=[later[1] - earlier[1] for earlier, later in zip(counted, counted[1:], strict=False)],
+        wall=[later[0] - earlier[0] for earlier, later in pairwise(counted)],
+        processor=[later[1] - earlier[1] for earlier, later in pairwise(counted)],
         closing_s=ended - marks[-1][1],
         peak_mb=peak_mb(),
         frame_bytes=sum(records) / max(len(records), 1) / len(prepared.scenario.roster),

@@ -180,17 +180,22 @@ def _last_tick(table: Path) -> int:
 
 
 def _newest_agent(process: subprocess.Popen[bytes], robot: str, incarnation: int) -> Process:
-    wanted = ("--robot", robot, "--incarnation", str(incarnation))
+    wanted = ("agent", robot, str(incarnation))
     for one in family_of(process.pid):
-        if _program(one) == "agent" and one.words[-len(wanted) - 1 : -1] == wanted:
+        if (_program(one), _option(one, "--robot"), _option(one, "--incarnation")) == wanted:
             return one
     raise Unmeasured(f"found no process of robot {robot}")
 
 
 def _program(process: Process) -> str:
     """The module that a process of Python runs; empty for another process."""
+    return _option(process, "-m")
+
+
+def _option(process: Process, name: str) -> str:
+    """What stands behind an option in a process's command line; empty where it has none."""
     words = process.words
-    return words[words.index("-m") + 1] if "-m" in words[:-1] else ""
+    return words[words.index(name) + 1] if name in words[:-1] else ""
 
 
 def _children_s() -> float:

@@ -83,7 +83,8 @@ def family_of(pid: int) -> list[Process]:
     Args:
         pid: Its number.
     """
-    every = [process for name in os.listdir(PROC) if name.isdecimal() and (process := _process(int(name))) is not None]
+    numbers = [int(path.name) for path in PROC.iterdir() if path.name.isdecimal()]
+    every = [process for number in numbers if (process := _process(number)) is not None]
     family = {pid}
     grown = True
     while grown:

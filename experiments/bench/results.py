@@ -1,6 +1,7 @@
 """The results of a benchmark as JSON, and as Markdown that goes into pages between marks.
 
-A page keeps what people wrote: only what stands between ``<!-- bench GROUP -->`` and ``<!-- end bench -->`` is replaced.
+A page keeps what people wrote: only what stands between ``<!-- bench GROUP -->`` and ``<!-- end bench -->`` is
+replaced.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ def number(value: float) -> str:
 
 
 def tables(group: str, machine: Machine, command: str, findings: Sequence[Finding]) -> str:
-    """The Markdown of one group: what made it, and a table for each of its tasks that compare something, or one for all.
+    """The Markdown of one group: what made it, where, and a table.
 
     Args:
         group: Its name.

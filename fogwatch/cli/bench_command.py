@@ -43,9 +43,7 @@ def bench(
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write every reading as JSON.")] = None,
     markdown: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Write tables; in a page that exists, between its marks <!-- bench GROUP -->."
-        ),
+        typer.Option(metavar="FILE", help="Write tables; in a page that exists, between the marks of each group."),
     ] = None,
 ) -> int:
     """Measure how fast fogwatch is: kernels, decisions, fleets, start-up, memory.
@@ -60,9 +58,9 @@ def bench(
     tasks = chosen(groups or [], only)
     machine = this_machine()
     for line in machine.lines:
-        console.print(line, highlight=False, markup=False)
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     if machine.busy:
-        console.print(machine.warning, style="red", highlight=False, markup=False)
+        console.print(machine.warning, style="red", highlight=False, markup=False, soft_wrap=True)
     warm(PACKAGES, lambda line: console.print(line, highlight=False, markup=False))
     findings: list[Finding] = []
     interrupted = False
