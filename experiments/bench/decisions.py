@@ -54,6 +54,11 @@ class Patrol:
         self._decision: Decision | None = None
         self._begin()
 
+    @property
+    def places(self) -> list[tuple[float, float]]:
+        """Where the robots are, (x, y) in m, in roster order."""
+        return [(body.pose.x, body.pose.y) for _, body in sorted(self._world.bodies.items())]
+
     def decide(self) -> None:
         """Robot 1's decision of this tick; call it once a tick."""
         self._decision = self._mind.step(self._reports[1], self._heard[1])

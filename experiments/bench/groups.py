@@ -6,6 +6,7 @@ FLEETS = "fleets"
 START_UP = "start-up"
 MEMORY = "memory"
 HORIZON = "horizon"
+SCALE = "scale"
 ALL = "all"
 
 GROUPS = {
@@ -15,5 +16,6 @@ GROUPS = {
     START_UP: "from the start of a robot's process to its first decision",
     MEMORY: "what the processes of a fleet hold",
     HORIZON: "what changes where robots hear only those near them",
+    SCALE: "what a router carries, and from that what fleets of up to 100,000 robots would need",
 }
 """What each group measures."""

@@ -81,7 +81,9 @@ def _compare(settings: Mapping[str, object], times: float, effort: Effort) -> Se
         Measured("decisions that differ", "%", (100.0 * differ,), says=f"{distance}, {size} robots"),
         Measured("by more than 45 degrees", "%", (100.0 * turned,), says="of all decisions"),
         Measured("robots heard", "", (heard,), says=f"on average, of {size - 1}"),
-        Measured("mean MFoW, as a ratio to hearing all", "", tuple(ratios), says=f"seeds {', '.join(map(str, seeds))}"),
+        Measured(
+            "late mean MFoW, as a ratio to hearing all", "", tuple(ratios), says=f"seeds {', '.join(map(str, seeds))}"
+        ),
     ]
 
 
@@ -143,5 +145,7 @@ def _course(command: Command) -> float:
 
 def _mfow_ratio(scenario: Mapping[str, Any], settings: Mapping[str, object], reach: float) -> float:
     faults = [{"kind": "range", "reach": reach}]
-    near, far = (run_apart({**scenario, "faults": lost}, FOREVER_S, settings=settings).mfow_s for lost in (faults, []))
+    near, far = (
+        run_apart({**scenario, "faults": lost}, FOREVER_S, settings=settings).mfow_late_s for lost in (faults, [])
+    )
     return near / far

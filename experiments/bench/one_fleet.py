@@ -38,7 +38,7 @@ class FleetReadings:
         peak_mb: Peak of the resident memory, 10^6 bytes.
         frame_bytes: Mean bytes of a robot's frames in one tick.
         valid: Whether the verdict is.
-        mfow_s: Mean MFoW, s.
+        mfow_late_s: Mean MFoW of the second half, s.
         trace: The trace hash.
     """
 
@@ -50,7 +50,7 @@ class FleetReadings:
     peak_mb: float
     frame_bytes: float
     valid: bool
-    mfow_s: float
+    mfow_late_s: float
     trace: str
 
 
@@ -101,7 +101,7 @@ def run_fleet(scenario: Scenario, seconds: float, skip: int, threads: int) -> Fl
         peak_mb=peak_mb(),
         frame_bytes=sum(records) / max(len(records), 1) / len(prepared.scenario.roster),
         valid=outcome.verdict.valid,
-        mfow_s=float(outcome.summary["mfow_mean_s"]),
+        mfow_late_s=float(outcome.summary["mfow_late_mean_s"]),
         trace="" if end is None else end.trace_hash,
     )
 

@@ -23,6 +23,8 @@ from patrol.yaml_text import read_text
 PAGE = Kind("a page", 4 * MIB)
 END = "<!-- end bench -->"
 HEADS = ("what", "unit", "min", "median", "max", "readings", "ratio to ours", "")
+ONE_EACH = ("what", "unit", "value", "")
+"""The heads of a table in which every measure has at most one reading."""
 
 
 def as_json(machine: Machine, command: str, findings: Sequence[Finding]) -> dict[str, Any]:
@@ -73,6 +75,22 @@ def cells(one: Measured) -> tuple[str, ...]:
     return (one.name, one.unit, *map(number, spread(one.values)), str(len(one.values)), ratio, one.says)
 
 
+def table_of(measures: Sequence[Measured]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """A table of measures that is no wider than it must be.
+
+    Args:
+        measures: At least one.
+
+    Returns:
+        Its heads and its rows.
+    """
+    rows = [cells(one) for one in measures]
+    if all(len(one.values) < 2 for one in measures):
+        return ONE_EACH, [(what, unit, value, says) for what, unit, _, value, _, _, _, says in rows]
+    kept = [place for place, head in enumerate(HEADS) if head != "ratio to ours" or any(row[place] for row in rows)]
+    return tuple(HEADS[place] for place in kept), [tuple(row[place] for place in kept) for row in rows]
+
+
 def spread(values: Sequence[float]) -> tuple[float, float, float]:
     """The smallest, the median and the largest of some values.
 
@@ -89,7 +107,7 @@ def number(value: float) -> str:
         value: The number.
     """
     if value == 0.0 or abs(value) >= 100.0:
-        return f"{value:.0f}"
+        return f"{value:,.0f}"
     return f"{value:#.3g}" if abs(value) >= 0.001 else f"{value:.5f}"
 
 
@@ -124,6 +142,20 @@ def _lines(machine: Machine, command: str, findings: Sequence[Finding]) -> Itera
 
 def _escaped(text: str) -> str:
     return text.replace("|", "\\|")
+
+
+def check_page(path: Path, groups: Sequence[str]) -> None:
+    """Find out whether a page can be filled, before anything is measured for it.
+
+    Args:
+        path: The page; it need not exist.
+        groups: The groups that will be measured.
+
+    Raises:
+        BadInput: It exists, and cannot be read or marks none of the groups.
+    """
+    if path.exists():
+        filled(read_text(path, PAGE), dict.fromkeys(groups, ""), str(path))
 
 
 def page(path: Path, machine: Machine, command: str, findings: Sequence[Finding]) -> str:

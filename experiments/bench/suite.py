@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from experiments.bench import decisions, fleets, horizon, kernels, processes
+from experiments.bench import decisions, fleets, horizon, kernels, processes, scale
 from experiments.bench.groups import ALL, GROUPS
 from experiments.bench.measure import Task
 from patrol.errors import BadInput, did_you_mean
@@ -12,7 +12,7 @@ from patrol.errors import BadInput, did_you_mean
 
 def every_task() -> list[Task]:
     """All tasks, in the order in which they are taken."""
-    modules = (kernels, decisions, fleets, processes, horizon)
+    modules = (kernels, decisions, fleets, processes, horizon, scale)
     every = [task for module in modules for task in module.tasks()]
     return [task for group in GROUPS for task in every if task.group == group]
 

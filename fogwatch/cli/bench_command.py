@@ -12,7 +12,7 @@ from rich.table import Table
 from experiments.bench.groups import ALL, GROUPS
 from experiments.bench.machine import Machine, this_machine
 from experiments.bench.measure import QUICK, THOROUGH, Finding, Task, take
-from experiments.bench.results import HEADS, as_json, cells, page
+from experiments.bench.results import as_json, check_page, page, table_of
 from experiments.sweeps.casetable import json_text, write_text
 from fogwatch.cli.ending import INTERRUPTED
 from fogwatch.progress import command_line
@@ -20,6 +20,9 @@ from patrol.process.warmup import warm
 
 FAILED = 1
 """The exit code when a measure could not be taken."""
+
+WIDE = 160
+"""Characters of a line that goes into a file."""
 
 PACKAGES = ("patrol", "agent", "worldsim")
 
@@ -56,6 +59,8 @@ def bench(
 
     console = Console()
     tasks = chosen(groups or [], only)
+    if markdown is not None:
+        check_page(markdown, [task.group for task in tasks])
     machine = this_machine()
     for line in machine.lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -94,12 +99,14 @@ class _Progress:
         if finding.failure:
             self._console.print(f"{title}: not measured: {finding.failure}", style="red", highlight=False, markup=False)
             return
-        table = Table(*HEADS, box=None, pad_edge=False, header_style="cyan", title=title, title_justify="left")
-        for column in table.columns[2:6]:
+        heads, rows = table_of(finding.measures)
+        table = Table(*heads, box=None, pad_edge=False, header_style="cyan", title=title, title_justify="left")
+        for column in table.columns[2:-1]:
             column.justify = "right"
-        for one in finding.measures:
-            table.add_row(*cells(one))
-        self._console.print(table, highlight=False, markup=False)
+        for row in rows:
+            table.add_row(*row)
+        width = None if self._console.is_terminal else WIDE
+        self._console.print(table, highlight=False, markup=False, width=width)
 
 
 def _write(machine: Machine, findings: list[Finding], json: Path | None, markdown: Path | None) -> None:
