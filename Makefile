@@ -75,7 +75,7 @@ accept: install ## the long checks: measure what the project promises
 	$(BIN)/python -m pytest -m accept --timeout=3600
 
 .PHONY: bench rivals
-bench: rivals ## measure the speed of everything, beside other libraries (about half an hour; BENCH="kernels --quick")
+bench: rivals ## measure the speed of everything, beside other libraries (about an hour; BENCH="kernels --quick")
 	$(BIN)/fogwatch bench $(BENCH)
 
 rivals: install $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with

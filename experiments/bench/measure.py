@@ -33,7 +33,7 @@ class Effort:
     quick: bool
 
 
-THOROUGH = Effort(repeats=15, seconds=60.0, quick=False)
+THOROUGH = Effort(repeats=15, seconds=30.0, quick=False)
 QUICK = Effort(repeats=3, seconds=4.0, quick=True)
 
 

@@ -7,6 +7,8 @@ with a JSON line.
 from __future__ import annotations
 
 import json
+import os
+import resource
 import sys
 import time
 from dataclasses import asdict, dataclass
@@ -23,6 +25,10 @@ from worldsim.world import World
 
 PACKAGES = ("patrol", "agent", "worldsim")
 """The packages whose kernels a fleet needs."""
+
+
+MEMORY_SHARE = 0.9
+"""The share of the machine's memory that a fleet may ask for: one that wants more fails instead of the machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +119,8 @@ def main() -> int:
         The exit code.
     """
     task = json.loads(sys.stdin.read())
+    most = int(MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
     warm(PACKAGES, lambda _: None)
     scenario = load_scenario(task["scenario"], task["settings"])
     readings = run_fleet(scenario, task["seconds"], task["skip"], task["threads"])

@@ -28,6 +28,7 @@ POLL_S = 0.002
 GOODBYE_S = 30.0
 RUNS, RUNS_QUICK = 3, 1
 DURATION_S, DURATION_QUICK_S = 600, 30
+MANY, MANY_QUICK = 50, 10
 RESTARTS, RESTARTS_QUICK = 10, 2
 EVERY_S = 10
 """From one restart of a robot to the next, simulated s."""
@@ -42,6 +43,7 @@ def tasks() -> list[Task]:
     return [
         Task(FLEETS, "five cars as processes, site, page and recording (make demo)", partial(_runs, "site", ())),
         Task(FLEETS, "five cars as processes, yards", partial(_runs, "yards", WITHOUT_FILES)),
+        Task(FLEETS, "fifty cars as processes, yards at 0.5 m, in real time", _deadlines),
         Task(START_UP, "an agent of five, site", partial(_start_up, "site")),
         Task(START_UP, "an agent of five, yards", partial(_start_up, "yards")),
         Task(MEMORY, "five cars as processes, site", partial(_memory, "site")),
@@ -89,9 +91,7 @@ def _runs(terrain: str, options: Sequence[str], effort: Effort) -> Sequence[Meas
     for _ in range(runs):
         used, sent, begun = _children_s(), loopback_bytes(), time.perf_counter()
         with fleet(terrain, "--robots", str(CARS), "--duration", str(duration), *options) as (process, folder):
-            code = process.wait(PATIENCE_S + duration)
-            if code != 0:
-                raise Unmeasured(f"fogwatch run ended with {code}")
+            _await_end(process, duration)
             summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         wall, spent = time.perf_counter() - begun, _children_s() - used
         found = {
@@ -105,6 +105,24 @@ def _runs(terrain: str, options: Sequence[str], effort: Effort) -> Sequence[Meas
         for name, value in found.items():
             readings.setdefault(name, []).append(value)
     return [Measured(name, unit, tuple(values)) for (name, unit), values in readings.items()]
+
+
+def _deadlines(effort: Effort) -> Sequence[Measured]:
+    """What a fleet misses that does not wait for its robots."""
+    robots, duration = (MANY_QUICK, DURATION_QUICK_S) if effort.quick else (MANY, DURATION_S)
+    body = ("--robots", str(robots), "--point", "0.5", "--pace", "realtime", "--duration", str(duration))
+    used = _children_s()
+    with fleet("yards", *body, *WITHOUT_FILES) as (process, folder):
+        _await_end(process, duration)
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    of = f"of {robots * summary['ticks']}"
+    late = summary["deadlines"]
+    return [
+        Measured("commands missed", "", (float(sum(one["missed"] for one in summary["robots"].values())),), says=of),
+        Measured("frames too late", "", (float(sum(late["late_frames"].values())),), says=of),
+        Measured("the world fell behind by", "s, wall", (float(late["slipped_s"]),)),
+        Measured("cores in use", "", ((_children_s() - used) / duration,), says="start and verdict included"),
+    ]
 
 
 def _start_up(terrain: str, effort: Effort) -> Sequence[Measured]:
@@ -152,6 +170,16 @@ def _memory(terrain: str, effort: Effort) -> Sequence[Measured]:
             Measured(f"{called}, of its own", "MB", tuple(memory.private for memory in own)),
         ]
     return found
+
+
+def _await_end(process: subprocess.Popen[bytes], duration: float) -> None:
+    """Wait until a run has ended by itself."""
+    try:
+        code = process.wait(PATIENCE_S + duration)
+    except subprocess.TimeoutExpired:
+        raise Unmeasured(f"fogwatch run did not end within {PATIENCE_S + duration:g} s") from None
+    if code != 0:
+        raise Unmeasured(f"fogwatch run ended with {code}")
 
 
 def _await_line(process: subprocess.Popen[bytes], folder: Path, k: int) -> None:

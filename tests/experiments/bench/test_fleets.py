@@ -83,5 +83,5 @@ def test_the_kilometre_is_a_scenario_like_any_other(tmp_path: Path) -> None:
 def test_a_fleet_of_its_own_process_answers_or_says_why_not() -> None:
     assert run_apart(SMALL, 1e9).trace == run_fleet(load_scenario(SMALL), 1e9, 4, 1).trace
     assert len(run_apart(SMALL, 1e9, settings={"duration": 5.0}).wall) == 6
-    with pytest.raises(Unmeasured, match="the fleet's process failed: .*robots.count"):
+    with pytest.raises(Unmeasured, match=r"the fleet's process failed: .*robots\.count"):
         run_apart({**SMALL, "robots": {"count": 0}}, 1.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from experiments.bench.measure import Unmeasured
-from experiments.bench.procfs import family_of, memory_of
 from experiments.bench.processes import WITHOUT_FILES, _await_line, _newest_agent, _program, fleet
+from experiments.bench.procfs import family_of, memory_of
 
 pytestmark = pytest.mark.processes
 

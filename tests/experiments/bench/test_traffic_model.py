@@ -50,7 +50,7 @@ def test_regions_are_as_few_as_their_routers_allow(robots: int) -> None:
 
 def test_no_number_of_regions_helps_where_one_robot_hears_too_many() -> None:
     with pytest.raises(ValueError, match="a router for each robot would still use"):
-        regions_of(Fleet(10_000, 2.0, 1.0), COST, 1000.0, SHARE)
+        regions_of(Fleet(200_000, 2.0, 1.0), COST, 1000.0, SHARE)
 
 
 def test_what_is_modelled_says_how_many_one_router_carries() -> None:
