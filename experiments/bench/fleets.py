@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from experiments.bench.grounds import square_kilometre, write_map
+from experiments.bench.grounds import KILOMETRE, square, write_map
 from experiments.bench.groups import FLEETS
 from experiments.bench.measure import Effort, Measured, Task, Unmeasured
 from experiments.bench.one_fleet import FleetReadings
@@ -25,6 +25,10 @@ from experiments.sweeps.pool import cores
 SIZES = (5, 50, 100, 200, 500, 1000)
 QUICK_MOST = 50
 """The largest fleet of a quick benchmark."""
+
+AREA_SIZE = 100
+SIDES = (500, 2000)
+"""Other squares, m, for a fleet of that size."""
 
 LOSS = 0.2
 STEP_S = 0.5
@@ -42,27 +46,32 @@ def tasks() -> list[Task]:
     for size in SIZES:
         for rate in (0.0, LOSS):
             lost = f", {rate:.0%} lost" if rate else ""
-            found.append(Task(FLEETS, f"{size} robots{lost}", partial(_fleet, size, rate, 1)))
+            found.append(Task(FLEETS, f"{size} robots{lost}", partial(_fleet, size, loss=rate)))
+    found += [
+        Task(FLEETS, f"{AREA_SIZE} robots on {(side / KILOMETRE) ** 2:g} km2", partial(_fleet, AREA_SIZE, side=side))
+        for side in SIDES
+    ]
     threads = cores()
     if threads > 1:
-        found.append(Task(FLEETS, f"200 robots, {threads} threads", partial(_fleet, 200, 0.0, threads)))
+        found.append(Task(FLEETS, f"200 robots, {threads} threads", partial(_fleet, 200, threads=threads)))
     return found
 
 
-def kilometre_scenario(size: int, folder: Path, loss: float = 0.0) -> dict[str, Any]:
-    """The scenario of a fleet on the square kilometre with obstacles.
+def square_scenario(size: int, folder: Path, loss: float = 0.0, side: int = KILOMETRE) -> dict[str, Any]:
+    """The scenario of a fleet on a square with obstacles.
 
     Args:
         size: Number of robots.
         folder: Where the map is written.
         loss: Share of the frames that are lost.
+        side: Of the square, m.
 
     Returns:
         As in a scenario file.
     """
-    path = write_map(square_kilometre(), 1.0, folder / "square-kilometre.yaml")
+    path = write_map(square(side), 1.0, folder / f"square-{side}.yaml")
     return {
-        "name": f"kilometre-{size}",
+        "name": f"square-{side}-{size}",
         "terrain": {"map": str(path)},
         "point": 1.0,
         "step": STEP_S,
@@ -72,11 +81,13 @@ def kilometre_scenario(size: int, folder: Path, loss: float = 0.0) -> dict[str, 
     }
 
 
-def _fleet(size: int, loss: float, threads: int, effort: Effort) -> Sequence[Measured]:
+def _fleet(
+    size: int, effort: Effort, *, loss: float = 0.0, threads: int = 1, side: int = KILOMETRE
+) -> Sequence[Measured]:
     if effort.quick and size > QUICK_MOST:
         return []
     with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
-        scenario = kilometre_scenario(size, Path(folder), loss)
+        scenario = square_scenario(size, Path(folder), loss, side)
         readings = run_apart(scenario, effort.seconds, threads)
     return measures_of(readings, size)
 

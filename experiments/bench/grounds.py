@@ -1,4 +1,4 @@
-"""Grounds that only benchmarks patrol: a square kilometre with obstacles from a seed, and a terrain laid out as tiles.
+"""Grounds that only benchmarks patrol: a square with obstacles from a seed, and a terrain laid out as tiles.
 
 They are written as maps, so that scenarios name them like any other and the command line runs them too.
 """
@@ -14,9 +14,11 @@ from patrol.ground.terrain import BoolGrid
 from patrol.random import draw
 
 KILOMETRE = 1000
-"""Side of the square in m, and in points of 1 m."""
+"""Side of the usual square in m, and in points of 1 m."""
 
 OBSTACLES = 250
+"""On a square kilometre."""
+
 SHORTEST_SIDE, LONGEST_SIDE = 5, 30
 """Of an obstacle, m."""
 GAP = 6
@@ -25,25 +27,26 @@ GAP = 6
 SEED = 15
 
 
-def square_kilometre(obstacles: int = OBSTACLES, seed: int = SEED) -> BoolGrid:
-    """A square kilometre at points of 1 m with rectangular obstacles that leave a way round each.
+def square(side: int = KILOMETRE, seed: int = SEED) -> BoolGrid:
+    """A square at points of 1 m with rectangular obstacles that leave a way round each, as many as its area asks for.
 
     Args:
-        obstacles: How many.
-        seed: Of their places and sizes.
+        side: In m, at least `LONGEST_SIDE` and two gaps.
+        seed: Of the obstacles' places and sizes.
 
     Returns:
-        bool (1000, 1000), True where a body may be.
+        bool (side, side), True where a body may be.
     """
-    passable = np.ones((KILOMETRE, KILOMETRE), dtype=np.bool_)
+    obstacles = round(OBSTACLES * (side / KILOMETRE) ** 2)
+    passable = np.ones((side, side), dtype=np.bool_)
     placed = attempt = 0
     while placed < obstacles:
         attempt += 1
         place = [draw(seed, attempt, index) for index in range(4)]
         tall, wide = (SHORTEST_SIDE + int(share * (LONGEST_SIDE - SHORTEST_SIDE + 1)) for share in place[:2])
         row, col = (
-            GAP + int(share * (KILOMETRE - 2 * GAP - side + 1))
-            for share, side in zip(place[2:], (tall, wide), strict=True)
+            GAP + int(share * (side - 2 * GAP - length + 1))
+            for share, length in zip(place[2:], (tall, wide), strict=True)
         )
         if passable[row - GAP : row + tall + GAP, col - GAP : col + wide + GAP].all():
             passable[row : row + tall, col : col + wide] = False

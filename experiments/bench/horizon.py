@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from agent.policies.potential_field.force import ForceLaw
-from experiments.bench.fleets import kilometre_scenario, run_apart
+from experiments.bench.fleets import run_apart, square_scenario
 from experiments.bench.groups import HORIZON
 from experiments.bench.measure import Effort, Measured, Task, Unmeasured
 from experiments.inprocess import InProcessFleet, make_minds
@@ -70,7 +70,7 @@ def horizon_m(prepared: Prepared) -> float:
 def _compare(settings: Mapping[str, object], times: float, effort: Effort) -> Sequence[Measured]:
     size, seeds = (SIZE_QUICK, SEEDS_QUICK) if effort.quick else (SIZE, SEEDS)
     with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
-        scenario = kilometre_scenario(size, Path(folder))
+        scenario = square_scenario(size, Path(folder))
         scenario["duration"] = DURATION_QUICK_S if effort.quick else DURATION_S
         prepared = prepare(load_scenario(scenario, settings))
         reach = times * (horizon_m(prepared) + prepared.scenario.sensor.range)

@@ -154,8 +154,9 @@ def check_page(path: Path, groups: Sequence[str]) -> None:
     Raises:
         BadInput: It exists, and cannot be read or marks none of the groups.
     """
-    if path.exists():
-        filled(read_text(path, PAGE), dict.fromkeys(groups, ""), str(path))
+    if path.exists() and not any(_marks(group).search(read_text(path, PAGE)) for group in groups):
+        wanted = " or ".join(_begin(group) for group in dict.fromkeys(groups))
+        raise BadInput(f"{path}: has no lines {wanted} and {END} to write between; add them, or name a new file")
 
 
 def page(path: Path, machine: Machine, command: str, findings: Sequence[Finding]) -> str:
@@ -171,7 +172,7 @@ def page(path: Path, machine: Machine, command: str, findings: Sequence[Finding]
         The page's new text.
 
     Raises:
-        BadInput: The page cannot be read, or has no mark for a group that has results.
+        BadInput: The page cannot be read.
     """
     measured = {
         group: tables(group, machine, command, findings)
@@ -181,29 +182,23 @@ def page(path: Path, machine: Machine, command: str, findings: Sequence[Finding]
     if not path.exists():
         parts = [f"## {group[0].upper()}{group[1:]}\n\n{_marked(group, text)}\n" for group, text in measured.items()]
         return "\n".join(["# Benchmarks\n", *parts])
-    return filled(read_text(path, PAGE), measured, str(path))
+    return filled(read_text(path, PAGE), measured)
 
 
-def filled(text: str, parts: Mapping[str, str], called: str) -> str:
+def filled(text: str, parts: Mapping[str, str]) -> str:
     """A page with its marked parts replaced.
 
     Args:
         text: The page.
-        parts: Markdown by the name of its mark.
-        called: What errors call the page.
-
-    Raises:
-        BadInput: The page marks none of the parts.
+        parts: Markdown by the name of its mark; those that the page does not mark are left out.
     """
-    found = 0
     for name, part in parts.items():
-        marks = re.compile(rf"{re.escape(_begin(name))}\n.*?{re.escape(END)}", re.DOTALL)
-        text, count = marks.subn(lambda _, name=name, part=part: _marked(name, part), text)  # type: ignore[misc]
-        found += count
-    if not found:
-        wanted = " or ".join(_begin(name) for name in parts)
-        raise BadInput(f"{called}: has no lines {wanted} and {END} to write between; add them, or name a new file")
+        text = _marks(name).sub(_marked(name, part).replace("\\", "\\\\"), text)
     return text
+
+
+def _marks(name: str) -> re.Pattern[str]:
+    return re.compile(rf"{re.escape(_begin(name))}\n.*?{re.escape(END)}", re.DOTALL)
 
 
 def _begin(name: str) -> str:

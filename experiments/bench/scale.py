@@ -10,7 +10,7 @@ from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from experiments.bench.fleets import STEP_S, kilometre_scenario
+from experiments.bench.fleets import STEP_S, square_scenario
 from experiments.bench.groups import SCALE
 from experiments.bench.horizon import horizon_m
 from experiments.bench.measure import Effort, Measured, Task, Unmeasured
@@ -90,7 +90,7 @@ def _model(size: int, effort: Effort) -> Sequence[Measured]:
 def _reach() -> float:
     """The horizon of the paper's policy on the square kilometre and the range of a sensor, m."""
     with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
-        prepared = prepare(load_scenario(kilometre_scenario(1, Path(folder))))
+        prepared = prepare(load_scenario(square_scenario(1, Path(folder))))
     return horizon_m(prepared) + prepared.scenario.sensor.range
 
 

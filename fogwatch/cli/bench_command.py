@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -29,7 +30,7 @@ PACKAGES = ("patrol", "agent", "worldsim")
 EXAMPLES = [
     "fogwatch bench kernels decisions --quick",
     "fogwatch bench fleets --only '200 robots'",
-    "fogwatch bench all --json speed.json --markdown speed.md",
+    "fogwatch bench all --json speed.json --markdown docs/results/speed.md --markdown docs/scale.md",
 ]
 EXIT_CODES = "0 all was measured, 1 something could not be, 2 bad input, 130 interrupted (what was measured is kept)"
 
@@ -45,8 +46,10 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Few readings, short runs, small fleets.")] = False,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write every reading as JSON.")] = None,
     markdown: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write tables; in a page that exists, between the marks of each group."),
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE", help="Write tables; in a page that exists, between its marks of a group. Repeatable."
+        ),
     ] = None,
 ) -> int:
     """Measure how fast fogwatch is: kernels, decisions, fleets, start-up, memory.
@@ -59,8 +62,8 @@ def bench(
 
     console = Console()
     tasks = chosen(groups or [], only)
-    if markdown is not None:
-        check_page(markdown, [task.group for task in tasks])
+    for path in markdown or ():
+        check_page(path, [task.group for task in tasks])
     machine = this_machine()
     for line in machine.lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -76,7 +79,7 @@ def bench(
     except KeyboardInterrupt:
         interrupted = True
         console.print(f"interrupted; {len(findings)} of {len(tasks)} are kept", style="red", highlight=False)
-    _write(machine, findings, json, markdown)
+    _write(machine, findings, json, markdown or ())
     if interrupted:
         return INTERRUPTED
     return FAILED if any(finding.failure for finding in findings) else 0
@@ -109,9 +112,9 @@ class _Progress:
         self._console.print(table, highlight=False, markup=False, width=width)
 
 
-def _write(machine: Machine, findings: list[Finding], json: Path | None, markdown: Path | None) -> None:
+def _write(machine: Machine, findings: list[Finding], json: Path | None, pages: Sequence[Path]) -> None:
     made_by = command_line("bench")
     if json is not None:
         write_text(json, json_text(as_json(machine, made_by, findings)))
-    if markdown is not None and findings:
-        write_text(markdown, page(markdown, machine, made_by, findings))
+    for path in pages if findings else ():
+        write_text(path, page(path, machine, made_by, findings))

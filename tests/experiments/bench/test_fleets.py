@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from experiments.bench.decisions import Patrol
-from experiments.bench.fleets import STEP_S, blocks, kilometre_scenario, measures_of, run_apart
+from experiments.bench.fleets import STEP_S, blocks, measures_of, run_apart, square_scenario
 from experiments.bench.measure import Unmeasured
 from experiments.bench.one_fleet import FleetReadings, run_fleet
 from experiments.inprocess import run_in_process
@@ -73,10 +73,10 @@ def test_a_fleet_ends_when_its_time_is_over() -> None:
 
 
 def test_the_kilometre_is_a_scenario_like_any_other(tmp_path: Path) -> None:
-    scenario = load_scenario(kilometre_scenario(1000, tmp_path, loss=0.2))
+    scenario = load_scenario(square_scenario(1000, tmp_path, loss=0.2))
     assert len(scenario.roster) == 1000
     assert [fault.kind for fault in scenario.faults] == ["loss"]
-    assert load_scenario(kilometre_scenario(5, tmp_path)).faults == ()
+    assert load_scenario(square_scenario(5, tmp_path)).faults == ()
 
 
 @pytest.mark.processes

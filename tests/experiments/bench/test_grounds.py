@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.bench.grounds import GAP, KILOMETRE, square_kilometre, tiled, write_map
+from experiments.bench.grounds import GAP, KILOMETRE, square, tiled, write_map
 from patrol.ground.builtins import builtin_terrain
 from patrol.ground.fields import parts_of
 from patrol.prepare import prepare
@@ -14,15 +14,17 @@ from patrol.scenario import load_scenario
 
 
 def test_the_square_kilometre_is_the_same_each_time_and_has_all_its_obstacles() -> None:
-    passable = square_kilometre()
+    passable = square()
     assert passable.shape == (KILOMETRE, KILOMETRE)
-    assert np.array_equal(passable, square_kilometre())
-    assert not np.array_equal(passable, square_kilometre(seed=1))
+    assert np.array_equal(passable, square())
+    assert not np.array_equal(passable, square(seed=1))
     _, obstacles = parts_of(~passable)
     assert obstacles == 250
     _, parts = parts_of(passable)
     assert parts == 1
     assert passable[:GAP].all()
+    _, fewer = parts_of(~square(side=200))
+    assert fewer == 10
 
 
 def test_four_tiles_are_four_times_the_terrain() -> None:
@@ -34,7 +36,7 @@ def test_four_tiles_are_four_times_the_terrain() -> None:
 
 
 def test_a_map_is_read_as_it_was_written(tmp_path: Path) -> None:
-    passable = square_kilometre(obstacles=5)
+    passable = square(side=150)
     passable[0, 0] = False  # rows and columns would else look alike
     path = write_map(passable, 1.0, tmp_path / "ground.yaml")
     scenario = load_scenario(

@@ -9,7 +9,7 @@ import pytest
 
 from experiments.bench.machine import Machine
 from experiments.bench.measure import Finding, Measured, Task
-from experiments.bench.results import as_json, cells, number, page, table_of
+from experiments.bench.results import as_json, cells, check_page, number, page, table_of
 from patrol.errors import BadInput
 
 MACHINE = Machine("a processor", 2, 8.0, "Linux x86_64", "3.11.7", "0.68.1", "0.2.0", "abc1234", "2026-01-01", 0.0)
@@ -76,7 +76,9 @@ def test_a_page_without_marks_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "speed.md"
     path.write_text("# Only words\n", encoding="utf-8")
     with pytest.raises(BadInput, match="has no lines <!-- bench kernels --> and <!-- end bench --> to write between"):
-        page(path, MACHINE, "fogwatch bench", FINDINGS)
+        check_page(path, ["kernels"])
+    path.write_text(WRITTEN, encoding="utf-8")
+    check_page(path, ["fleets", "kernels"])
 
 
 def test_a_new_page_can_be_written_again(tmp_path: Path) -> None:
