@@ -7,6 +7,7 @@ time it is the unit in which simulators compare, whatever the fleet, the step an
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -166,8 +167,15 @@ def run_apart(
         "skip": SKIP_TICKS,
         "threads": threads,
     }
-    command = [sys.executable, "-P", "-m", "experiments.bench.one_fleet"]
-    done = subprocess.run(command, input=json.dumps(task), capture_output=True, text=True, check=False)
+    lifeline, ours = os.pipe()
+    try:
+        command = [sys.executable, "-P", "-m", "experiments.bench.one_fleet", str(lifeline)]
+        done = subprocess.run(
+            command, input=json.dumps(task), capture_output=True, text=True, check=False, pass_fds=[lifeline]
+        )
+    finally:
+        os.close(lifeline)
+        os.close(ours)
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         raise Unmeasured(f"the fleet's process failed: {last}")

@@ -1,7 +1,7 @@
 """One fleet in one process of its own, so that its peak memory is its own too.
 
-As a program (``python -P -m experiments.bench.one_fleet``) it reads a task as JSON from the standard input and answers
-with a JSON line.
+As a program (``python -P -m experiments.bench.one_fleet LIFELINE``) it reads a task as JSON from the standard input and
+answers with a JSON line. It ends early when the pipe LIFELINE ends, since its parent is gone then.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from experiments.bench.procfs import peak_mb
 from experiments.inprocess import run_in_process
 from patrol.journal import TickRecord
 from patrol.prepare import prepare
+from patrol.process.lifeline import heed
 from patrol.process.warmup import warm
 from patrol.scenario import Scenario, load_scenario
 from worldsim.world import World
@@ -118,6 +119,7 @@ def main() -> int:
     Returns:
         The exit code.
     """
+    heed(int(sys.argv[1]), patience=0)
     task = json.loads(sys.stdin.read())
     most = int(MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))

@@ -22,9 +22,6 @@ from patrol.process.warmup import warm
 FAILED = 1
 """The exit code when a measure could not be taken."""
 
-WIDE = 160
-"""Characters of a line that goes into a file."""
-
 PACKAGES = ("patrol", "agent", "worldsim")
 
 EXAMPLES = [
@@ -103,13 +100,15 @@ class _Progress:
             self._console.print(f"{title}: not measured: {finding.failure}", style="red", highlight=False, markup=False)
             return
         heads, rows = table_of(finding.measures)
-        table = Table(*heads, box=None, pad_edge=False, header_style="cyan", title=title, title_justify="left")
-        for column in table.columns[2:-1]:
+        self._console.print(title, style="bold", highlight=False, markup=False, soft_wrap=True)
+        table = Table(*heads[:-1], box=None, pad_edge=False, header_style="cyan")
+        for column in table.columns[2:]:
             column.justify = "right"
         for row in rows:
-            table.add_row(*row)
-        width = None if self._console.is_terminal else WIDE
-        self._console.print(table, highlight=False, markup=False, width=width)
+            table.add_row(*row[:-1])
+        self._console.print(table, highlight=False, markup=False)
+        for name, says in ((row[0], row[-1]) for row in rows if row[-1]):
+            self._console.print(f"  {name}: {says}", style="dim", highlight=False, markup=False, soft_wrap=True)
 
 
 def _write(machine: Machine, findings: list[Finding], json: Path | None, pages: Sequence[Path]) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +81,21 @@ def test_the_kilometre_is_a_scenario_like_any_other(tmp_path: Path) -> None:
     assert len(scenario.roster) == 1000
     assert [fault.kind for fault in scenario.faults] == ["loss"]
     assert load_scenario(square_scenario(5, tmp_path)).faults == ()
+
+
+@pytest.mark.processes
+def test_a_fleet_of_its_own_process_ends_when_nobody_waits_for_it() -> None:
+    lifeline, ours = os.pipe()
+    command = [sys.executable, "-P", "-m", "experiments.bench.one_fleet", str(lifeline)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, pass_fds=[lifeline]) as process:
+        os.close(lifeline)
+        assert process.stdin is not None
+        task = {"scenario": {**SMALL, "duration": 100_000.0}, "settings": {}, "seconds": 1e9, "skip": 4, "threads": 1}
+        process.stdin.write(json.dumps(task))
+        process.stdin.close()
+        os.close(ours)
+        assert process.wait(60) == 130
 
 
 @pytest.mark.processes
