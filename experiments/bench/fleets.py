@@ -11,7 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,6 +30,9 @@ QUICK_MOST = 50
 AREA_SIZE = 100
 SIDES = (500, 2000)
 """Other squares, m, for a fleet of that size."""
+
+LARGE, SMALL = 1000, 100
+"""Fleets whose cost per robot is compared."""
 
 LOSS = 0.2
 STEP_S = 0.5
@@ -52,6 +55,8 @@ def tasks() -> list[Task]:
         Task(FLEETS, f"{AREA_SIZE} robots on {(side / KILOMETRE) ** 2:g} km2", partial(_fleet, AREA_SIZE, side=side))
         for side in SIDES
     ]
+    found.append(Task(FLEETS, f"{LARGE} robots beside {SMALL}", partial(_growth, 0.0)))
+    found.append(Task(FLEETS, f"{LARGE} robots, {LOSS:.0%} lost, beside none lost", partial(_growth, LOSS)))
     threads = cores()
     if threads > 1:
         found.append(Task(FLEETS, f"200 robots, {threads} threads", partial(_fleet, 200, threads=threads)))
@@ -87,10 +92,28 @@ def _fleet(
 ) -> Sequence[Measured]:
     if effort.quick and size > QUICK_MOST:
         return []
+    return measures_of(_readings(size, effort.seconds, loss, threads, side), size)
+
+
+def _growth(loss: float, effort: Effort) -> Sequence[Measured]:
+    """By how much a robot's tick costs more in a large fleet than in a small one, or with frames lost than without."""
+    if effort.quick:
+        return []
+    large = _readings(LARGE, effort.seconds, loss)
+    beside = _readings(LARGE, effort.seconds) if loss else _readings(SMALL, effort.seconds)
+    own, other = (
+        [spent / (ticks * size) for spent, ticks in blocks(readings.processor)]
+        for readings, size in ((large, LARGE), (beside, LARGE if loss else SMALL))
+    )
+    ratio = tuple(more / less for more, less in zip(own, other, strict=False))
+    return [Measured("processor time per robot and tick, as a ratio", "", ratio, says="stretch by stretch")]
+
+
+@cache
+def _readings(size: int, seconds: float, loss: float = 0.0, threads: int = 1, side: int = KILOMETRE) -> FleetReadings:
+    """The readings of a fleet, made once."""
     with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
-        scenario = square_scenario(size, Path(folder), loss, side)
-        readings = run_apart(scenario, effort.seconds, threads)
-    return measures_of(readings, size)
+        return run_apart(square_scenario(size, Path(folder), loss, side), seconds, threads)
 
 
 def measures_of(readings: FleetReadings, size: int) -> list[Measured]:

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.bench.groups import KERNELS
 from experiments.bench.measure import Contender, Effort, Measured, Task, Unmeasured, in_turn
 from experiments.bench.ours import Dilatation, Look, WholeWave
-from experiments.bench.rivals import dilatation_rival, wave_rivals
+from experiments.bench.rivals import INSTALL, dilatation_rival, wave_rivals
 from patrol.ground.terrain import BoolGrid
 from patrol.journal import RobotTick, Status, TickRecord, pack
 from patrol.journal.decode import decode
@@ -66,7 +66,11 @@ def _dilatation(effort: Effort, *, walls: bool) -> Sequence[Measured]:
     ages = np.arange(SIDE * SIDE, dtype=np.int64) * 7919 % TICK
     seen = ages.reshape(is_open.shape).astype(np.int32)
     ours = Dilatation(seen, is_open, REACH, TICK)
-    name, call = dilatation_rival(seen, is_open, REACH, TICK)
+    try:
+        name, call = dilatation_rival(seen, is_open, REACH, TICK)
+    except ModuleNotFoundError:
+        missing = Measured("scipy.ndimage", "ms", (), says=f"not installed: {INSTALL}")
+        return [*in_turn({OURS: Contender(ours.run)}, effort.repeats), missing]
     ours.run()
     if not np.array_equal(ours.dilated[is_open], call()[is_open]):
         raise Unmeasured(f"{name}: its ticks differ from ours")

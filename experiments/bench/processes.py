@@ -125,7 +125,7 @@ def _deadlines(effort: Effort) -> Sequence[Measured]:
     ]
 
 
-def _start_up(terrain: str, effort: Effort) -> Sequence[Measured]:
+def _start_up(terrain: str, effort: Effort, options: Sequence[str] = ()) -> Sequence[Measured]:
     """Kill a robot and start it again, over and over, in a fleet that waits for it."""
     count = RESTARTS_QUICK if effort.quick else RESTARTS
     faults = [
@@ -139,7 +139,7 @@ def _start_up(terrain: str, effort: Effort) -> Sequence[Measured]:
     duration = str(EVERY_S * (count + 1))
     wall, processor = [], []
     arguments = ("--robots", str(CARS), "--duration", duration, "--set", f"faults={json.dumps(faults)}")
-    with fleet(terrain, *arguments, *WITHOUT_FILES) as (process, folder):
+    with fleet(terrain, *arguments, *WITHOUT_FILES, *options) as (process, folder):
         for number in range(count):
             # The line of a tick is written when all robots that live have decided.
             _await_line(process, folder, round(EVERY_S * (number + 1.0) / STEP_S))
@@ -153,10 +153,13 @@ def _start_up(terrain: str, effort: Effort) -> Sequence[Measured]:
     ]
 
 
-def _memory(terrain: str, effort: Effort) -> Sequence[Measured]:
+def _memory(terrain: str, effort: Effort, options: Sequence[str] = ()) -> Sequence[Measured]:
     """What each process holds in the middle of a run."""
     ticks = TICKS_BEFORE_QUICK if effort.quick else TICKS_BEFORE
-    with fleet(terrain, "--robots", str(CARS), "--duration", "5000", *WITHOUT_FILES) as (process, folder):
+    with fleet(terrain, "--robots", str(CARS), "--duration", str(DURATION_S), *WITHOUT_FILES, *options) as (
+        process,
+        folder,
+    ):
         _await_line(process, folder, ticks)
         held = [(_program(one), memory_of(one.pid)) for one in family_of(process.pid)]
     found = []

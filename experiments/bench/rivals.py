@@ -184,6 +184,9 @@ def dilatation_rival(
 
     Returns:
         Its name, and the call to time, which returns the ticks of the dilated ages in an array (h, w).
+
+    Raises:
+        ModuleNotFoundError: It is not installed.
     """
     from scipy import ndimage
 

@@ -17,6 +17,7 @@ from experiments.bench.results import as_json, check_page, page, table_of
 from experiments.sweeps.casetable import json_text, write_text
 from fogwatch.cli.ending import INTERRUPTED
 from fogwatch.progress import command_line
+from patrol.process.lifeline import heed
 from patrol.process.warmup import warm
 
 FAILED = 1
@@ -57,6 +58,7 @@ def bench(
     """
     from experiments.bench.suite import chosen
 
+    heed(None, patience=0)  # every signal ends it in order, with the fleets that it has started
     console = Console()
     tasks = chosen(groups or [], only)
     for path in markdown or ():
