@@ -37,7 +37,7 @@ LARGE, SMALL = 1000, 100
 LOSS = 0.2
 STEP_S = 0.5
 DURATION_S = 5000.0
-SKIP_TICKS = 4
+SKIP_TICKS, SKIP_QUICK = 40, 4
 """Ticks that do not count: caches fill, and all robots choose their first place at once."""
 
 BLOCKS = 5
@@ -49,14 +49,14 @@ def tasks() -> list[Task]:
     found = []
     for size in SIZES:
         for rate in (0.0, LOSS):
-            lost = f", {rate:.0%} lost" if rate else ""
+            lost = f", {100.0 * rate:g} % lost" if rate else ""
             found.append(Task(FLEETS, f"{size} robots{lost}", partial(_fleet, size, loss=rate)))
     found += [
         Task(FLEETS, f"{AREA_SIZE} robots on {(side / KILOMETRE) ** 2:g} km2", partial(_fleet, AREA_SIZE, side=side))
         for side in SIDES
     ]
     found.append(Task(FLEETS, f"{LARGE} robots beside {SMALL}", partial(_growth, 0.0)))
-    found.append(Task(FLEETS, f"{LARGE} robots, {LOSS:.0%} lost, beside none lost", partial(_growth, LOSS)))
+    found.append(Task(FLEETS, f"{LARGE} robots, {100.0 * LOSS:g} % lost, beside none lost", partial(_growth, LOSS)))
     threads = cores()
     if threads > 1:
         found.append(Task(FLEETS, f"200 robots, {threads} threads", partial(_fleet, 200, threads=threads)))
@@ -92,15 +92,15 @@ def _fleet(
 ) -> Sequence[Measured]:
     if effort.quick and size > QUICK_MOST:
         return []
-    return measures_of(_readings(size, effort.seconds, loss, threads, side), size)
+    return measures_of(_readings(size, effort, loss, threads, side), size)
 
 
 def _growth(loss: float, effort: Effort) -> Sequence[Measured]:
     """By how much a robot's tick costs more in a large fleet than in a small one, or with frames lost than without."""
     if effort.quick:
         return []
-    large = _readings(LARGE, effort.seconds, loss)
-    beside = _readings(LARGE, effort.seconds) if loss else _readings(SMALL, effort.seconds)
+    large = _readings(LARGE, effort, loss)
+    beside = _readings(LARGE, effort) if loss else _readings(SMALL, effort)
     own, other = (
         [spent / (ticks * size) for spent, ticks in blocks(readings.processor)]
         for readings, size in ((large, LARGE), (beside, LARGE if loss else SMALL))
@@ -110,10 +110,11 @@ def _growth(loss: float, effort: Effort) -> Sequence[Measured]:
 
 
 @cache
-def _readings(size: int, seconds: float, loss: float = 0.0, threads: int = 1, side: int = KILOMETRE) -> FleetReadings:
+def _readings(size: int, effort: Effort, loss: float = 0.0, threads: int = 1, side: int = KILOMETRE) -> FleetReadings:
     """The readings of a fleet, made once."""
+    skip = SKIP_QUICK if effort.quick else SKIP_TICKS
     with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
-        return run_apart(square_scenario(size, Path(folder), loss, side), seconds, threads)
+        return run_apart(square_scenario(size, Path(folder), loss, side), effort.seconds, threads=threads, skip=skip)
 
 
 def measures_of(readings: FleetReadings, size: int) -> list[Measured]:
@@ -132,13 +133,13 @@ def measures_of(readings: FleetReadings, size: int) -> list[Measured]:
     processor, wall = blocks(readings.processor), blocks(readings.wall)
     simulated = [size * STEP_S * count for _, count in processor]
     closing = readings.closing_s + sum(readings.processor)
-    whole = size * STEP_S * ticks / closing
+    whole = f"{size * STEP_S * ticks / closing:.4g} with the verdict's and the summary's end"
     return [
         Measured(
             "robot-seconds per second and core",
             "robot-s/s",
             tuple(robot_s / spent for robot_s, (spent, _) in zip(simulated, processor, strict=True)),
-            says=f"{whole:.4g} with the verdict's and the summary's end; {ticks} ticks",
+            says=f"{whole}; {ticks} ticks after the first {readings.skipped}",
         ),
         Measured("times real time", "x", tuple(STEP_S * count / spent for spent, count in wall)),
         Measured("processor time per robot and tick", "ms", tuple(1e3 * s / (n * size) for s, n in processor)),
@@ -170,7 +171,12 @@ def blocks(ticks: Sequence[float], count: int = BLOCKS) -> list[tuple[float, int
 
 
 def run_apart(
-    scenario: Mapping[str, Any], seconds: float, threads: int = 1, settings: Mapping[str, object] | None = None
+    scenario: Mapping[str, Any],
+    seconds: float,
+    *,
+    threads: int = 1,
+    skip: int = SKIP_QUICK,
+    settings: Mapping[str, object] | None = None,
 ) -> FleetReadings:
     """Run a fleet in a process of its own.
 
@@ -178,6 +184,7 @@ def run_apart(
         scenario: As in a scenario file.
         seconds: Wall time for its ticks, s.
         threads: Minds that step at once.
+        skip: Ticks at the beginning that do not count.
         settings: What else is set in the scenario, by dotted field.
 
     Raises:
@@ -187,7 +194,7 @@ def run_apart(
         "scenario": scenario,
         "settings": dict(settings or {}),
         "seconds": seconds,
-        "skip": SKIP_TICKS,
+        "skip": skip,
         "threads": threads,
     }
     lifeline, ours = os.pipe()

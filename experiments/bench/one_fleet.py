@@ -28,6 +28,9 @@ PACKAGES = ("patrol", "agent", "worldsim")
 """The packages whose kernels a fleet needs."""
 
 
+PATIENCE = 20.0
+"""A fleet that is not there yet after so many times the time for what counts is given up."""
+
 MEMORY_SHARE = 0.9
 """The share of the machine's memory that a fleet may ask for: one that wants more fails instead of the machine."""
 
@@ -37,6 +40,7 @@ class FleetReadings:
     """What one fleet in one process did.
 
     Attributes:
+        skipped: Ticks before those that count.
         prepare_s: Wall time for terrain, starts and static fields, s.
         minds_s: Wall time for world and minds, s.
         wall: For each tick that counts, its wall time, s.
@@ -49,6 +53,7 @@ class FleetReadings:
         trace: The trace hash.
     """
 
+    skipped: int
     prepare_s: float
     minds_s: float
     wall: list[float]
@@ -86,7 +91,8 @@ def run_fleet(scenario: Scenario, seconds: float, skip: int, threads: int) -> Fl
         return mark
 
     def over() -> bool:
-        return len(marks) > skip + 1 and marks[-1][0] - marks[skip][0] > seconds
+        counting = len(marks) > skip + 1 and marks[-1][0] - marks[skip][0] > seconds
+        return counting or marks[-1][0] - marks[0][0] > PATIENCE * seconds
 
     records: list[int] = []
 
@@ -100,6 +106,7 @@ def run_fleet(scenario: Scenario, seconds: float, skip: int, threads: int) -> Fl
     counted = marks[skip:]
     end = outcome.journal.end
     return FleetReadings(
+        skipped=min(skip, len(marks) - 1),
         prepare_s=ready - begun,
         minds_s=marks[0][0] - ready,
         wall=[later[0] - earlier[0] for earlier, later in pairwise(counted)],

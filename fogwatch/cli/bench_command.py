@@ -52,9 +52,9 @@ def bench(
 ) -> int:
     """Measure how fast fogwatch is: kernels, decisions, fleets, start-up, memory.
 
-    The kernels run in turn with other libraries that do the same, as far as they are installed (pip install
-    'fogwatch[bench]'), and their results are compared. Times are processor times unless the unit or the name says
-    otherwise. Nothing else should run on the machine.
+    The kernels run in turn with other libraries that do the same, as far as they are installed (the extra "bench", or
+    make rivals), and their results are compared. Times are processor times unless the unit or the name says otherwise.
+    Nothing else should run on the machine.
     """
     from experiments.bench.suite import chosen
 
