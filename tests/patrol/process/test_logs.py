@@ -76,8 +76,8 @@ def test_the_level_leaves_lines_out(form: Format, level: str, left: int, capsys:
 
 def test_what_python_and_libraries_write_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
     begin_log("world", Format.JSON, "info")
-    logging.getLogger("uvicorn.error").warning("closed %d", 3)
-    logging.getLogger("uvicorn.error").info("left out")
+    logging.getLogger("websockets.server").warning("closed %d", 3)
+    logging.getLogger("websockets.server").info("left out")
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         warnings.warn("old", stacklevel=1)
@@ -90,7 +90,7 @@ def test_what_python_and_libraries_write_is_json_too(capsys: pytest.CaptureFixtu
     thread.join()
     told = lines(capsys)
     assert [line["process"] for line in told] == ["world"] * 3
-    assert told[0]["library"] == "uvicorn.error"
+    assert told[0]["library"] == "websockets.server"
     assert told[0]["message"] == "closed 3"
     assert "old" in told[1]["message"]
     assert told[2]["message"] == "ValueError: in a thread"
