@@ -74,9 +74,15 @@ test-hosts: install ## a router and two robots, a host each: one robot is cut of
 accept: install ## the long checks: measure what the project promises
 	$(BIN)/python -m pytest -m accept --timeout=3600
 
-.PHONY: bench
-bench: install ## measure the speed of the kernels and of a whole decision
-	$(BIN)/python -m pytest -m bench --benchmark-enable --benchmark-columns=min,median,max,rounds
+.PHONY: bench rivals
+bench: rivals ## measure the speed of everything, beside other libraries (about an hour; BENCH="kernels --quick")
+	$(BIN)/fogwatch bench $(BENCH)
+
+rivals: install $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with
+
+$(VENV)/.rivals: requirements-bench.lock | $(VENV)/.installed
+	$(PIP) install --quiet --only-binary :all: --require-hashes --no-deps -r requirements-bench.lock
+	@touch $@
 
 .PHONY: lint
 lint: install ## check style, types and layers only
@@ -86,14 +92,16 @@ lint: install ## check style, types and layers only
 	$(BIN)/lint-imports --no-cache
 
 .PHONY: lock
-lock: ## rewrite requirements.lock from pyproject.toml (installs uv into build/)
+lock: ## rewrite the lock files from pyproject.toml (installs uv into build/)
 	test -x build/uv/bin/uv || { $(PYTHON) -m venv build/uv && build/uv/bin/python -m pip install -q uv; }
-	build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --extra all --extra dev \
-		--generate-hashes --no-header --no-annotate --output-file requirements.lock pyproject.toml
+	$(LOCK) --extra all --extra dev --output-file requirements.lock pyproject.toml
+	$(LOCK) --extra bench --constraint requirements.lock --output-file requirements-bench.lock pyproject.toml
+
+LOCK := build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
 
 .PHONY: clean
 clean: ## remove .venv, caches and build products; runs/ stays
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
 
 # Three steps, so that a change of pyproject.toml does not download everything again.

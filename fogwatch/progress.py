@@ -18,6 +18,9 @@ from experiments.sweeps.probe import seconds_per_run
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
 
+RESULT_OPTIONS = ("--out", "--workers", "--cluster", "--json", "--markdown")
+"""Options that say where results are made and written, and change none."""
+
 
 def bar_on(console: Console, left: ProgressColumn) -> Progress:
     """A progress bar, which shows on a terminal only and is cleared away in the end.
@@ -180,9 +183,9 @@ def command_line(*command: str) -> str:
     given = list(sys.argv[1:])
     if tuple(given[: len(command)]) != command:
         return shlex.join(["fogwatch", *command])
-    for option in ("--out", "--workers", "--cluster"):
+    for option in RESULT_OPTIONS:
         while option in given:
             at = given.index(option)
             del given[at : at + 2]
-    given = [word for word in given if not word.startswith(("--out=", "--workers=", "--cluster="))]
+    given = [word for word in given if not word.startswith(tuple(f"{option}=" for option in RESULT_OPTIONS))]
     return shlex.join(["fogwatch", *given])

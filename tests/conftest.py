@@ -18,7 +18,7 @@ settings.register_profile("local", deadline=None, print_blob=True)
 settings.register_profile("ci", settings.get_profile("local"), derandomize=True, database=None)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
-SELDOM = ("accept", "bench", "network")
+SELDOM = ("accept", "network")
 """Markers of tests that run only where ``-m`` names them."""
 
 MARK = "FOGWATCH_TEST_SESSION"

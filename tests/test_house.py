@@ -155,34 +155,61 @@ def test_documents_name_files_that_exist() -> None:
     assert not missing
 
 
-def locked() -> dict[str, list[str]]:
-    """Requirement lines of the lock file by name (several where versions differ by Python)."""
-    lines = (ROOT / "requirements.lock").read_text().replace("\\\n", " ").splitlines()
+LOCKS = ("requirements.lock", "requirements-bench.lock")
+"""What everybody who works on fogwatch installs, and what benchmarks compare our kernels with."""
+
+BENCH = "bench"
+"""The extra that the second lock file is for, and no other part of the project asks for."""
+
+
+def locked(name: str) -> dict[str, list[str]]:
+    """Requirement lines of a lock file by name (several where versions differ by Python)."""
+    lines = (ROOT / name).read_text().replace("\\\n", " ").splitlines()
     found: dict[str, list[str]] = {}
     for line in lines:
         found.setdefault(canonicalize_name(Requirement(line.partition("--hash")[0]).name), []).append(line)
     return found
 
 
-def test_lock_pins_and_hashes_everything_and_names_no_host() -> None:
-    lines = [line for several in locked().values() for line in several]
+def pinned(name: str) -> dict[str, list[str]]:
+    """The versions in a lock file by name."""
+    return {
+        package: [next(iter(Requirement(line.partition("--hash")[0]).specifier)).version for line in lines]
+        for package, lines in locked(name).items()
+    }
+
+
+@pytest.mark.parametrize("name", LOCKS)
+def test_lock_pins_and_hashes_everything_and_names_no_host(name: str) -> None:
+    lines = [line for several in locked(name).values() for line in several]
     assert not [line for line in lines if "==" not in line or "--hash=sha256:" not in line]
-    assert "://" not in (ROOT / "requirements.lock").read_text()
+    assert "://" not in (ROOT / name).read_text()
 
 
-def test_lock_holds_what_the_project_asks_for() -> None:
+def test_locks_hold_what_the_project_asks_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    extras = dict(project["project"]["optional-dependencies"])
+    rivals = extras.pop(BENCH)
     asked = [
         *project["build-system"]["requires"],
         *project["project"]["dependencies"],
-        *(line for extra in project["project"]["optional-dependencies"].values() for line in extra),
+        *(line for extra in extras.values() for line in extra),
     ]
-    pins = {name: [Requirement(line.partition("--hash")[0]) for line in lines] for name, lines in locked().items()}
-    for wanted in map(Requirement, asked):
-        if wanted.name == "fogwatch":
-            continue
-        versions = [next(iter(pin.specifier)).version for pin in pins[canonicalize_name(wanted.name)]]
-        assert all(version in wanted.specifier for version in versions), f"run make lock: {wanted}"
+    for lines, lock in zip((asked, rivals), map(pinned, LOCKS), strict=True):
+        for wanted in map(Requirement, lines):
+            if wanted.name == "fogwatch":
+                continue
+            versions = lock[canonicalize_name(wanted.name)]
+            assert all(version in wanted.specifier for version in versions), f"run make lock: {wanted}"
+
+
+def test_the_locks_agree_and_rivals_are_in_no_other_installation() -> None:
+    everybody, bench = map(pinned, LOCKS)
+    assert {name: bench[name] for name in bench.keys() & everybody.keys() if bench[name] != everybody[name]} == {}
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    others = [line for name, lines in extras.items() if name != BENCH for line in lines]
+    assert not [line for line in others if BENCH in Requirement(line).extras]
+    assert {"dijkstra3d", "scikit-fmm", "scikit-image", "tcod"} <= bench.keys() - everybody.keys()
 
 
 def base_distributions() -> set[str]:
@@ -255,6 +282,9 @@ def test_the_wheel_holds_the_six_packages_and_nothing_else(tmp_path: Path) -> No
 # Files that this program wrote itself, in a place of its own, or brought along.
 OWN_FILES = {
     "agent/build.py": "fields that its launcher prepared",
+    "experiments/bench/machine.py": "the kernel's facts about this machine",
+    "experiments/bench/processes.py": "what its own fleets wrote",
+    "experiments/bench/procfs.py": "the kernel's facts about its own children",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
     "fogwatch/certificates.py": "the certificate of the authority that it has made",

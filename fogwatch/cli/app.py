@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from fogwatch.cli import (
+    bench_command,
     chaos_command,
     control,
     doctor_command,
@@ -76,6 +77,7 @@ command(
 )(recording_commands.recording)
 command(app, examples=sweep.EXAMPLES, exit_codes=sweep.EXIT_CODES, panel=MANY)(sweep.sweep)
 command(app, examples=chaos_command.EXAMPLES, exit_codes=chaos_command.EXIT_CODES, panel=MANY)(chaos_command.chaos)
+command(app, examples=bench_command.EXAMPLES, exit_codes=bench_command.EXIT_CODES, panel=OTHER)(bench_command.bench)
 
 PAGE_SPARES = 2
 """How many robots may join a run with a live page, unless the scenario or the command line says so."""

@@ -1,0 +1,45 @@
+"""The grounds of benchmarks: the same each time, passable all round, and read back as they were written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from experiments.bench.grounds import GAP, KILOMETRE, square, tiled, write_map
+from patrol.ground.builtins import builtin_terrain
+from patrol.ground.fields import parts_of
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
+
+
+def test_the_square_kilometre_is_the_same_each_time_and_has_all_its_obstacles() -> None:
+    passable = square()
+    assert passable.shape == (KILOMETRE, KILOMETRE)
+    assert np.array_equal(passable, square())
+    assert not np.array_equal(passable, square(seed=1))
+    _, obstacles = parts_of(~passable)
+    assert obstacles == 250
+    _, parts = parts_of(passable)
+    assert parts == 1
+    assert passable[:GAP].all()
+    _, fewer = parts_of(~square(side=200))
+    assert fewer == 10
+
+
+def test_four_tiles_are_four_times_the_terrain() -> None:
+    one = builtin_terrain("yards", 1.0).passable
+    four = tiled("yards", 1.0)
+    height, width = one.shape
+    assert four.shape == (2 * height, 2 * width)
+    assert np.array_equal(four[height:, :width], one)
+
+
+def test_a_map_is_read_as_it_was_written(tmp_path: Path) -> None:
+    passable = square(side=150)
+    passable[0, 0] = False  # rows and columns would else look alike
+    path = write_map(passable, 1.0, tmp_path / "ground.yaml")
+    scenario = load_scenario(
+        {"terrain": {"map": str(path)}, "point": 1.0, "robots": {"count": 1, "model": "holonomic"}}
+    )
+    assert np.array_equal(prepare(scenario).terrain.passable, passable)

@@ -1,0 +1,86 @@
+"""The rivals of our kernels: their results agree with ours, and who is not installed is named."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.bench import rivals
+from experiments.bench.measure import Unmeasured
+from experiments.bench.ours import Dilatation, WholeWave
+from experiments.bench.rivals import INSTALL, WAVES, agreement, dilatation_rival, wave_rivals
+from patrol.ground.terrain import BoolGrid
+
+START = (30, 40)
+
+
+def field() -> BoolGrid:
+    is_open = np.ones((60, 80), dtype=np.bool_)
+    is_open[[0, -1], :] = is_open[:, [0, -1]] = False
+    is_open[20:22, 5:60] = False
+    is_open[40:, 50] = False
+    return is_open
+
+
+@pytest.mark.parametrize("name", WAVES)
+def test_a_rival_finds_the_lengths_that_we_find(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if importlib.util.find_spec(WAVES[name].module.partition(".")[0]) is None:
+        pytest.skip(f"{WAVES[name].package} is not installed: make rivals")
+    monkeypatch.setattr(rivals, "WAVES", {name: WAVES[name]})
+    (titled,), missing = wave_rivals(field(), START, WholeWave(field(), START).lengths())
+    assert titled.startswith(name)
+    assert missing == []
+
+
+def test_our_wave_knows_the_lengths_on_open_ground_and_what_no_path_reaches() -> None:
+    is_open = field()
+    is_open[50:55, 10:15] = False
+    is_open[51:54, 11:14] = True  # a closed room
+    lengths = WholeWave(is_open, START).lengths()
+    assert lengths[START] == 0.0
+    assert lengths[33, 44] == pytest.approx(3 * 1.41 + 1.0)
+    assert np.isinf(lengths[52, 12])
+    assert np.isinf(lengths[20, 30])
+
+
+def test_a_rival_that_is_not_installed_is_named_with_the_command_that_installs_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def nothing_there(name: str) -> Any:
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(importlib, "import_module", nothing_there)
+    found, missing = wave_rivals(field(), START, WholeWave(field(), START).lengths())
+    assert found == {}
+    assert [(one.name, one.values, one.says) for one in missing] == [
+        (name, (), f"not installed: {INSTALL}") for name in WAVES
+    ]
+
+
+def test_lengths_that_differ_beyond_the_definitions_are_no_rival() -> None:
+    rival = WAVES["tcod, dijkstra2d"]
+    ours = np.array([[0.0, 10.0, 200.0, np.inf]])
+    assert agreement("r", rival, ours, ours) == "lengths equal"
+    assert agreement("r", rival, ours, np.array([[0.0, 10.0, 199.0, 7.0]])) == "lengths within 0.5 %"
+    for wrong in (210.0, 100.0, np.nan, np.inf):
+        with pytest.raises(Unmeasured, match="1 of 3 lengths differ from ours beyond reason"):
+            agreement("r", rival, ours, np.array([[0.0, 10.0, wrong, np.inf]]))
+
+
+@pytest.mark.parametrize("walls", [False, True])
+def test_scipy_dilates_as_we_do(walls: bool) -> None:
+    pytest.importorskip("scipy")
+    is_open = np.ones((40, 50), dtype=np.bool_)
+    if walls:
+        is_open[20, 5:45] = False
+        is_open[:, 30] = False
+    seen = np.random.default_rng(1).integers(0, 90, is_open.shape).astype(np.int32)
+    ours = Dilatation(seen, is_open, 6, 100)
+    ours.run()
+    _, call = dilatation_rival(seen, is_open, 6, 100)
+    assert np.array_equal(ours.dilated[is_open], call()[is_open])
+    assert not np.array_equal(ours.dilated, seen)
