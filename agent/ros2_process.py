@@ -89,6 +89,9 @@ def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals |
     settings = drive_settings(options)
     overrides = parse_overrides(options.set)
     given = None if options.scenario is None else load_scenario(options.scenario, overrides)
+    for spec in () if given is None else given.roster:
+        if spec.name == name:
+            settings = settings.at_speed(spec.speed)
     with ExitStack() as stack:
         try:
             link = _link(options, ending, say)

@@ -110,7 +110,7 @@ class Hardware:
         if now_s is None:
             return None
         while (odometry := self._odometry.take()) is not None:
-            self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s))
+            self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s), odometry.sender)
         for mailbox, fixed in self._transforms():
             while (said := mailbox.take()) is not None:
                 self._localisation.transforms(said.message, self._arrival(said.at_s, now_s), fixed=fixed)

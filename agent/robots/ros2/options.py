@@ -9,7 +9,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from agent.robots.ros2.localisation import LocalisationSettings, Source
+from agent.robots.ros2.localisation import SPEED, LocalisationSettings, Source
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Pose, wrap
@@ -17,9 +17,8 @@ from patrol.process.supervision import add_supervision
 
 FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
 
-SPEED = 0.25
 RADIUS = 0.25
-"""The body unless options say otherwise: the speed (m/s) and the radius (m) of a small and careful one."""
+"""The radius of the body unless options say otherwise, m."""
 
 DESCRIPTION = """Drive a ROS 2 robot on patrol, over its Zenoh router; ROS is not needed on this machine."""
 
@@ -170,7 +169,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         margin=options.margin,
         rate_hz=options.rate,
         localisation=LocalisationSettings(
-            Source(options.localisation), options.map_frame, start, options.fresh, options.delay
+            Source(options.localisation), options.map_frame, start, options.fresh, options.delay, options.speed
         ),
         sim_time=options.use_sim_time,
         topics=_topics(options.topic),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from agent.robots.ros2.localisation import LocalisationSettings
 
@@ -54,6 +54,14 @@ class DriveSettings:
     localisation: LocalisationSettings = field(default_factory=LocalisationSettings)
     sim_time: bool = False
     topics: Mapping[str, str] = field(default_factory=dict)
+
+    def at_speed(self, speed: float) -> DriveSettings:
+        """The same for a robot of another top speed.
+
+        Args:
+            speed: m/s.
+        """
+        return replace(self, localisation=replace(self.localisation, speed=speed))
 
     def topic(self, usual: str) -> str:
         """The name of a topic.
