@@ -58,6 +58,8 @@ class Site:
         factor: Seconds of the robot's time in one of ours; 1 but for simulations.
         fog: What the robot will believe of the fog, to be shown.
         peers: The other robots heard so far, by number; goes on to change.
+        foreseen: Where the other robots should be, by number, that many ticks from now; None where the fleet's robots do
+            not predict each other (`radio.adaptive`).
         radii: Of all robots, by number, m.
         orders: Makes the place where operators' orders to stop wait, for a robot that obeys them.
     """
@@ -70,6 +72,7 @@ class Site:
     factor: float
     fog: Fog
     peers: Mapping[int, Peer]
+    foreseen: Callable[[int], Mapping[int, Peer]] | None
     radii: Mapping[int, float]
     orders: Callable[[], StopOrders]
 
@@ -267,6 +270,7 @@ class _Driver:
             factor=scenario.factor,
             fog=self.mind.belief.fog,
             peers=self.mind.belief.peers,
+            foreseen=_foreseen(self.mind, clock),
             radii=self.mind.facts.radii,
             orders=lambda: StopOrders(link, keys, name),
         )
@@ -287,6 +291,12 @@ class _Driver:
             robot.stop(failure or self.ending.reason or "the driver ends")
         telemetry.close()
         return failure
+
+
+def _foreseen(mind: Mind, clock: LateClock) -> Callable[[int], Mapping[int, Peer]] | None:
+    """Where a mind takes the other robots to be some ticks from now; None where its fleet does not predict."""
+    predictor = mind.facts.sending.predictor
+    return None if predictor is None else lambda ahead: mind.belief.peers_at(clock.k + ahead, predictor)
 
 
 class LateClock:

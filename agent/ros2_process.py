@@ -276,7 +276,8 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Ro
         fence = Fence(
             site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.acceleration
         )
-        steering = VelocitySteering(hardware, Governor(rule, fence), Others(site.peers, site.radii, site.step))
+        others = Others(site.peers, site.radii, site.step, site.foreseen)
+        steering = VelocitySteering(hardware, Governor(rule, fence), others)
     if shows_map and not show_map(hardware.link, settings, site.terrain, hardware.stamp_ns()):
         say(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
     shown = Shown(hardware.link, settings, site.terrain, site.fog, hardware.stamp_ns)
