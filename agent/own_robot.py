@@ -58,8 +58,8 @@ class Site:
         factor: Seconds of the robot's time in one of ours; 1 but for simulations.
         fog: What the robot will believe of the fog, to be shown.
         peers: The other robots heard so far, by number; goes on to change.
-        foreseen: Where the other robots should be, by number, that many ticks from now; None where the fleet's robots do
-            not predict each other (`radio.adaptive`).
+        foreseen: Where the other robots should be, by number, so many ticks from now; None where the fleet's robots do
+            not predict each other by their trails (`radio.adaptive`, `radio.trail`).
         radii: Of all robots, by number, m.
         orders: Makes the place where operators' orders to stop wait, for a robot that obeys them.
     """
@@ -295,8 +295,10 @@ class _Driver:
 
 def _foreseen(mind: Mind, clock: LateClock) -> Callable[[int], Mapping[int, Peer]] | None:
     """Where a mind takes the other robots to be some ticks from now; None where its fleet does not predict."""
-    predictor = mind.facts.sending.predictor
-    return None if predictor is None else lambda ahead: mind.belief.peers_at(clock.k + ahead, predictor)
+    sending = mind.facts.sending
+    if sending.predictor is None or not sending.trail:  # without trails, robots are predicted to stand
+        return None
+    return lambda ahead: mind.belief.peers_at(clock.k + ahead, sending.predictor)
 
 
 class LateClock:

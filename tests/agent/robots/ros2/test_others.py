@@ -52,7 +52,7 @@ def test_the_fence_knows_where_a_steady_robot_is_that_saves_on_its_radio(adaptiv
         "terrain": {"builtin": "open"},
         "pace": "realtime",
         "robots": [{"name": name, "model": "holonomic", "speed": 1.0} for name in ("r1", "r2")],
-        "radio": {"via": "direct", "adaptive": adaptive},
+        "radio": {"via": "direct", "trail": 2, "adaptive": adaptive},
     }
     prepared = prepare(load_scenario(raw))
     mind, sending_mind = (build_mind(prepared, number) for number in (1, 2))
