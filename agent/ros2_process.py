@@ -131,14 +131,14 @@ def _patrol(
     from agent.own_robot import Ticks, Where, patrol_with
     from agent.robots.ros2.driver import Failed
 
-    name, say = log.process, log.info
+    name = log.process
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
-    where = Where(options.credentials, *_meeting(options, say), options.radio)
+    where = Where(options.credentials, *_meeting(options, log.info), options.radio)
     ticks = Ticks(options.epoch, options.wait, alone_s)
 
     def make(site: Site) -> Ros2Robot:
-        return _robot(site, hardware, shows_map, say)
+        return _robot(site, hardware, shows_map, log)
 
     try:
         return patrol_with(make, scenario, name, where, ticks, ending, vitals)
@@ -253,11 +253,12 @@ def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | 
     return options.router or options.connect, options.fleet or FLEET
 
 
-def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Robot:
-    from agent.robots.ros2.driver import Pace, Ros2Robot
+def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log) -> Ros2Robot:
+    from agent.robots.ros2.driver import Objection, Pace, Ros2Robot
     from agent.robots.ros2.fence import Fence
     from agent.robots.ros2.governor import Governor, Rule
     from agent.robots.ros2.others import Others
+    from agent.robots.ros2.response import Response
     from agent.robots.ros2.shown import Shown, show_map
     from agent.robots.ros2.steering import GoalSteering, Steering, VelocitySteering
 
@@ -267,6 +268,7 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Ro
     if settings.drive == "ackermann" and spec.model != "car":
         raise BadInput(f"--drive ackermann: steers a car, and {spec.name} is {spec.model}; set its model to car")
     steering: Steering
+    objections: list[Objection] = []
     if settings.drive == "nav2":
         steering = GoalSteering(hardware)
     else:
@@ -277,9 +279,11 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Ro
             site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.acceleration
         )
         others = Others(site.peers, site.radii, site.step, site.foreseen)
-        steering = VelocitySteering(hardware, Governor(rule, fence), others)
+        response = Response(spec.radius)
+        objections.append(response)
+        steering = VelocitySteering(hardware, Governor(rule, fence), others, response)
     if shows_map and not show_map(hardware.link, settings, site.terrain, hardware.stamp_ns()):
-        say(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
+        log.info(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
     shown = Shown(hardware.link, settings, site.terrain, site.fog, hardware.stamp_ns)
     pace = Pace(site.step, site.factor, settings.rate_hz)
-    return Ros2Robot(hardware, steering, site.clock, pace, shown, site.orders(), say).start()
+    return Ros2Robot(hardware, steering, site.clock, pace, shown, site.orders(), log, objections).start()
