@@ -275,9 +275,7 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log) -> Ros2Rob
         period_s = 1.0 / settings.rate_hz
         rule = Rule(spec.model, spec.limits, settings.acceleration, HOLD_STEPS * site.step)
         # Between two commands the robot goes on; half of the margin is kept for the errors of its pose.
-        fence = Fence(
-            site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.acceleration
-        )
+        fence = Fence(site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.braking)
         others = Others(site.peers, site.radii, site.step, site.foreseen)
         response = Response(spec.radius)
         objections.append(response)

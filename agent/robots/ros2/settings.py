@@ -36,7 +36,8 @@ class DriveSettings:
         base_frame: The frame in which velocities are meant.
         map_frame: The frame of the map.
         wheelbase: Of a car, m.
-        acceleration: The most by which a speed may change, m/s².
+        acceleration: The most by which the speed that the robot is told may change, m/s².
+        braking: How hard the robot surely brakes, m/s²; the fence relies on it.
         margin: What the mind keeps clear around the body, m: the errors of localisation and of driving.
         rate_hz: How often commands are sent, each second of the robot's time.
         localisation: How it is found on the map.
@@ -49,6 +50,7 @@ class DriveSettings:
     map_frame: str = "map"
     wheelbase: float = 0.3
     acceleration: float = 1.0
+    braking: float = 1.0
     margin: float = 0.1
     rate_hz: float = 20.0
     localisation: LocalisationSettings = field(default_factory=LocalisationSettings)

@@ -54,6 +54,10 @@ class Heard(Log):
     def __init__(self, process: str) -> None:
         super().__init__(process)
         self.said: list[str] = []
+        self.failures: list[BaseException] = []
+
+    def failure(self, error: BaseException) -> None:
+        self.failures.append(error)
 
     def info(self, line: str, **facts: object) -> None:
         del facts
@@ -219,7 +223,7 @@ def test_odometry_that_ends_stops_the_robot_and_its_return_lets_it_go_on() -> No
     assert bench.said[-1] == "stopped for good: over"
 
 
-def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind_and_the_log() -> None:
     bench = Bench()
     bench.at(Pose(2.0, 5.0, 0.0))
 
@@ -233,7 +237,7 @@ def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind(capsys: pytest.C
     bench.until(lambda: not bench.driver.driving)
     with pytest.raises(Failed, match="a wire is loose"):
         bench.driver.sense()
-    assert "a wire is loose" in capsys.readouterr().err
+    assert [str(error) for error in bench.log.failures] == ["a wire is loose"]
 
 
 def test_transforms_outside_of_the_namespace_count_while_there_are_none_inside() -> None:

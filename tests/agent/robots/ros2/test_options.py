@@ -69,6 +69,11 @@ def test_everything_can_be_said() -> None:
     assert settings.localisation.start == Pose(1.0, -2.0, 0.5)
 
 
+def test_a_robot_brakes_as_hard_as_it_is_said_to_or_else_as_it_speeds_up() -> None:
+    assert drive_settings(options("--acceleration", "4")).braking == 4.0
+    assert drive_settings(options("--acceleration", "4", "--braking", "0.8")).braking == 0.8
+
+
 def test_the_formats_are_those_of_the_link() -> None:
     assert set(FORMATS) == set(KNOWN)
 
@@ -84,6 +89,7 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
     [
         (["--radius", "nan"], "--radius nan: out of range; give 0.01 to 100"),
         (["--speed", "0"], "--speed 0: out of range"),
+        (["--braking", "0"], "--braking 0: out of range; give 0.01 to 100"),
         (["--rate", "0"], "--rate 0: out of range; give 2 to 50"),
         (["--fresh", "2"], "--fresh 2: out of range; give 0.05 to 0.4"),
         (["--start", "1,2"], "--start 1,2: not a pose; give X,Y,HEADING"),
