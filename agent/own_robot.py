@@ -6,6 +6,7 @@ A driver only has to call `drive`; see ``examples/my_robot.py``.
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -246,12 +247,13 @@ class _Driver:
         from agent.radios.direct import tune_in
         from patrol.net.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
+        from patrol.process.notify import Notifier
 
         scenario, name, say = self.prepared.scenario, self.spec.name, self.log.info
         assert scenario.factor is not None  # a direct radio is refused in lockstep
         step_s = scenario.step / scenario.factor
         names = {one.name: one.number for one in scenario.roster}
-        clock = LateClock()
+        clock = LateClock(Notifier(os.environ).alive)
         radio = tune_in(air, keys, name, names, clock)
         epoch_s = ticks.epoch_s
         if epoch_s is None:
@@ -307,9 +309,13 @@ class LateClock:
     Attributes:
         keeper: Counts the ticks; None until then.
         k: The tick; -1 before the first.
+
+    Args:
+        alive: Told in each tick, by the loop that waits for it: the process is ready, and does not hang.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, alive: Callable[[], None] = lambda: None) -> None:
+        self._alive = alive
         self.keeper: FleetClock | None = None
         self.k = -1
 
@@ -317,6 +323,7 @@ class LateClock:
         """Wait for the next tick; None when it is time to leave."""
         assert self.keeper is not None
         k = self.keeper.tick()
+        self._alive()
         self.k = self.k if k is None else k
         return k
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from agent.own_robot import Site
     from agent.robots.ros2.driver import Ros2Robot
     from agent.robots.ros2.hardware import Hardware
+    from agent.robots.ros2.rivals import Rivals
     from agent.robots.ros2.settings import DriveSettings
     from patrol.pose import Pose
     from patrol.process.vitals import Vitals
@@ -134,17 +135,35 @@ def _patrol(
     name = log.process
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
+    rivals = _alone(hardware, ending)
     where = Where(options.credentials, *_meeting(options, log.info), options.radio)
     ticks = Ticks(options.epoch, options.wait, alone_s)
 
     def make(site: Site) -> Ros2Robot:
-        return _robot(site, hardware, shows_map, log)
+        return _robot(site, hardware, shows_map, log, rivals)
 
     try:
         return patrol_with(make, scenario, name, where, ticks, ending, vitals)
     except Failed as failed:
         log.error(str(failed))
         return FAILED
+    finally:
+        rivals.close()
+
+
+def _alone(hardware: Hardware, ending: Ending) -> Rivals:
+    """Make sure that nobody else drives the robot, from now on. Raises BadInput if somebody does."""
+    from agent.robots.ros2.rivals import Rivals
+
+    settings, link = hardware.settings, hardware.link
+    usual = None if settings.is_shared else settings.commands
+    rivals = Rivals(link, None if usual is None else link.resolve(settings.topic(usual)))
+    if found := rivals.are_there(stopped=lambda: bool(ending)):
+        raise BadInput(
+            f"{', '.join(found)}: drives the robot already; end that first, or let a twist_mux choose and give its "
+            "input by --topic, or give --shared-commands for a joystick"
+        )
+    return rivals.watch()
 
 
 def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
@@ -253,7 +272,7 @@ def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | 
     return options.router or options.connect, options.fleet or FLEET
 
 
-def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log) -> Ros2Robot:
+def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log, rivals: Rivals) -> Ros2Robot:
     from agent.robots.ros2.driver import Objection, Pace, Ros2Robot
     from agent.robots.ros2.fence import Fence
     from agent.robots.ros2.governor import Governor, Rule
@@ -268,7 +287,7 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log) -> Ros2Rob
     if settings.drive == "ackermann" and spec.model != "car":
         raise BadInput(f"--drive ackermann: steers a car, and {spec.name} is {spec.model}; set its model to car")
     steering: Steering
-    objections: list[Objection] = []
+    objections: list[Objection] = [rivals]
     if settings.drive == "nav2":
         steering = GoalSteering(hardware)
     else:

@@ -47,8 +47,9 @@ Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is t
 
 The robot stands, with zero velocity, whenever its pose is not fresh, somebody has stopped it, or the way that it needs
 to stop leads off the map's ground; and when this process ends. The way that it needs to stop follows from --braking:
-measure it, for a robot that brakes less than it is said to runs into walls. If this process is killed, only the robot's own watchdog
-stops it: test that first. This program sees no people and no obstacles that are not on the map; see docs/ros2.md.
+measure that, since a robot that brakes less hard than it is said to runs into walls. If this process is killed, only
+the robot's own watchdog stops it: test that first. This program sees no people and no obstacles that are not on the
+map; see docs/ros2.md.
 
 Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 """
@@ -90,6 +91,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID (default: of the environment, or 0)")
     add("--ros-credentials", type=Path, metavar="FOLDER", help="prove to the robot's router who this is")
     add("--drive", choices=DRIVES, default="twist-stamped", help="what the robot is told (default: %(default)s)")
+    add("--shared-commands", action="store_true", help="drive although others send it commands too, such as a joystick")
     add("--topic", action="append", default=[], metavar="NAME=TOPIC", help=f"another name; of {', '.join(TOPICS)}")
     add("--base-frame", default="base_link", metavar="NAME", help="frame of velocities (default: %(default)s)")
     add("--use-sim-time", action="store_true", help="go by the time on /clock, of a simulated robot")
@@ -176,6 +178,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         localisation=LocalisationSettings(
             Source(options.localisation), options.map_frame, start, options.fresh, options.delay, options.speed
         ),
+        is_shared=options.shared_commands,
         sim_time=options.use_sim_time,
         topics=_topics(options.topic),
     )

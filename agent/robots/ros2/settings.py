@@ -41,6 +41,7 @@ class DriveSettings:
         margin: What the mind keeps clear around the body, m: the errors of localisation and of driving.
         rate_hz: How often commands are sent, each second of the robot's time.
         localisation: How it is found on the map.
+        is_shared: Whether others may send it commands too.
         sim_time: Whether the robot's time comes from its clock topic.
         topics: Names of topics other than the usual, by those.
     """
@@ -54,6 +55,7 @@ class DriveSettings:
     margin: float = 0.1
     rate_hz: float = 20.0
     localisation: LocalisationSettings = field(default_factory=LocalisationSettings)
+    is_shared: bool = False
     sim_time: bool = False
     topics: Mapping[str, str] = field(default_factory=dict)
 
@@ -64,6 +66,11 @@ class DriveSettings:
             speed: m/s.
         """
         return replace(self, localisation=replace(self.localisation, speed=speed))
+
+    @property
+    def commands(self) -> str | None:
+        """The usual name of the topic by which it is moved; None where it gets goals."""
+        return {"nav2": None, "ackermann": "ackermann_cmd"}.get(self.drive, "cmd_vel")
 
     def topic(self, usual: str) -> str:
         """The name of a topic.
