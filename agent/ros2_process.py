@@ -296,7 +296,7 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log, rivals: Ri
         # Between two commands the robot goes on; half of the margin is kept for the errors of its pose.
         fence = Fence(site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.braking)
         others = Others(site.peers, site.radii, site.step, site.foreseen)
-        response = Response(spec.radius)
+        response = Response(spec.radius, spec.speed / settings.braking)
         objections.append(response)
         steering = VelocitySteering(hardware, Governor(rule, fence), others, response)
     if shows_map and not show_map(hardware.link, settings, site.terrain, hardware.stamp_ns()):

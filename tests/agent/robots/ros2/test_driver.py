@@ -87,7 +87,7 @@ class Bench:
         else:
             rule = Rule(model, spec.limits, 1e6, 60.0)
             governor = Governor(rule, Fence(terrain, 0.3, 0.1, 1e6))
-            self.response = Response(spec.radius)
+            self.response = Response(spec.radius, 0.0)
             self.steering = VelocitySteering(self.hardware, governor, Others({}, {}, STEP_S), self.response)
             self.objections.append(self.response)
         self.ticks = Ticks(*range(1000))
