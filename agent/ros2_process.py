@@ -90,6 +90,7 @@ def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals |
     settings = drive_settings(options)
     overrides = parse_overrides(options.set)
     given = None if options.scenario is None else load_scenario(options.scenario, overrides)
+    _check_map(options, name, given, overrides)
     for spec in () if given is None else given.roster:
         if spec.name == name:
             settings = settings.at_speed(spec.speed)
@@ -140,7 +141,10 @@ def _patrol(
     ticks = Ticks(options.epoch, options.wait, alone_s)
 
     def make(site: Site) -> Ros2Robot:
-        return _robot(site, hardware, shows_map, log, rivals)
+        robot = _robot(site, hardware, shows_map, log, rivals)
+        if vitals is not None:
+            robot.show(vitals)
+        return robot
 
     try:
         return patrol_with(make, scenario, name, where, ticks, ending, vitals)
@@ -164,6 +168,17 @@ def _alone(hardware: Hardware, ending: Ending) -> Rivals:
             "input by --topic, or give --shared-commands for a joystick"
         )
     return rivals.watch()
+
+
+def _check_map(options: argparse.Namespace, name: str, given: Scenario | None, overrides: dict[str, object]) -> None:
+    """Say what is wrong with the map, if it is given, before anything waits for the robot."""
+    from patrol.ground.maps import load_terrain
+    from patrol.pose import Pose
+
+    if given is None and options.map is not None:
+        given = _scenario(options, name, options.map, Pose(0.0, 0.0, 0.0), overrides)
+    if given is not None:
+        load_terrain(given.terrain, given.point, Path())
 
 
 def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:

@@ -22,6 +22,7 @@ from patrol.net.phases import PHASE_B_SHARE
 from patrol.net.stop_orders import Order, StopOrders
 from patrol.pose import Command
 from patrol.process.logs import Log
+from patrol.process.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 
 SAY_AFTER_S = 1.0
 """How long a robot has to stand for a reason before it is said, s."""
@@ -104,6 +105,7 @@ class Ros2Robot:
         self._lock = Lock()
         self._over = Event()
         self._failed = ""
+        self._stopped = ""
         self._cycled_s = time.monotonic()
         self._thread = Thread(target=self._drive, name="drive", daemon=True)
 
@@ -118,6 +120,16 @@ class Ros2Robot:
     def driving(self) -> bool:
         """Whether its thread drives."""
         return self._thread.is_alive()
+
+    def show(self, vitals: Vitals) -> None:
+        """Have the robot's figures read from now on.
+
+        Args:
+            vitals: The process's figures.
+        """
+        vitals.probe(STOPPED, lambda: float(bool(self._stopped)))
+        vitals.probe(ODOMETRY_AGE, lambda: self._hardware.odometry_age_s)
+        vitals.probe(UNUSABLE, lambda: self._hardware.refused)
 
     def sense(self) -> Sensed | None:
         """Wait for the next tick in which it is known where the robot is; None when it is time to leave.
@@ -170,6 +182,7 @@ class Ros2Robot:
             fix = self._hardware.fix()
             now_s = self._hardware.time.now()
             stopped = self._hardware.stops.why or next((one.why for one in self._objections if one.why), "")
+            self._stopped = stopped
             why = self._steering.step(fix, 0.0 if now_s is None else now_s, since_s, stopped)
         if fix is None and not stopped:
             why = self._hardware.why

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import deque
 from collections.abc import Callable
@@ -22,7 +23,9 @@ from agent.robots.ros2.steering import ENOUGH_M, GoalSteering, Progress, Steerin
 from patrol.ground.terrain import Terrain
 from patrol.net.stop_orders import Order
 from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.process.health import Reading, health_line
 from patrol.process.logs import Log
+from patrol.process.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from patrol.ros2 import messages
 from patrol.ros2.goals import GoalServer, Status
 from patrol.ros2.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped
@@ -298,6 +301,22 @@ def test_a_robot_that_turns_back_at_a_wall_is_not_said_to_stand() -> None:
     for tenth in range(1000):
         sayer.state(TOO_NEAR if tenth % 90 else "", tenth / 10, HELD_AFTER_S)
     assert said == []
+
+
+def test_its_health_says_how_old_its_odometry_is_and_whether_it_may_drive() -> None:
+    bench, vitals = Bench(), Vitals()
+    bench.driver.show(vitals)
+    assert ODOMETRY_AGE not in vitals.read()
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.cycle()
+    figures = vitals.read()
+    assert 0.0 <= float(figures[ODOMETRY_AGE]) < PATIENCE_S  # type: ignore[arg-type]
+    assert (figures[STOPPED], figures[UNUSABLE]) == (0.0, {})
+    bench.hardware._odometry.refuse("hash", "other fields")
+    bench.stop.send(Bool(True))
+    bench.driver.cycle()
+    line = health_line(Reading(0.0, vitals.read()), None)
+    assert re.search(r"stopped, odometry \d+\.\d s ago, robot's messages refused: 1 hash", line), line
 
 
 def test_the_time_of_a_simulation_is_the_robots_time() -> None:

@@ -99,6 +99,8 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
         (["--topic", "odom=a b"], "--topic odom 'a b': not a name in ROS"),
         (["--drive", "ackermann"], "--drive ackermann: steers a car, and --model is differential"),
         (["--scenario", "nowhere.yaml"], "nowhere.yaml"),
+        (["--map", "nowhere.yaml", "--wait", "3600"], "nowhere.yaml"),
+        (["--map", "nowhere.yaml", "--robots", "a,b", "--name", "c", "--wait", "3600"], "does not hold c"),
         (["--connect", "10.0.0.1"], "--connect '10.0.0.1': not a router's address"),
         (["--namespace", "1st"], "--namespace '1st': not a name in ROS"),
         (["--domain", "300"], "--domain 300: not a ROS_DOMAIN_ID"),
