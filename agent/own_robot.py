@@ -6,6 +6,7 @@ A driver only has to call `drive`; see ``examples/my_robot.py``.
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -58,6 +59,8 @@ class Site:
         factor: Seconds of the robot's time in one of ours; 1 but for simulations.
         fog: What the robot will believe of the fog, to be shown.
         peers: The other robots heard so far, by number; goes on to change.
+        foreseen: Where the other robots should be, by number, so many ticks from now; None where the fleet's robots do
+            not predict each other by their trails (`radio.adaptive`, `radio.trail`).
         radii: Of all robots, by number, m.
         orders: Makes the place where operators' orders to stop wait, for a robot that obeys them.
     """
@@ -70,6 +73,7 @@ class Site:
     factor: float
     fog: Fog
     peers: Mapping[int, Peer]
+    foreseen: Callable[[int], Mapping[int, Peer]] | None
     radii: Mapping[int, float]
     orders: Callable[[], StopOrders]
 
@@ -243,12 +247,13 @@ class _Driver:
         from agent.radios.direct import tune_in
         from patrol.net.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
+        from patrol.process.notify import Notifier
 
         scenario, name, say = self.prepared.scenario, self.spec.name, self.log.info
         assert scenario.factor is not None  # a direct radio is refused in lockstep
         step_s = scenario.step / scenario.factor
         names = {one.name: one.number for one in scenario.roster}
-        clock = LateClock()
+        clock = LateClock(Notifier(os.environ).alive)
         radio = tune_in(air, keys, name, names, clock)
         epoch_s = ticks.epoch_s
         if epoch_s is None:
@@ -267,6 +272,7 @@ class _Driver:
             factor=scenario.factor,
             fog=self.mind.belief.fog,
             peers=self.mind.belief.peers,
+            foreseen=_foreseen(self.mind, clock),
             radii=self.mind.facts.radii,
             orders=lambda: StopOrders(link, keys, name),
         )
@@ -289,15 +295,27 @@ class _Driver:
         return failure
 
 
+def _foreseen(mind: Mind, clock: LateClock) -> Callable[[int], Mapping[int, Peer]] | None:
+    """Where a mind takes the other robots to be some ticks from now; None where its fleet does not predict."""
+    sending = mind.facts.sending
+    if sending.predictor is None or not sending.trail:  # without trails, robots are predicted to stand
+        return None
+    return lambda ahead: mind.belief.peers_at(clock.k + ahead, sending.predictor)
+
+
 class LateClock:
     """A fleet clock (`agent.ports.FleetClock`) whose keeper is known only after another robot has been heard.
 
     Attributes:
         keeper: Counts the ticks; None until then.
         k: The tick; -1 before the first.
+
+    Args:
+        alive: Told in each tick, by the loop that waits for it: the process is ready, and does not hang.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, alive: Callable[[], None] = lambda: None) -> None:
+        self._alive = alive
         self.keeper: FleetClock | None = None
         self.k = -1
 
@@ -305,6 +323,7 @@ class LateClock:
         """Wait for the next tick; None when it is time to leave."""
         assert self.keeper is not None
         k = self.keeper.tick()
+        self._alive()
         self.k = self.k if k is None else k
         return k
 

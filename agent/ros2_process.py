@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from agent.own_robot import Site
     from agent.robots.ros2.driver import Ros2Robot
     from agent.robots.ros2.hardware import Hardware
+    from agent.robots.ros2.rivals import Rivals
     from agent.robots.ros2.settings import DriveSettings
     from patrol.pose import Pose
     from patrol.process.vitals import Vitals
@@ -101,6 +102,10 @@ def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals |
     settings = drive_settings(options)
     overrides = parse_overrides(options.set)
     given = None if options.scenario is None else load_scenario(options.scenario, overrides)
+    _check_map(options, name, given, overrides)
+    for spec in () if given is None else given.roster:
+        if spec.name == name:
+            settings = settings.at_speed(spec.speed)
     with ExitStack() as stack:
         try:
             link = _link(options, ending, say)
@@ -140,20 +145,52 @@ def _patrol(
     from agent.own_robot import Ticks, Where, patrol_with
     from agent.robots.ros2.driver import Failed
 
-    name, say = log.process, log.info
+    name = log.process
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
-    where = Where(options.credentials, *_meeting(options, say), options.radio)
+    rivals = _alone(hardware, ending)
+    where = Where(options.credentials, *_meeting(options, log.info), options.radio)
     ticks = Ticks(options.epoch, options.wait, alone_s)
 
     def make(site: Site) -> Ros2Robot:
-        return _robot(site, hardware, shows_map, say)
+        robot = _robot(site, hardware, shows_map, log, rivals)
+        if vitals is not None:
+            robot.show(vitals)
+        return robot
 
     try:
         return patrol_with(make, scenario, name, where, ticks, ending, vitals)
     except Failed as failed:
         log.error(str(failed))
         return FAILED
+    finally:
+        rivals.close()
+
+
+def _alone(hardware: Hardware, ending: Ending) -> Rivals:
+    """Make sure that nobody else drives the robot, from now on. Raises BadInput if somebody does."""
+    from agent.robots.ros2.rivals import Rivals
+
+    settings, link = hardware.settings, hardware.link
+    usual = None if settings.is_shared else settings.commands
+    rivals = Rivals(link, None if usual is None else link.resolve(settings.topic(usual)))
+    if found := rivals.are_there(stopped=lambda: bool(ending)):
+        raise BadInput(
+            f"{', '.join(found)}: drives the robot already; end that first, or let a twist_mux choose and give its "
+            "input by --topic, or give --shared-commands for a joystick"
+        )
+    return rivals.watch()
+
+
+def _check_map(options: argparse.Namespace, name: str, given: Scenario | None, overrides: dict[str, object]) -> None:
+    """Say what is wrong with the map, if it is given, before anything waits for the robot."""
+    from patrol.ground.maps import load_terrain
+    from patrol.pose import Pose
+
+    if given is None and options.map is not None:
+        given = _scenario(options, name, options.map, Pose(0.0, 0.0, 0.0), overrides)
+    if given is not None:
+        load_terrain(given.terrain, given.point, Path())
 
 
 def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
@@ -264,11 +301,12 @@ def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | 
     return options.router or options.connect, options.fleet or FLEET
 
 
-def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Robot:
-    from agent.robots.ros2.driver import Pace, Ros2Robot
+def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log, rivals: Rivals) -> Ros2Robot:
+    from agent.robots.ros2.driver import Objection, Pace, Ros2Robot
     from agent.robots.ros2.fence import Fence
     from agent.robots.ros2.governor import Governor, Rule
     from agent.robots.ros2.others import Others
+    from agent.robots.ros2.response import Response
     from agent.robots.ros2.shown import Shown, show_map
     from agent.robots.ros2.steering import GoalSteering, Steering, VelocitySteering
 
@@ -278,18 +316,20 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, say: _Say) -> Ros2Ro
     if settings.drive == "ackermann" and spec.model != "car":
         raise BadInput(f"--drive ackermann: steers a car, and {spec.name} is {spec.model}; set its model to car")
     steering: Steering
+    objections: list[Objection] = [rivals]
     if settings.drive == "nav2":
         steering = GoalSteering(hardware)
     else:
         period_s = 1.0 / settings.rate_hz
         rule = Rule(spec.model, spec.limits, settings.acceleration, HOLD_STEPS * site.step)
         # Between two commands the robot goes on; half of the margin is kept for the errors of its pose.
-        fence = Fence(
-            site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.acceleration
-        )
-        steering = VelocitySteering(hardware, Governor(rule, fence), Others(site.peers, site.radii, site.step))
+        fence = Fence(site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.braking)
+        others = Others(site.peers, site.radii, site.step, site.foreseen)
+        response = Response(spec.radius, spec.speed / settings.braking)
+        objections.append(response)
+        steering = VelocitySteering(hardware, Governor(rule, fence), others, response)
     if shows_map and not show_map(hardware.link, settings, site.terrain, hardware.stamp_ns()):
-        say(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
+        log.info(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
     shown = Shown(hardware.link, settings, site.terrain, site.fog, hardware.stamp_ns)
     pace = Pace(site.step, site.factor, settings.rate_hz)
-    return Ros2Robot(hardware, steering, site.clock, pace, shown, site.orders(), say).start()
+    return Ros2Robot(hardware, steering, site.clock, pace, shown, site.orders(), log, objections).start()

@@ -57,19 +57,23 @@ class HubLink:
     """A node (`Ros2Link`)."""
 
     def __init__(self, hub: Hub, node: NodeName) -> None:
-        self._hub, self._node = hub, node
+        self._hub, self.node = hub, node
         self.format: Format = RmwZenoh()
         self.connected = True
 
+    def is_ours(self, entity: Entity) -> bool:
+        """Whether something is of this node."""
+        return entity.node == self.node
+
     def resolve(self, name: str) -> str:
         """The full name."""
-        return full_name(self._node.namespace, name)
+        return full_name(self.node.namespace, name)
 
     def publisher(self, topic: str, kind: type[Any], qos: Qos = USUAL) -> HubSender:
         """A publisher."""
         full = self.resolve(topic)
         number = len(self._hub.entities) + 1
-        self._hub.entities.append(Entity(0, "z", 1, number, Kind.PUBLISHER, self._node, full, kind.__name__))
+        self._hub.entities.append(Entity(0, "z", 1, number, Kind.PUBLISHER, self.node, full, kind.__name__))
         return HubSender(self._hub, full, qos)
 
     def subscribe(self, topic: str, kind: type[Any], mailbox: RosMailbox[Any], qos: Qos = USUAL) -> None:

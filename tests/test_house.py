@@ -112,6 +112,7 @@ def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
         "wiring.py",
         "ros2_process.py",
         "hardware.py",
+        "rivals.py",
         "driver.py",
         "shown.py",
         "stops.py",

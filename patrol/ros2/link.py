@@ -77,6 +77,15 @@ class ZenohRos2Link:
         return self._format
 
     @property
+    def node(self) -> NodeName:
+        """Its own name."""
+        return self._node
+
+    def is_ours(self, entity: Entity) -> bool:
+        """Whether something in the graph is of this link itself."""
+        return entity.session == self._id
+
+    @property
     def connected(self) -> bool:
         """Whether the robot's router is at the other end now; the session finds back to one that returns by itself."""
         return bool(self._session.info.routers_zid())

@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 from patrol.ros2.formats import Format
 from patrol.ros2.mailbox import RosMailbox
-from patrol.ros2.names import USUAL, Entity, Qos
+from patrol.ros2.names import USUAL, Entity, NodeName, Qos
 
 Q = TypeVar("Q")
 A = TypeVar("A")
@@ -70,6 +70,15 @@ class Ros2Link(Protocol):
     @property
     def format(self) -> Format:
         """What it speaks."""
+        ...
+
+    @property
+    def node(self) -> NodeName:
+        """Its own name."""
+        ...
+
+    def is_ours(self, entity: Entity) -> bool:
+        """Whether something in the graph is of this link itself."""
         ...
 
     @property

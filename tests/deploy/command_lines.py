@@ -9,12 +9,13 @@ from pathlib import Path
 import agent.process
 import fogwatch.router
 import monitor.process
+from agent.robots.ros2.options import options_of, wanted
 from worldsim.options import WorldOptions, parse_options
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 Options = Namespace | WorldOptions
 READERS: dict[str, Callable[[Sequence[str]], Options]] = {
-    "agent": agent.process._options,
+    "agent": lambda words: (options_of if wanted(words) else agent.process._options)(words),
     "fogwatch.router": fogwatch.router._options,
     "monitor": monitor.process._options,
     "worldsim": parse_options,

@@ -15,6 +15,8 @@ from tests.deploy.command_lines import DEPLOY, options_in
 
 UNITS = {path.stem: path for path in sorted((DEPLOY / "systemd").glob("*.service"))}
 SPECIFIERS = {"%i": "r1", "%d": "/run/credentials/unit", "%%": "%"}
+ROBOT = ("${FOGWATCH_ROBOT}", "tcp/127.0.0.1:7447")
+"""The variable that names a ROS 2 robot's router, and what the unit sets it to."""
 HARDENED = {
     "NoNewPrivileges": "yes",
     "CapabilityBoundingSet": "",
@@ -42,6 +44,7 @@ def command(name: str) -> list[str]:
     if words[0] == "/bin/sh":
         words = shlex.split(words[2].replace("$(date +%Y%m%d-%H%M%S)", "now"))[1:]
     assert words[:2] == ["/opt/fogwatch/venv/bin/python", "-P"]
+    words = [ROBOT[1] if word == ROBOT[0] else word for word in words]
     return [word for word in words[2:] if not re.fullmatch(r"\$FOGWATCH(_ROUTER)?_OPTIONS", word)]
 
 
@@ -50,6 +53,7 @@ def test_there_is_a_unit_for_each_process() -> None:
     assert started == {
         "fogwatch-agent@": "agent",
         "fogwatch-monitor": "monitor",
+        "fogwatch-ros2-agent@": "agent",
         "fogwatch-router": "fogwatch.router",
         "fogwatch-world": "worldsim",
     }

@@ -2,6 +2,7 @@
 
 Pure cores, which are told the time:
 
+    odometer.py       which odometry can be believed
     localisation.py   from odometry and a correction of its drift to where the robot is now
     commands.py       from commands of ours to velocities in the body's frame
     fence.py          how fast a command may be obeyed so that the body can still stop on the ground

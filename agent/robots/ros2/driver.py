@@ -8,10 +8,10 @@ robot's own watchdog is the last line.
 from __future__ import annotations
 
 import time
-import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
+from typing import Protocol
 
 from agent.ports import Decision, FleetClock, Telemetry
 from agent.robots.ros2.hardware import Hardware
@@ -21,9 +21,13 @@ from patrol.exchange import Sensed
 from patrol.net.phases import PHASE_B_SHARE
 from patrol.net.stop_orders import Order, StopOrders
 from patrol.pose import Command
+from patrol.process.logs import Log
+from patrol.process.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 
 SAY_AFTER_S = 1.0
 """How long a robot has to stand for a reason before it is said, s."""
+HELD_AFTER_S = 10.0
+"""How long a robot that could drive has to be held before it is said, s: at walls and in queues it soon goes round."""
 LONGEST_CYCLE_S = 0.25
 """The longest time between two commands over which a speed may change, s: who was late does not jump."""
 _JOIN_S = 1.0
@@ -50,6 +54,19 @@ class Pace:
     rate_hz: float
 
 
+class Objection(Protocol):
+    """What may keep a robot from driving besides stops."""
+
+    @property
+    def why(self) -> str:
+        """Why it must stand, and what ends that, in one line; empty if it need not."""
+        ...
+
+    def release(self) -> None:
+        """Somebody who has looked at the robot releases it."""
+        ...
+
+
 class Ros2Robot:
     """Drives a robot.
 
@@ -60,7 +77,8 @@ class Ros2Robot:
         pace: How its time is divided.
         onlooker: Told of every decision, too.
         orders: What operators ask; None if there are none.
-        say: Prints a line.
+        log: Where it says what happens.
+        objections: What may keep it from driving besides stops.
     """
 
     def __init__(
@@ -71,7 +89,8 @@ class Ros2Robot:
         pace: Pace,
         onlooker: Telemetry | None,
         orders: StopOrders | None,
-        say: Callable[[str], None],
+        log: Log,
+        objections: Sequence[Objection] = (),
     ) -> None:
         self._hardware = hardware
         self._steering = steering
@@ -79,11 +98,14 @@ class Ros2Robot:
         self._pace = pace
         self._onlooker = onlooker
         self._orders = orders
-        self._say = Sayer(say)
+        self._log = log
+        self._say = Sayer(log.info)
+        self._objections = objections
         self._goal: Place | None = None
         self._lock = Lock()
         self._over = Event()
         self._failed = ""
+        self._stopped = ""
         self._cycled_s = time.monotonic()
         self._thread = Thread(target=self._drive, name="drive", daemon=True)
 
@@ -98,6 +120,16 @@ class Ros2Robot:
     def driving(self) -> bool:
         """Whether its thread drives."""
         return self._thread.is_alive()
+
+    def show(self, vitals: Vitals) -> None:
+        """Have the robot's figures read from now on.
+
+        Args:
+            vitals: The process's figures.
+        """
+        vitals.probe(STOPPED, lambda: float(bool(self._stopped)))
+        vitals.probe(ODOMETRY_AGE, lambda: self._hardware.odometry_age_s)
+        vitals.probe(UNUSABLE, lambda: self._hardware.refused)
 
     def sense(self) -> Sensed | None:
         """Wait for the next tick in which it is known where the robot is; None when it is time to leave.
@@ -149,11 +181,12 @@ class Ros2Robot:
             self._cycled_s = moment_s
             fix = self._hardware.fix()
             now_s = self._hardware.time.now()
-            stopped = self._hardware.stops.why
+            stopped = self._hardware.stops.why or next((one.why for one in self._objections if one.why), "")
+            self._stopped = stopped
             why = self._steering.step(fix, 0.0 if now_s is None else now_s, since_s, stopped)
         if fix is None and not stopped:
             why = self._hardware.why
-        self._say.state(why if stopped or fix is None else "", moment_s)
+        self._say.state(why, moment_s, SAY_AFTER_S if stopped or fix is None else HELD_AFTER_S)
         return fix
 
     def _carry_out(self, order: Order) -> str:
@@ -162,7 +195,11 @@ class Ros2Robot:
         if order is Order.STOP:
             stops.hold(_OPERATOR, "fogwatch control ... release")
             self._say.now("stopped by an operator")
-        elif stops.release(_OPERATOR):
+            return stops.why
+        objected = any(one.why for one in self._objections)
+        for objection in self._objections:
+            objection.release()
+        if stops.release(_OPERATOR) or objected:
             self._say.now("released by an operator")
         return stops.why or "not stopped"
 
@@ -174,7 +211,7 @@ class Ros2Robot:
                 self.cycle()
                 due_s = max(due_s + period_s, time.monotonic())
         except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stand, and the mind must know
-            traceback.print_exc()
+            self._log.failure(error)
             self._failed = f"the driver failed: {type(error).__name__}: {error}"
         finally:
             self._halt()
@@ -197,12 +234,13 @@ class Sayer:
         self._since_s: float | None = None
         self._said = False
 
-    def state(self, why: str, moment_s: float) -> None:
+    def state(self, why: str, moment_s: float, after_s: float = SAY_AFTER_S) -> None:
         """How it is.
 
         Args:
             why: Why it stands; empty if it does not.
             moment_s: When, s.
+            after_s: How long it has to stand before that is said, s.
         """
         if not why:
             if self._said:
@@ -211,6 +249,6 @@ class Sayer:
             return
         if self._since_s is None:
             self._since_s = moment_s
-        if not self._said and moment_s - self._since_s >= SAY_AFTER_S:
+        if not self._said and moment_s - self._since_s >= after_s:
             self.now(f"stands: {why}")
             self._said = True

@@ -50,7 +50,7 @@ class Fence:
             command: What it is to obey.
             others: The other robots.
         """
-        if not self._on_ground(pose):
+        if not self.on_ground(pose):
             return scaled(command, 0.0)
         for share in SHARES:
             slower = scaled(command, share)
@@ -59,6 +59,15 @@ class Fence:
             if free and all(self._keeps_off(pose, slower, stands_s + THEIRS_S, other) for other in others):
                 return slower
         return Twist(0.0, command.turn_rate) if isinstance(command, Twist) else scaled(command, 0.0)
+
+    def on_ground(self, pose: Pose) -> bool:
+        """Whether a body's centre is where a body may be.
+
+        Args:
+            pose: The body's.
+        """
+        at = self.terrain.point_at(pose.x, pose.y) if self.terrain.contains(pose.x, pose.y) else None
+        return at is not None and bool(self.terrain.free[at])
 
     def _until_it_stands(self, command: Command) -> float:
         """For how long the body may not leave the ground at its present speed, s: as far as it goes while it brakes."""
@@ -76,7 +85,3 @@ class Fence:
             if then < wide and then < now:
                 return False
         return True
-
-    def _on_ground(self, pose: Pose) -> bool:
-        at = self.terrain.point_at(pose.x, pose.y) if self.terrain.contains(pose.x, pose.y) else None
-        return at is not None and bool(self.terrain.free[at])

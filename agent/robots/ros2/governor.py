@@ -10,6 +10,11 @@ from agent.robots.ros2.fence import Fence
 from agent.robots.ros2.others import Other
 from patrol.pose import Command, Limits, Pose, halted, is_halt
 
+OFF_GROUND = (
+    "it is off the map's ground: in a wall, in a keep-out area or beyond the map; move it, or correct its localisation"
+)
+TOO_NEAR = "a wall or a robot is too near"
+
 
 @dataclass(frozen=True, slots=True)
 class Rule:
@@ -83,8 +88,10 @@ class Governor:
         eased = nearer(self.command, wanted, rule.acceleration * since_s, rule.limits.radius)
         self.command = self._fence.allowed(pose, eased.limited(rule.limits), others)
         self.fenced = self.command.speed_mps < eased.speed_mps
-        if self.fenced:
-            self.why = "a wall or a robot is too near"
+        if not self._fence.on_ground(pose):
+            self.why = OFF_GROUND
+        elif self.fenced:
+            self.why = TOO_NEAR
         elif is_halt(wanted) and now_s >= self._until_s:
             self.why = "no command has come"
         return self.command

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 
 from agent.robots.ros2.localisation import Fix, Localisation
@@ -110,13 +111,33 @@ class Hardware:
         if now_s is None:
             return None
         while (odometry := self._odometry.take()) is not None:
-            self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s))
+            self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s), odometry.sender)
         for mailbox, fixed in self._transforms():
             while (said := mailbox.take()) is not None:
                 self._localisation.transforms(said.message, self._arrival(said.at_s, now_s), fixed=fixed)
         while (pose := self._poses.take()) is not None:
             self._localisation.localised(pose.message, self._arrival(pose.at_s, now_s))
         return self._localisation.at(now_s)
+
+    @property
+    def odometry_age_s(self) -> float | None:
+        """How long ago odometry has come, s of ours; None before the first. From any thread."""
+        newest = self._odometry.newest
+        return None if newest is None else time.monotonic() - newest.at_s
+
+    @property
+    def refused(self) -> dict[str, float]:
+        """Counts of the robot's messages that could not be used, by reason. From any thread."""
+        heard = (
+            self._odometry,
+            self._tf,
+            self._tf_static,
+            self._root_tf,
+            self._root_tf_static,
+            self._poses,
+            self._stop,
+        )
+        return dict(sum((Counter(mailbox.refused) for mailbox in heard), Counter[str]()))
 
     def stamp_ns(self) -> int:
         """The stamp of a message that is sent now; 0 while nobody knows the time."""

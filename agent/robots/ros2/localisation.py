@@ -8,13 +8,13 @@ All times are the robot's, in s. Without a fresh pose there is none: nothing is 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from agent.robots.ros2.odometer import REMEMBERED, Odometer, Reading
 from patrol.pose import Pose
 from patrol.ros2.frames import composed, inverted, travelled
 
@@ -37,10 +37,12 @@ or so, and none to a robot that stands."""
 MATCH_S = 0.2
 """How far in time the odometry that a pose is held against may be from it, s."""
 
-_REMEMBERED = 256
+SPEED = 0.25
+"""The top speed of a small and careful robot, m/s."""
+
 _STANDS = 0.02
 """A robot stands whose speed and turn rate add up to less than this, in m/s and rad/s: odometry is noisy."""
-_MOST_CHILDREN = 16
+_MOST_CHILDREN = 256
 
 
 class Source(StrEnum):
@@ -67,15 +69,6 @@ class Fix:
 
 
 @dataclass(frozen=True, slots=True)
-class _Odometry:
-    stamp_s: float
-    arrived_s: float
-    pose: Pose
-    twist: Twist
-    driven_m: float
-
-
-@dataclass(frozen=True, slots=True)
 class _Correction:
     """Where the odometry's frame is on the map."""
 
@@ -94,6 +87,7 @@ class LocalisationSettings:
         start: Where it is on the map when its first odometry comes, if nothing corrects that.
         fresh_s: How long ago the newest odometry may have arrived, s.
         delay_s: How old odometry is when it arrives, s; None to go by its stamps.
+        speed: The robot's top speed, m/s: by how much its odometry may change.
     """
 
     source: Source = Source.TF
@@ -101,6 +95,7 @@ class LocalisationSettings:
     start: Pose | None = None
     fresh_s: float = 0.3
     delay_s: float | None = None
+    speed: float = SPEED
 
 
 class Localisation:
@@ -116,12 +111,12 @@ class Localisation:
     def __init__(self, settings: LocalisationSettings) -> None:
         self.why = "no odometry has come"
         self._settings = settings
-        self._odometry: deque[_Odometry] = deque(maxlen=_REMEMBERED)
-        self._frame = ""
+        self._odometer = Odometer(settings.speed, settings.fresh_s, settings.delay_s)
         self._fixed: dict[str, _Correction] = {}
         self._moving: dict[str, _Correction] = {}
         self._posed: _Correction | None = None
         self._begun: _Correction | None = None
+        self._lost = False
         self._early: PoseWithCovarianceStamped | None = None
 
     @property
@@ -129,28 +124,25 @@ class Localisation:
         """The frames that transforms on the map lead to, each with the time of its newest transform, s."""
         return MappingProxyType({name: one.arrived_s for name, one in {**self._fixed, **self._moving}.items()})
 
-    def odometry(self, message: Odometry, arrived_s: float) -> None:
-        """Take in odometry. An older one than the last is left out while that is fresh.
+    def odometry(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> None:
+        """Take in odometry. Once it counts from somewhere else, it must be corrected anew.
 
         Args:
             message: The odometry.
             arrived_s: When it arrived, s.
+            sender: Stands for who sent it; empty where that is not known.
         """
-        stamp_s = message.stamp_ns / 1e9
-        last = self._odometry[-1] if self._odometry else None
-        if last is not None and (message.frame != self._frame or arrived_s - last.arrived_s > self._settings.fresh_s):
-            self._odometry.clear()  # a robot that was silent may have been restarted, and counts from somewhere else
-            self._posed = self._posed if message.frame == self._frame else None
-        elif last is not None and stamp_s <= last.stamp_s:
-            return
-        driven = 0.0
-        if last is not None:  # by its velocity, since the noise of poses adds up
-            lapsed_s = min(max(0.0, arrived_s - last.arrived_s), LONGEST_S)
-            driven = last.driven_m + math.hypot(message.twist.vx, message.twist.vy) * lapsed_s
-        self._frame = message.frame
-        self._odometry.append(_Odometry(stamp_s, arrived_s, message.pose, message.twist, driven))
-        if self._begun is None and self._settings.start is not None:
-            self._begun = _Correction(composed(self._settings.start, inverted(message.pose)), arrived_s, driven)
+        is_first, other_frame = not self._odometer.frame, message.frame != self._odometer.frame
+        jumped = self._odometer.take(message, arrived_s, sender)
+        if jumped:
+            self._moving.clear()
+            self._fixed.clear()
+        if jumped or (other_frame and not is_first):
+            self._posed = self._begun = self._early = None
+            self._lost = True
+        newest, start = self._odometer.newest, self._settings.start
+        if is_first and newest is not None and start is not None:
+            self._begun = _Correction(composed(start, inverted(newest.pose)), arrived_s, newest.driven_m)
         if self._early is not None:
             early, self._early = self._early, None
             self.localised(early, arrived_s)
@@ -166,9 +158,14 @@ class Localisation:
         kept = self._fixed if fixed else self._moving
         for one in message.transforms:
             if _named(one.frame) == _named(self._settings.map_frame):
-                child = _named(one.child_frame)
-                if child in kept or len(kept) < _MOST_CHILDREN:
-                    kept[child] = _Correction(one.pose, arrived_s, 0.0)
+                self._keep(kept, _named(one.child_frame), _Correction(one.pose, arrived_s, 0.0))
+
+    def _keep(self, kept: dict[str, _Correction], child: str, correction: _Correction) -> None:
+        """Keep a frame's transform; of many frames the oldest makes room, but never the odometry's own."""
+        kept.pop(child, None)
+        kept[child] = correction
+        if len(kept) > _MOST_CHILDREN:
+            del kept[next(name for name in kept if name != _named(self._odometer.frame))]
 
     def localised(self, message: PoseWithCovarianceStamped, arrived_s: float) -> None:
         """Take in a pose on the map; it is held against the odometry of its time.
@@ -179,16 +176,17 @@ class Localisation:
         """
         if _named(message.frame) != _named(self._settings.map_frame):
             return
-        if not self._odometry:
+        readings = self._odometer.readings
+        if not readings:
             self._early = message
             return
         at_s = message.stamp_ns / 1e9
-        nearest, ahead_s = self._odometry[-1], 0.0
+        nearest, ahead_s = readings[-1], 0.0
         if self._settings.delay_s is None:
-            nearest = min(self._odometry, key=lambda one: abs(one.stamp_s - at_s))
+            nearest = min(readings, key=lambda one: abs(one.stamp_s - at_s))
             ahead_s = at_s - nearest.stamp_s
         if self._precedes_all(at_s):
-            nearest, ahead_s = self._odometry[0], 0.0
+            nearest, ahead_s = readings[0], 0.0
         elif abs(ahead_s) > MATCH_S:
             return
         then = travelled(nearest.pose, nearest.twist, ahead_s)
@@ -200,9 +198,10 @@ class Localisation:
         A localisation is silent while a robot stands, so that its latched pose may be old. Since then the robot has
         driven less than it takes for another one: no more than some 0.2 m.
         """
-        first = self._odometry[0]
+        readings = self._odometer.readings
+        first = readings[0]
         stood = math.hypot(first.twist.vx, first.twist.vy) + abs(first.twist.turn_rate) < _STANDS
-        return self._posed is None and stood and len(self._odometry) < _REMEMBERED and at_s < first.stamp_s
+        return self._posed is None and stood and len(readings) < REMEMBERED and at_s < first.stamp_s
 
     def at(self, now_s: float) -> Fix | None:
         """Where the robot is now; None, and `why`, if nobody knows.
@@ -210,42 +209,46 @@ class Localisation:
         Args:
             now_s: The time, s.
         """
-        newest = self._odometry[-1] if self._odometry else None
+        newest = self._odometer.newest
         self.why = self._odometry_fault(newest, now_s) or self._correction_fault(newest, now_s)
         if newest is None or self.why:
             return None
         correction = self._correction()
         assert correction is not None  # else there would be a reason
-        age_s = max(0.0, self._age(newest, now_s))
+        age_s = max(0.0, now_s - newest.stamp_s)
         return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist, age_s)
 
-    def _age(self, odometry: _Odometry, now_s: float) -> float:
-        delay_s = self._settings.delay_s
-        return now_s - odometry.stamp_s if delay_s is None else now_s - odometry.arrived_s + delay_s
-
-    def _odometry_fault(self, newest: _Odometry | None, now_s: float) -> str:
+    def _odometry_fault(self, newest: Reading | None, now_s: float) -> str:
         if newest is None:
             return "no odometry has come"
-        silent_s = now_s - newest.arrived_s
+        if doubt := self._odometer.doubt(now_s):
+            return doubt
+        silent_s = abs(now_s - newest.arrived_s)  # a clock may have been set back
         if silent_s > self._settings.fresh_s:
             return f"no odometry for {silent_s:.1f} s"
-        age_s = self._age(newest, now_s)
+        age_s = now_s - newest.stamp_s
         if age_s > LONGEST_S:
             return f"odometry is {age_s:.1f} s old by its stamps; set NTP on both machines, or give --delay"
         if age_s < -AHEAD_S:
             return f"odometry is {-age_s:.1f} s ahead by its stamps; set NTP on both machines, or give --delay"
         return ""
 
-    def _correction_fault(self, newest: _Odometry | None, now_s: float) -> str:
-        found = self._correction()
-        source, wanted = self._settings.source, f"{self._settings.map_frame} -> {self._frame}"
+    def _correction_fault(self, newest: Reading | None, now_s: float) -> str:
+        found, frame = self._correction(), self._odometer.frame
+        source, wanted = self._settings.source, f"{self._settings.map_frame} -> {frame}"
+        if found is None and self._lost:
+            remedy = "start this agent anew where the robot stands then"
+            if source is not Source.ODOMETRY:
+                remedy = f"is the robot's localisation running? If it has none, {remedy}"
+            return f"odometry counts from somewhere else, and nothing has said where that is on the map; {remedy}"
         if source is Source.ODOMETRY:
             return "" if found is not None else "it is not known where the robot started; give --start X,Y,HEADING"
         if found is None:
             missing = f"no transform {wanted} on tf" if source is Source.TF else "no pose of a localisation has come"
             return f"{missing}; start the robot's localisation, or give --localisation"
-        if source is Source.TF and _named(self._frame) in self._moving and now_s - found.arrived_s > CORRECTION_S:
-            return f"no transform {wanted} for {now_s - found.arrived_s:.1f} s; is the robot's localisation running?"
+        corrected_s = abs(now_s - found.arrived_s)
+        if source is Source.TF and _named(frame) in self._moving and corrected_s > CORRECTION_S:
+            return f"no transform {wanted} for {corrected_s:.1f} s; is the robot's localisation running?"
         if source is Source.POSE and newest is not None and newest.driven_m - found.driven_m > CORRECTED_M:
             return f"no pose of a localisation for {newest.driven_m - found.driven_m:.1f} m; is it running?"
         return ""
@@ -255,7 +258,7 @@ class Localisation:
             return self._begun
         if self._settings.source is Source.POSE:
             return self._posed
-        frame = _named(self._frame)
+        frame = _named(self._odometer.frame)
         return self._moving.get(frame) or self._fixed.get(frame)
 
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from agent.robots.ros2.localisation import LocalisationSettings, Source
+from agent.robots.ros2.localisation import SPEED, LocalisationSettings, Source
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Pose, wrap
@@ -16,9 +16,8 @@ from patrol.process.supervision import add_supervision
 
 FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
 
-SPEED = 0.25
 RADIUS = 0.25
-"""The body unless options say otherwise: the speed (m/s) and the radius (m) of a small and careful one."""
+"""The radius of the body unless options say otherwise, m."""
 
 DESCRIPTION = """Drive a ROS 2 robot on patrol, over its Zenoh router; ROS is not needed on this machine."""
 
@@ -46,8 +45,10 @@ Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is t
   nav2            goals of the action navigate_to_pose; Nav2 finds the way, and keeps off what no map shows
 
 The robot stands, with zero velocity, whenever its pose is not fresh, somebody has stopped it, or the way that it needs
-to stop leads off the map's ground; and when this process ends. If this process is killed, only the robot's own watchdog
-stops it: test that first. This program sees no people and no obstacles that are not on the map; see docs/ros2.md.
+to stop leads off the map's ground; and when this process ends. The way that it needs to stop follows from --braking:
+measure that, since a robot that brakes less hard than it is said to runs into walls. If this process is killed, only
+the robot's own watchdog stops it: test that first. This program sees no people and no obstacles that are not on the
+map; see docs/ros2.md.
 
 Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 """
@@ -94,6 +95,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
         help="for the robot's router (default: --credentials, over TLS)",
     )
     add("--drive", choices=DRIVES, default="twist-stamped", help="what the robot is told (default: %(default)s)")
+    add("--shared-commands", action="store_true", help="drive although others send it commands too, such as a joystick")
     add("--topic", action="append", default=[], metavar="NAME=TOPIC", help=f"another name; of {', '.join(TOPICS)}")
     add("--base-frame", default="base_link", metavar="NAME", help="frame of velocities (default: %(default)s)")
     add("--use-sim-time", action="store_true", help="go by the time on /clock, of a simulated robot")
@@ -104,7 +106,8 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--speed", type=float, default=SPEED, metavar="M/S", help="top speed (default: %(default)s m/s)")
     add("--turning-radius", type=float, metavar="M", help="a car's tightest turn")
     add("--wheelbase", type=float, default=0.3, metavar="M", help="a car's, for ackermann (default: %(default)s m)")
-    add("--acceleration", type=float, default=1.0, metavar="M/S2", help="at most (default: %(default)s m/s²)")
+    add("--acceleration", type=float, default=1.0, metavar="M/S2", help="told at most (default: %(default)s m/s²)")
+    add("--braking", type=float, metavar="M/S2", help="it surely brakes as hard as that (default: --acceleration)")
     add("--margin", type=float, default=0.1, metavar="M", help="kept clear around it (default: %(default)s m)")
     add("--rate", type=float, default=20.0, metavar="HZ", help="commands a second (default: %(default)s)")
 
@@ -158,6 +161,8 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         ("wait", 0.1, 86_400.0),
     ):
         _check(f"--{name}", getattr(options, name), least, most)
+    braking = options.acceleration if options.braking is None else options.braking
+    _check("--braking", braking, 0.01, 100.0)
     if options.delay is not None:
         _check("--delay", options.delay, 0.0, 0.4)
     if options.write_scenario is not None and (options.scenario is not None or options.map is None):
@@ -171,11 +176,13 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         map_frame=options.map_frame,
         wheelbase=options.wheelbase,
         acceleration=options.acceleration,
+        braking=braking,
         margin=options.margin,
         rate_hz=options.rate,
         localisation=LocalisationSettings(
-            Source(options.localisation), options.map_frame, start, options.fresh, options.delay
+            Source(options.localisation), options.map_frame, start, options.fresh, options.delay, options.speed
         ),
+        is_shared=options.shared_commands,
         sim_time=options.use_sim_time,
         topics=topics_given(options.topic),
     )

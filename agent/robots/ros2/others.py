@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from patrol.radio.peers import Peer
@@ -67,12 +67,21 @@ class Others:
         peers: Those heard so far, by number; goes on to change.
         radii: Of all robots, by number, m.
         step: s per tick.
+        foreseen: Where they should be that many ticks from now; None where the fleet's robots do not predict each
+            other. Robots that do are silent while the others foresee them well enough.
     """
 
-    def __init__(self, peers: Mapping[int, Peer], radii: Mapping[int, float], step: float) -> None:
+    def __init__(
+        self,
+        peers: Mapping[int, Peer],
+        radii: Mapping[int, float],
+        step: float,
+        foreseen: Callable[[int], Mapping[int, Peer]] | None = None,
+    ) -> None:
         self._peers = peers
         self._radii = radii
         self._step = step
+        self._foreseen = foreseen
         self._seen: dict[int, _Seen] = {}
 
     def look(self, now_s: float) -> None:
@@ -81,6 +90,12 @@ class Others:
         Args:
             now_s: The time, s.
         """
+        if self._foreseen is not None:
+            after = self._foreseen(1)
+            for number, peer in self._foreseen(0).items():
+                vx, vy = _velocity(peer, after[number], self._step)
+                self._seen[number] = _Seen(peer, vx, vy, now_s)
+            return
         for number, peer in self._peers.items():
             last = self._seen.get(number)
             ticks = 0 if last is None else peer.sequence - last.peer.sequence
@@ -88,9 +103,7 @@ class Others:
                 continue
             vx = vy = 0.0
             if last is not None and 0 < ticks <= MOST_TICKS:
-                passed_s = ticks * self._step
-                vx = (peer.pose.x - last.peer.pose.x) / passed_s
-                vy = (peer.pose.y - last.peer.pose.y) / passed_s
+                vx, vy = _velocity(last.peer, peer, ticks * self._step)
             self._seen[number] = _Seen(peer, vx, vy, now_s)
 
     def around(self, now_s: float) -> tuple[Other, ...]:
@@ -103,3 +116,7 @@ class Others:
             Other(one.peer.pose.x, one.peer.pose.y, one.vx, one.vy, self._radii[number], max(0.0, now_s - one.at_s))
             for number, one in self._seen.items()
         )
+
+
+def _velocity(before: Peer, after: Peer, time_s: float) -> tuple[float, float]:
+    return (after.pose.x - before.pose.x) / time_s, (after.pose.y - before.pose.y) / time_s

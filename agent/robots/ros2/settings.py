@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from agent.robots.ros2.localisation import LocalisationSettings
 
@@ -36,10 +36,12 @@ class DriveSettings:
         base_frame: The frame in which velocities are meant.
         map_frame: The frame of the map.
         wheelbase: Of a car, m.
-        acceleration: The most by which a speed may change, m/s².
+        acceleration: The most by which the speed that the robot is told may change, m/s².
+        braking: How hard the robot surely brakes, m/s²; the fence relies on it.
         margin: What the mind keeps clear around the body, m: the errors of localisation and of driving.
         rate_hz: How often commands are sent, each second of the robot's time.
         localisation: How it is found on the map.
+        is_shared: Whether others may send it commands too.
         sim_time: Whether the robot's time comes from its clock topic.
         topics: Names of topics other than the usual, by those.
     """
@@ -49,11 +51,26 @@ class DriveSettings:
     map_frame: str = "map"
     wheelbase: float = 0.3
     acceleration: float = 1.0
+    braking: float = 1.0
     margin: float = 0.1
     rate_hz: float = 20.0
     localisation: LocalisationSettings = field(default_factory=LocalisationSettings)
+    is_shared: bool = False
     sim_time: bool = False
     topics: Mapping[str, str] = field(default_factory=dict)
+
+    def at_speed(self, speed: float) -> DriveSettings:
+        """The same for a robot of another top speed.
+
+        Args:
+            speed: m/s.
+        """
+        return replace(self, localisation=replace(self.localisation, speed=speed))
+
+    @property
+    def commands(self) -> str | None:
+        """The usual name of the topic by which it is moved; None where it gets goals."""
+        return {"nav2": None, "ackermann": "ackermann_cmd"}.get(self.drive, "cmd_vel")
 
     def topic(self, usual: str) -> str:
         """The name of a topic.

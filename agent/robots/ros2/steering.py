@@ -11,6 +11,7 @@ from agent.robots.ros2.governor import Governor
 from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.localisation import Fix
 from agent.robots.ros2.others import Others
+from agent.robots.ros2.response import Response
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose
 from patrol.ros2.frames import travelled
@@ -51,7 +52,7 @@ class Steering(Protocol):
             stopped: Why it has to stand; empty if it has not.
 
         Returns:
-            Why it does not do what the mind wants; empty if it does.
+            Why it stands though the mind wants to go on; empty if it does not.
         """
         ...
 
@@ -71,8 +72,9 @@ class Steering(Protocol):
 class VelocitySteering:
     """Tells a robot its velocity (`Steering`)."""
 
-    def __init__(self, hardware: Hardware, governor: Governor, others: Others) -> None:
+    def __init__(self, hardware: Hardware, governor: Governor, others: Others, response: Response) -> None:
         self._hardware = hardware
+        self._response = response
         self._governor = governor
         self._others = others
         self._send = _sender(hardware)
@@ -96,9 +98,10 @@ class VelocitySteering:
         command = self._governor.step(pose, now_s, since_s, stopped, self._others.around(now_s))
         self._send(command, 0.0 if fix is None else fix.pose.heading)
         self._progress.told(told, since_s)
+        self._response.told(told, pose, since_s)
         self._steps += 1
         self._held += self._governor.fenced and command.speed_mps == 0.0
-        return self._governor.why
+        return self._governor.why if command.speed_mps == 0.0 else ""
 
     def ahead(self, fix: Fix, lead_s: float) -> Pose:
         """Where the robot will be if it goes on as it was told last."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import deque
 from collections.abc import Callable
@@ -10,16 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.robots.ros2.driver import Failed, Pace, Ros2Robot
+from agent.robots.ros2.driver import HELD_AFTER_S, Failed, Objection, Pace, Ros2Robot, Sayer
 from agent.robots.ros2.fence import Fence
-from agent.robots.ros2.governor import Governor, Rule
+from agent.robots.ros2.governor import OFF_GROUND, TOO_NEAR, Governor, Rule
 from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.localisation import LocalisationSettings
 from agent.robots.ros2.others import Others
+from agent.robots.ros2.response import Response
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
 from patrol.ground.terrain import Terrain
+from patrol.net.stop_orders import Order
 from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.process.health import Reading, health_line
+from patrol.process.logs import Log
+from patrol.process.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from patrol.ros2 import messages
 from patrol.ros2.goals import GoalServer, Status
 from patrol.ros2.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped
@@ -45,6 +51,22 @@ class Ticks:
         return True
 
 
+class Heard(Log):
+    """A log whose lines a test reads."""
+
+    def __init__(self, process: str) -> None:
+        super().__init__(process)
+        self.said: list[str] = []
+        self.failures: list[BaseException] = []
+
+    def failure(self, error: BaseException) -> None:
+        self.failures.append(error)
+
+    def info(self, line: str, **facts: object) -> None:
+        del facts
+        self.said.append(line)
+
+
 class Bench:
     """A robot that stands at (2, 5) of 10 x 10 m, and its driver."""
 
@@ -54,22 +76,26 @@ class Bench:
         self.odom = self.robot.publisher("odom", Odometry)
         self.tf = self.robot.publisher("tf", TFMessage)
         self.stop = self.robot.publisher("stop", Bool, LATCHED)
-        self.said: list[str] = []
+        self.log = Heard("robot1")
+        self.said = self.log.said
         settings.setdefault("localisation", LocalisationSettings(fresh_s=0.2, delay_s=0.0))
         self.link = self.hub.link("fogwatch", "robot1")
         self.hardware = Hardware(self.link, DriveSettings(**settings), 1.0, self.said.append)
         spec = RobotSpec(1, "robot1", model, 1.0, 0.3, 1.0, None)  # type: ignore[arg-type]
         terrain = Terrain("t", np.ones((100, 100), dtype=np.bool_), 0.1)
         self.steering: Steering
+        self.objections: list[Objection] = []
         if nav2:
             self.steering = GoalSteering(self.hardware)
         else:
             rule = Rule(model, spec.limits, 1e6, 60.0)
             governor = Governor(rule, Fence(terrain, 0.3, 0.1, 1e6))
-            self.steering = VelocitySteering(self.hardware, governor, Others({}, {}, STEP_S))
+            self.response = Response(spec.radius, 0.0)
+            self.steering = VelocitySteering(self.hardware, governor, Others({}, {}, STEP_S), self.response)
+            self.objections.append(self.response)
         self.ticks = Ticks(*range(1000))
         self.driver = Ros2Robot(
-            self.hardware, self.steering, self.ticks, Pace(STEP_S, 1.0, 20.0), None, None, self.said.append
+            self.hardware, self.steering, self.ticks, Pace(STEP_S, 1.0, 20.0), None, None, self.log, self.objections
         )
 
     def at(self, pose: Pose, twist: messages.Twist = STILL) -> None:
@@ -200,7 +226,7 @@ def test_odometry_that_ends_stops_the_robot_and_its_return_lets_it_go_on() -> No
     assert bench.said[-1] == "stopped for good: over"
 
 
-def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind_and_the_log() -> None:
     bench = Bench()
     bench.at(Pose(2.0, 5.0, 0.0))
 
@@ -214,7 +240,7 @@ def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind(capsys: pytest.C
     bench.until(lambda: not bench.driver.driving)
     with pytest.raises(Failed, match="a wire is loose"):
         bench.driver.sense()
-    assert "a wire is loose" in capsys.readouterr().err
+    assert [str(error) for error in bench.log.failures] == ["a wire is loose"]
 
 
 def test_transforms_outside_of_the_namespace_count_while_there_are_none_inside() -> None:
@@ -230,6 +256,67 @@ def test_transforms_outside_of_the_namespace_count_while_there_are_none_inside()
     fix = bench.hardware.fix()
     assert fix is not None
     assert fix.pose.x == 2.0
+
+
+def test_a_robot_whose_odometry_hangs_stands_says_so_and_goes_on_when_an_operator_releases_it() -> None:
+    bench = Bench()
+    now_s, told_m = 0.0, 0.0
+    while not bench.response.why:
+        bench.at(Pose(2.0, 5.0, 0.0))
+        fix = bench.hardware.fix()
+        assert fix is not None
+        bench.steering.want(Twist(0.5, 0.0), None, now_s)
+        bench.steering.step(fix, now_s, 0.05, "")
+        now_s, told_m = now_s + 0.05, told_m + 0.5 * 0.05
+    assert told_m < 1.5
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.act(Twist(0.5, 0.0))
+    bench.driver.cycle()
+    assert bench.told == STILL
+    assert bench.driver._carry_out(Order.RELEASE) == "not stopped"
+    assert bench.said[-1] == "released by an operator"
+    bench.driver.cycle()
+    assert bench.told.vx == 0.5
+
+
+@pytest.mark.parametrize(("place", "words"), [(Pose(-3.0, 5.0, 0.0), OFF_GROUND), (Pose(9.75, 5.0, 0.0), TOO_NEAR)])
+def test_a_robot_that_its_fence_holds_says_so_after_a_while(
+    place: Pose, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench()
+    bench.at(place)
+    bench.driver.act(Twist(0.5, 0.0))
+    bench.driver.cycle()
+    assert bench.told == STILL
+    assert bench.said == []
+    monkeypatch.setattr("agent.robots.ros2.driver.HELD_AFTER_S", 0.0)
+    bench.at(place)
+    bench.driver.cycle()
+    assert bench.said == [f"stands: {words}"]
+
+
+def test_a_robot_that_turns_back_at_a_wall_is_not_said_to_stand() -> None:
+    said: list[str] = []
+    sayer = Sayer(said.append)
+    for tenth in range(1000):
+        sayer.state(TOO_NEAR if tenth % 90 else "", tenth / 10, HELD_AFTER_S)
+    assert said == []
+
+
+def test_its_health_says_how_old_its_odometry_is_and_whether_it_may_drive() -> None:
+    bench, vitals = Bench(), Vitals()
+    bench.driver.show(vitals)
+    assert ODOMETRY_AGE not in vitals.read()
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.cycle()
+    figures = vitals.read()
+    assert 0.0 <= float(figures[ODOMETRY_AGE]) < PATIENCE_S  # type: ignore[arg-type]
+    assert (figures[STOPPED], figures[UNUSABLE]) == (0.0, {})
+    bench.hardware._odometry.refuse("hash", "other fields")
+    bench.stop.send(Bool(True))
+    bench.driver.cycle()
+    line = health_line(Reading(0.0, vitals.read()), None)
+    assert re.search(r"stopped, odometry \d+\.\d s ago, robot's messages refused: 1 hash", line), line
 
 
 def test_the_time_of_a_simulation_is_the_robots_time() -> None:

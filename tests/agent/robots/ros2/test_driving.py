@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,15 +13,17 @@ import pytest
 
 from fogwatch.cli.control import control
 from patrol.net.link import open_router
+from patrol.pose import Pose
 from patrol.ros2.formats import format_named
 from patrol.ros2.link import open_ros2
 from patrol.ros2.mailbox import RosMailbox
-from patrol.ros2.messages import Bool, OccupancyGrid
+from patrol.ros2.messages import Bool, OccupancyGrid, TwistStamped
 from patrol.ros2.messages import Path as Way
 from patrol.ros2.names import LATCHED, Kind, NodeName
 from tests.ros2_bench import NAME, Bench, bench
 from tests.routers import PATIENCE_S, free_endpoint, routed
 from worldsim.ros2.node import Habits
+from worldsim.ros2.odometry import DriftingOdometry
 
 pytestmark = pytest.mark.processes
 
@@ -122,6 +126,63 @@ def test_an_operators_stop_wins_until_it_is_released(driven: Bench, capsys: pyte
     driven.drives()
     assert ask("stop", "robot9") == 3
     assert "robot9 of fleet patrol has answered; use another way to stop it" in capsys.readouterr().err
+
+
+def test_a_second_agent_of_a_robot_does_not_start(driven: Bench) -> None:
+    assert driven.agent("--name", "robot2").wait(PATIENCE_S) == 2
+    driven.until(lambda: "another agent, /robot1/fogwatch: drives the robot already" in driven.said[-1])
+
+
+def test_a_robot_that_somebody_else_commands_stands_until_he_has_gone(driven: Bench) -> None:
+    other = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("teleop", NAME), PATIENCE_S)
+    other.publisher("cmd_vel", TwistStamped)
+    driven.until(lambda: any("stands: also driven by /robot1/teleop on /robot1/cmd_vel" in one for one in driven.said))
+    driven.stays()
+    assert other.close(PATIENCE_S)
+    driven.drives()
+
+
+def test_an_agent_tells_the_service_manager_that_it_is_ready_and_alive_also_without_a_pose(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    manager.bind(str(tmp_path / "manager"))
+    manager.settimeout(PATIENCE_S)
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "manager"))
+    monkeypatch.setenv("WATCHDOG_USEC", "1000000")
+    with manager, bench(endpoint, "rmw_zenoh", tmp_path) as made:
+        made.agent()
+        assert [manager.recv(100) for _ in range(4)] == [b"READY=1", *[b"WATCHDOG=1"] * 3]
+        made.drives()
+        made.node.plugged = False
+        made.until(lambda: any("stands: no odometry for" in line for line in made.said))
+        manager.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while manager.recv(100):
+                pass
+        manager.settimeout(PATIENCE_S)
+        assert manager.recv(100) == b"WATCHDOG=1"
+
+
+def test_a_robot_whose_odometry_hangs_is_not_driven_blindly_for_long(driven: Bench) -> None:
+    driven.robot.odometry = Hung(driven.robot.odometry)  # type: ignore[assignment]
+    begin_m = driven.robot.body.distance_m
+    driven.until(lambda: any("stands: its pose stays where it is" in line for line in driven.said))
+    driven.stays()
+    assert driven.robot.body.distance_m - begin_m < 4.0
+
+
+class Hung:
+    """Odometry that says the same for ever."""
+
+    def __init__(self, odometry: DriftingOdometry) -> None:
+        self.counted, self.correction = odometry.counted, odometry.correction
+
+    def move(self, pose: Pose) -> None:
+        """The robot has moved, and nobody counts."""
+
+    def say(self) -> Pose:
+        return self.counted
 
 
 def test_when_the_agent_is_killed_the_robots_watchdog_stops_it(driven: Bench) -> None:

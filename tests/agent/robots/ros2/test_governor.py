@@ -104,6 +104,19 @@ def test_the_fence_brakes_before_walls_and_keep_out_areas(model: str, wanted: Co
         pose = after
 
 
+@pytest.mark.parametrize(("braking", "stops"), [(1.0, True), (4.0, False)])
+def test_the_fence_relies_on_how_hard_a_body_brakes(braking: float, stops: bool) -> None:
+    """Its motors change its speed by 1 m/s², whatever it is told; one that is said to brake harder hits the wall."""
+    one = Governor(Rule("differential", Limits(2.0, RADIUS, 0.5), 4.0, 0.75), Fence(terrain(), RADIUS, 0.2, braking))
+    pose, speed = Pose(1.0, 5.0, 0.0), 0.0
+    for number in range(400):
+        one.want(Twist(2.0, 0.0), number * PERIOD_S)
+        told = one.step(pose, number * PERIOD_S, PERIOD_S, "").speed_mps
+        speed += min(max(told - speed, -PERIOD_S), PERIOD_S)
+        pose = advance(pose, Twist(speed, 0.0), PERIOD_S)
+    assert (pose.x <= 8.0 - RADIUS) == stops, pose
+
+
 def test_a_body_at_a_wall_may_turn_and_drive_away_and_nothing_else() -> None:
     at_wall = Pose(7.7 + 0.01, 5.0, 0.0)
     fence = Fence(terrain(), RADIUS, 0.2, 1.0)

@@ -13,6 +13,7 @@ from agent.robots.ros2.localisation import (
     LocalisationSettings,
     Source,
 )
+from agent.robots.ros2.odometer import SETTLED_S
 from patrol.pose import Pose
 from patrol.ros2.frames import composed
 from patrol.ros2.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Transform, Twist
@@ -192,8 +193,125 @@ def test_odometry_alone_counts_from_the_start_that_is_given() -> None:
     assert "give --start X,Y,HEADING" in unknown.why
 
 
-def test_frames_beyond_a_few_are_left_out() -> None:
+@pytest.mark.parametrize("fixed", [False, True])
+def test_many_frames_on_a_shared_topic_never_keep_out_the_odometrys_own(fixed: bool) -> None:
     localisation = Localisation(LocalisationSettings())
+    localisation.odometry(odometry(NOW), NOW)
+    for number in range(1000):
+        localisation.transforms(transform(NOW, child=f"robot{number}/odom"), NOW, fixed=fixed)
+    localisation.transforms(transform(NOW), NOW, fixed=fixed)
+    for number in range(1000):
+        localisation.transforms(transform(NOW, child=f"frame{number}"), NOW, fixed=fixed)
+    near(found(localisation).pose, 10.0, 6.0, math.pi / 2)
+    assert len(localisation.frames) == 256
+
+
+def feed(localisation: Localisation, begin_s: float, seconds: float, x: float, sender: bytes = b"") -> float:
+    """Odometry at a place, with its transform, 20 times a second; when it ends."""
+    for number in range(1, round(seconds * 20) + 1):
+        now_s = begin_s + number / 20
+        localisation.odometry(odometry(now_s, Pose(x, 0.0, 0.0)), now_s, sender)
+        localisation.transforms(transform(now_s), now_s, fixed=False)
+    return begin_s + seconds
+
+
+def test_odometry_of_two_senders_is_believed_of_none_until_one_has_gone() -> None:
+    localisation = with_tf()
+    now_s = feed(localisation, NOW, 1.0, 1.0)
+    found(localisation, now_s)
+    localisation.odometry(odometry(now_s + 0.01, Pose(1.1, 0.0, 0.0)), now_s + 0.01, b"b")
+    assert localisation.at(now_s + 0.02) is None
+    assert localisation.why == "odometry comes from 2 senders; end all but one, or give --topic odom=TOPIC"
+    found(localisation, feed(localisation, now_s, SETTLED_S + 0.1, 1.0))
+
+
+def test_a_jump_of_odometry_is_not_believed_and_one_bad_message_does_no_lasting_harm() -> None:
+    localisation = with_tf()
+    now_s = feed(localisation, NOW, 1.0, 1.0)
+    localisation.odometry(odometry(now_s + 0.05, Pose(6.0, 0.0, 0.0)), now_s + 0.05)
+    assert localisation.at(now_s + 0.05) is None
+    assert localisation.why == "odometry has jumped by 5.0 m"
+    now_s = feed(localisation, now_s + 0.05, SETTLED_S + 0.1, 1.0)
+    near(found(localisation, now_s).pose, 10.0, 6.0, math.pi / 2)
+
+
+def test_two_senders_that_take_turns_are_never_believed_even_if_nobody_tells_them_apart() -> None:
+    localisation = with_tf()
+    now_s = NOW
+    for turn in range(100):
+        now_s = feed(localisation, now_s, 0.05, 6.0 if turn % 2 else 1.0)
+        assert turn == 0 or localisation.at(now_s) is None, turn
+
+
+def test_small_jumps_one_after_the_other_are_a_jump() -> None:
+    localisation, now_s = with_tf(), NOW
+    for number in range(1, 6):
+        now_s = feed(localisation, now_s, 0.05, 1.0 + 0.4 * number)
+    assert localisation.at(now_s) is None
+    assert "odometry has jumped" in localisation.why
+
+
+def test_odometry_that_turns_at_once_has_jumped() -> None:
+    localisation = with_tf()
+    localisation.odometry(odometry(NOW + 0.05, Pose(1.0, 0.0, 2.5)), NOW + 0.05)
+    assert localisation.at(NOW + 0.05) is None
+
+
+@pytest.mark.parametrize("speed", [2.0, 0.25])
+def test_a_robot_that_drives_as_fast_as_it_may_or_as_it_says_has_not_jumped(speed: float) -> None:
+    localisation, now_s = with_tf(speed=speed), NOW
+    told = STILL if speed == 2.0 else Twist(2.0, 0.0, 0.0)
+    for number in range(1, 200):
+        now_s = NOW + number / 20
+        localisation.odometry(odometry(now_s, Pose(1.0 + 0.1 * number, 0.0, 0.0), told), now_s)
+        if number > 10:  # nobody is at full speed at once
+            localisation.transforms(transform(now_s), now_s, fixed=False)
+    found(localisation, now_s)
+
+
+def test_where_odometry_counts_from_somewhere_else_a_new_correction_is_waited_for() -> None:
+    settled = SETTLED_S + 0.1
+    localisation = with_tf()
+    now_s = feed(localisation, NOW, 1.0, 1.0)
+    for number in range(round(settled * 20)):
+        localisation.odometry(odometry(now_s + number / 20, Pose(9.0, 0.0, 0.0)), now_s + number / 20)
+    now_s += settled
+    assert localisation.at(now_s) is None
+    assert localisation.why.startswith("odometry counts from somewhere else, and nothing has said where")
+    localisation.transforms(transform(now_s), now_s, fixed=False)
+    near(found(localisation, now_s).pose, 10.0, 14.0, math.pi / 2)
+
+
+@pytest.mark.parametrize("silent_s", [0.05, 60.0])
+def test_odometry_alone_is_lost_for_good_once_it_counts_from_somewhere_else(silent_s: float) -> None:
+    localisation = Localisation(LocalisationSettings(Source.ODOMETRY, start=SHIFT))
+    now_s = feed(localisation, NOW, 1.0, 5.0)
+    found(localisation, now_s)
+    now_s = feed(localisation, now_s + silent_s, 10.0, 0.0)
+    assert localisation.at(now_s) is None
+    assert localisation.why.endswith("start this agent anew where the robot stands then")
+
+
+def test_a_robot_that_was_silent_and_stood_is_where_it_was() -> None:
+    localisation = Localisation(LocalisationSettings(Source.ODOMETRY, start=SHIFT))
+    now_s = feed(localisation, NOW, 1.0, 5.0)
+    near(found(localisation, feed(localisation, now_s + 60.0, 0.1, 5.1)).pose, 10.0, 5.1, math.pi / 2)
+
+
+def test_where_the_delay_is_given_stamps_mean_nothing() -> None:
+    localisation = with_tf(delay_s=0.1)
+    looks = [NOW + 1.0 + number / 100 for number in range(200)]
     for number in range(100):
-        localisation.transforms(transform(NOW, child=f"frame{number}"), NOW, fixed=False)
-    assert len(localisation.frames) == 16
+        now_s = NOW + 1.0 + number / 50
+        localisation.odometry(odometry(0.0), now_s)
+        localisation.transforms(transform(now_s), now_s, fixed=False)
+        assert all(localisation.at(look) is not None for look in looks if now_s <= look < now_s + 0.02), number
+
+
+@pytest.mark.parametrize(("clock_s", "stamps_s"), [(-3600.0, -3600.0), (-3600.0, -3600.3), (-0.5, -0.5)])
+def test_a_clock_that_is_set_back_is_followed_at_once(clock_s: float, stamps_s: float) -> None:
+    localisation = with_tf()
+    now_s = feed(localisation, NOW, 1.0, 1.0)
+    localisation.odometry(odometry(now_s + 0.05 + stamps_s, Pose(1.0, 0.0, 0.0)), now_s + 0.05 + clock_s)
+    localisation.transforms(transform(0.0), now_s + 0.05 + clock_s, fixed=False)
+    near(found(localisation, now_s + 0.05 + clock_s).pose, 10.0, 6.0, math.pi / 2)

@@ -69,6 +69,11 @@ def test_everything_can_be_said() -> None:
     assert settings.localisation.start == Pose(1.0, -2.0, 0.5)
 
 
+def test_a_robot_brakes_as_hard_as_it_is_said_to_or_else_as_it_speeds_up() -> None:
+    assert drive_settings(options("--acceleration", "4")).braking == 4.0
+    assert drive_settings(options("--acceleration", "4", "--braking", "0.8")).braking == 0.8
+
+
 def test_the_formats_are_those_of_the_link() -> None:
     assert set(FORMATS) == set(KNOWN)
 
@@ -84,6 +89,7 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
     [
         (["--radius", "nan"], "--radius nan: out of range; give 0.01 to 100"),
         (["--speed", "0"], "--speed 0: out of range"),
+        (["--braking", "0"], "--braking 0: out of range; give 0.01 to 100"),
         (["--rate", "0"], "--rate 0: out of range; give 2 to 50"),
         (["--fresh", "2"], "--fresh 2: out of range; give 0.05 to 0.4"),
         (["--start", "1,2"], "--start 1,2: not a pose; give X,Y,HEADING"),
@@ -93,6 +99,8 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
         (["--topic", "odom=a b"], "--topic odom 'a b': not a name in ROS"),
         (["--drive", "ackermann"], "--drive ackermann: steers a car, and --model is differential"),
         (["--scenario", "nowhere.yaml"], "nowhere.yaml"),
+        (["--map", "nowhere.yaml", "--wait", "3600"], "nowhere.yaml"),
+        (["--map", "nowhere.yaml", "--robots", "a,b", "--name", "c", "--wait", "3600"], "does not hold c"),
         (["--connect", "10.0.0.1"], "--connect '10.0.0.1': not a router's address"),
         (["--namespace", "1st"], "--namespace '1st': not a name in ROS"),
         (["--domain", "300"], "--domain 300: not a domain of ROS 2"),

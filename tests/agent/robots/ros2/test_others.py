@@ -6,12 +6,17 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from agent.build import build_mind
+from agent.own_robot import LateClock, _foreseen
 from agent.robots.ros2.fence import Fence
 from agent.robots.ros2.others import CARRIED_S, Other, Others
+from patrol.exchange import Sensed
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain
 from patrol.pose import Command, Drive, Pose, Twist, Velocity, is_halt
+from patrol.prepare import prepare
 from patrol.radio.peers import Peer
+from patrol.scenario import load_scenario
 
 RADIUS = 0.3
 STEP_S = 0.5
@@ -38,6 +43,34 @@ def test_a_velocity_follows_from_two_positions_and_ends_with_silence() -> None:
     peers[2] = Peer(112, Pose(9.0, 1.0, 0.0), 112)
     others.look(2.0)
     assert others.around(2.0)[0].speed == 0.0
+
+
+@pytest.mark.parametrize("adaptive", [{"error": 1.0, "silence": 4.0}, None])
+def test_the_fence_knows_where_a_steady_robot_is_that_saves_on_its_radio(adaptive: dict[str, float] | None) -> None:
+    """Robot 2 goes on steadily at 1 m/s. Where the fleet predicts, it sends in every eighth tick."""
+    raw = {
+        "terrain": {"builtin": "open"},
+        "pace": "realtime",
+        "robots": [{"name": name, "model": "holonomic", "speed": 1.0} for name in ("r1", "r2")],
+        "radio": {"via": "direct", "trail": 2, "adaptive": adaptive},
+    }
+    prepared = prepare(load_scenario(raw))
+    mind, sending_mind = (build_mind(prepared, number) for number in (1, 2))
+    clock = LateClock()
+    others = Others(mind.belief.peers, mind.facts.radii, STEP_S, _foreseen(mind, clock))
+    sent = []
+    for clock.k in range(40):
+        there = Sensed(clock.k, Pose(20.0 + STEP_S * clock.k, 20.0, 0.0), clock_s=clock.k * STEP_S)
+        frames = sending_mind.frames(there)
+        sent += [clock.k] if frames else []
+        mind.belief.update(clock.k, Pose(5.0, 5.0, 0.0), frames, STEP_S)
+        now_s = clock.k * STEP_S
+        others.look(now_s)
+        (one,) = others.around(now_s + 0.25)
+        if len(sent) > 1:  # the first frame cannot say how fast its robot is
+            assert (one.vx, one.vy) == pytest.approx((1.0, 0.0), abs=0.05), clock.k
+            assert one.distance(there.pose.x + 0.25, there.pose.y, 0.0) < 0.1, clock.k
+    assert (sent[-1] - sent[-2] == 8) == (adaptive is not None), sent
 
 
 @pytest.mark.parametrize("command", [Velocity(1.0, 0.0), Twist(1.0, 0.0), Drive(1.0, 0.0)])

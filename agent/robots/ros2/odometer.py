@@ -1,0 +1,179 @@
+"""The odometry of a robot, as far as it can be believed: of one sender, in its order, and without jumps.
+
+Odometry goes on as a body does. What is farther from what came before than speed and time allow is not: the robot was
+restarted and counts from somewhere else, it was carried, or somebody else speaks. Then nobody knows where it is until
+its odometry has been steady for `SETTLED_S`, and something has said anew where that lies on the map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from patrol.pose import wrap
+
+if TYPE_CHECKING:
+    from patrol.pose import Pose
+    from patrol.ros2.messages import Odometry, Twist
+
+SETTLED_S = 1.0
+"""For how long odometry must be steady, or of one sender, before it counts again, s."""
+
+JUMP_M, JUMP_RAD = 0.5, 1.0
+"""What odometry may be off without having jumped, m and rad: the noise of its poses, and what a message comes late."""
+
+BACK_S = 0.1
+"""By how much arrivals must go back for a clock to have been set back, s."""
+
+REMEMBERED = 256
+"""Messages that are remembered."""
+
+_DRIVEN_S = 0.5
+"""The longest time between two messages over which a velocity counts as driven, s."""
+_MOST_SENDERS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A message of odometry.
+
+    Attributes:
+        stamp_s: When it was measured, s.
+        arrived_s: When it arrived, s.
+        pose: In the odometry's frame.
+        twist: In the body's own frame.
+        driven_m: The way until then, by its velocities: the noise of poses would add up.
+    """
+
+    stamp_s: float
+    arrived_s: float
+    pose: Pose
+    twist: Twist
+    driven_m: float
+
+
+class Odometer:
+    """Takes in odometry. All times are the robot's, in s.
+
+    Attributes:
+        readings: What is believed, the newest last; what came before a silence is left out.
+        frame: The frame of its poses; empty before the first.
+        jumped_m: How far the last jump was, m.
+
+    Args:
+        speed: The robot's top speed, m/s; one that moves faster must say so in its odometry.
+        fresh_s: After how long without a message the robot counts as silent, s.
+        delay_s: How old messages are when they arrive, s, so that their stamps mean nothing; None to go by the stamps.
+    """
+
+    def __init__(self, speed: float, fresh_s: float, delay_s: float | None) -> None:
+        self.readings: deque[Reading] = deque(maxlen=REMEMBERED)
+        self.frame = ""
+        self.jumped_m = 0.0
+        self._speed = speed
+        self._fresh_s = fresh_s
+        self._delay_s = delay_s
+        self._senders: dict[bytes, float] = {}
+        self._astray: Reading | None = None
+        self._astray_since_s = 0.0
+        self._strayed_s = -math.inf
+
+    @property
+    def newest(self) -> Reading | None:
+        """What it believes of the newest message."""
+        return self.readings[-1] if self.readings else None
+
+    def take(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> bool:
+        """Take in a message. An older one than the last is left out while that is fresh.
+
+        Args:
+            message: The odometry.
+            arrived_s: When it arrived, s.
+            sender: Stands for who sent it; empty where that is not known.
+
+        Returns:
+            Whether it counts from somewhere else from now on: what was known of its frame is void.
+        """
+        self._note(sender, arrived_s)
+        last = self.newest
+        reading = self._read(message, arrived_s, last)
+        if last is None or message.frame != self.frame:
+            self.frame = message.frame
+            self._begin(reading)
+            return False
+        latest = self._astray or last
+        renewed = not -BACK_S <= arrived_s - latest.arrived_s <= self._fresh_s
+        if not renewed and reading.stamp_s <= latest.stamp_s:
+            return False
+        if self._follows(last, reading) and self._keeps_its_speed(reading):
+            self._astray = None
+            if renewed:  # stamps from before mean nothing any more
+                self.readings.clear()
+            self.readings.append(reading)
+            return False
+        self.jumped_m = math.dist((last.pose.x, last.pose.y), (reading.pose.x, reading.pose.y))
+        if not renewed and not self._settled(reading):
+            return False
+        self._begin(reading)
+        return True
+
+    def doubt(self, now_s: float) -> str:
+        """Why it cannot be believed now, in one line; empty if it can.
+
+        Args:
+            now_s: The time, s.
+        """
+        lately = sum(abs(now_s - at_s) <= SETTLED_S for at_s in self._senders.values())
+        if lately > 1:
+            return f"odometry comes from {lately} senders; end all but one, or give --topic odom=TOPIC"
+        if abs(now_s - self._strayed_s) <= SETTLED_S:
+            return f"odometry has jumped by {self.jumped_m:.1f} m"
+        return ""
+
+    def _read(self, message: Odometry, arrived_s: float, last: Reading | None) -> Reading:
+        stamp_s = message.stamp_ns / 1e9 if self._delay_s is None else arrived_s - self._delay_s
+        driven_m = 0.0
+        if last is not None:
+            lapsed_s = min(max(0.0, arrived_s - last.arrived_s), _DRIVEN_S)
+            driven_m = last.driven_m + _speed(message.twist) * lapsed_s
+        return Reading(stamp_s, arrived_s, message.pose, message.twist, driven_m)
+
+    def _note(self, sender: bytes, arrived_s: float) -> None:
+        self._senders.pop(sender, None)
+        self._senders[sender] = arrived_s
+        if len(self._senders) > _MOST_SENDERS:
+            del self._senders[next(iter(self._senders))]
+
+    def _begin(self, reading: Reading) -> None:
+        self._astray, self._strayed_s = None, -math.inf
+        self.readings.clear()
+        self.readings.append(reading)
+
+    def _settled(self, reading: Reading) -> bool:
+        """Whether what came astray has been steady for long enough to be where the robot counts from now."""
+        if self._astray is None or not self._follows(self._astray, reading):
+            self._astray_since_s = reading.arrived_s
+        self._astray, self._strayed_s = reading, reading.arrived_s
+        return reading.arrived_s - self._astray_since_s >= SETTLED_S
+
+    def _keeps_its_speed(self, reading: Reading) -> bool:
+        """Whether many small jumps make no large one."""
+        second = [one for one in self.readings if 0.0 <= reading.arrived_s - one.arrived_s <= SETTLED_S]
+        return not second or self._follows(second[0], reading)
+
+    def _follows(self, before: Reading, after: Reading) -> bool:
+        """Whether a body that was at the one can be at the other."""
+        lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
+        time_s = min(lapsed_s, SETTLED_S) + self._fresh_s  # messages that waited arrive together
+        speed = max(self._speed, min(_speed(before.twist), _speed(after.twist)))
+        turn_rate = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate))
+        moved = math.dist((before.pose.x, before.pose.y), (after.pose.x, after.pose.y))
+        turned = abs(wrap(after.pose.heading - before.pose.heading))
+        long_ago = after.arrived_s - before.arrived_s > self._fresh_s  # it may have turned all round
+        return moved <= JUMP_M + speed * time_s and (long_ago or turned <= JUMP_RAD + turn_rate * time_s)
+
+
+def _speed(twist: Twist) -> float:
+    return math.hypot(twist.vx, twist.vy)

@@ -1,0 +1,105 @@
+"""Whether a robot's pose follows what it is told. One whose pose stands still while it is told to drive drives blind.
+
+Its odometry may hang, or its wheels may be blocked: the two look the same. The mind tries other directions, as after
+any bump. When nothing moves the pose for `BLIND_M` and `BLIND_S`, and for as long as weak motors take to turn the body
+round, the robot stands until its pose moves, or somebody who has looked at it releases it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from agent.robots.ros2.commands import velocity_of
+from patrol.ground.swept_path import advance
+from patrol.pose import Command, Pose, wrap
+
+ENOUGH_M, ENOUGH_RAD = 0.3, 1.0
+"""How far a robot must have been told to go or to turn before it is judged: well beyond the errors of its pose."""
+
+ENOUGH_S = 0.5
+"""For how long, s."""
+
+MOVES_SHARE = 0.25
+"""A robot moves that has come this share of what it was told, wherever to: one with weak motors goes on for a while."""
+
+BLIND_M, BLIND_S = 1.0, 1.0
+"""How far and for how long a robot may be told to go without moving, m and s."""
+
+MOVED_M, MOVED_RAD = 0.2, 0.3
+"""How far the pose of one that stands must move to show that it moves again: well beyond its noise."""
+
+
+class Response:
+    """Judges one robot (`agent.robots.ros2.driver.Objection`).
+
+    Attributes:
+        why: Why it must stand, and what ends that; empty if it need not.
+
+    Args:
+        radius: Of the body, m: the way that turning counts for.
+        slow_s: How long its motors take from its top speed to a stand, s.
+    """
+
+    def __init__(self, radius: float, slow_s: float) -> None:
+        self.why = ""
+        self._radius = radius
+        self._blind_for_s = BLIND_S + 2.0 * MOVES_SHARE * slow_s  # who turns round is slow for so long
+        self._begin: Pose | None = None
+        self._meant: Pose | None = None
+        self._turn = 0.0
+        self._lasted_s = 0.0
+        self._blind_m = 0.0
+        self._blind_s = 0.0
+
+    def told(self, command: Command, pose: Pose | None, time_s: float) -> None:
+        """The robot was told something.
+
+        Args:
+            command: What.
+            pose: Where it is now; None if nobody knows.
+            time_s: For how long, s.
+        """
+        if pose is None or self._begin is None or self._meant is None:
+            self._start(pose)
+            return
+        if self.why:
+            if _apart(self._begin, pose) >= MOVED_M or abs(wrap(pose.heading - self._begin.heading)) >= MOVED_RAD:
+                self.release()
+            return
+        self._meant = advance(self._meant, command, time_s)
+        self._turn += velocity_of(command, pose.heading).turn_rate * time_s
+        self._lasted_s += time_s
+        way = _apart(self._begin, self._meant)
+        if self._lasted_s < ENOUGH_S or (way < ENOUGH_M and abs(self._turn) < ENOUGH_RAD):
+            return
+        if self._moved(self._begin, way, pose):
+            self._blind_m = self._blind_s = 0.0
+        else:
+            self._blind_m += way + self._radius * abs(self._turn)
+            self._blind_s += self._lasted_s
+        if self._blind_m >= BLIND_M and self._blind_s >= self._blind_for_s:
+            self.why = (
+                f"its pose stays where it is, though it was told to go {self._blind_m:.1f} m: its odometry hangs, "
+                "or its wheels are blocked (look at it; then fogwatch control ... release, or move it)"
+            )
+        self._start(pose)
+
+    def release(self) -> None:
+        """Somebody has looked at the robot, or it moves: judge it anew."""
+        self.why = ""
+        self._blind_m = self._blind_s = 0.0
+        self._start(None)
+
+    def _start(self, pose: Pose | None) -> None:
+        self._begin = self._meant = pose
+        self._turn = self._lasted_s = 0.0
+
+    def _moved(self, begin: Pose, way: float, pose: Pose) -> bool:
+        turned = abs(wrap(pose.heading - begin.heading))
+        return (way >= ENOUGH_M and _apart(begin, pose) >= MOVES_SHARE * way) or (
+            abs(self._turn) >= ENOUGH_RAD and turned >= MOVES_SHARE * ENOUGH_RAD
+        )
+
+
+def _apart(one: Pose, other: Pose) -> float:
+    return math.hypot(other.x - one.x, other.y - one.y)
