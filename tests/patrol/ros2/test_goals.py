@@ -76,11 +76,11 @@ def test_a_new_goal_takes_the_place_of_the_last_one(pair: Pair) -> None:
 
 def test_stop_cancels_every_goal(pair: Pair) -> None:
     pair.send(THERE)
-    pair.other.stop()
+    pair.other.stop(time.monotonic())
+    assert pair.other.going is Going.STOPPING
     pair.until(lambda: pair.server.target is None)
     pair.until(lambda: pair.client.going is Going.FAILED)
-    pair.client.stop()
-    assert pair.client.step(time.monotonic()) is Going.NOWHERE
+    pair.until(lambda: pair.other.going is Going.STOPPED)
 
 
 def test_a_goal_that_nobody_accepts_has_failed() -> None:
