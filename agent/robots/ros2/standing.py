@@ -17,6 +17,9 @@ STANDS_S = LONGEST_S + 0.1
 LIMIT_S = 3.0
 """How long a robot has to come to rest before whoever stopped it is told that it has not, s."""
 
+LOOK_S = 1.0
+"""How long whoever asks later waits at most, s: long enough to see a robot stand that has come to rest since."""
+
 _JUST = "it has not come to rest yet"
 
 
@@ -78,8 +81,8 @@ class Standing:
             self._changed.notify_all()
 
     def doubt(self) -> str:
-        """Why it is not sure that the robot stands, once it is sure or `LIMIT_S` after the stop; empty if it stands."""
+        """Why it is not sure that the robot stands; empty if it is. Waits until it is, but not for ever."""
         with self._changed:
             left_s = self._told_s + LIMIT_S - time.monotonic()
-            self._changed.wait_for(lambda: not self._doubt, max(0.0, left_s))
+            self._changed.wait_for(lambda: not self._doubt, max(LOOK_S, left_s))
             return self._doubt
