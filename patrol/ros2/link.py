@@ -121,7 +121,7 @@ class ZenohRos2Link:
             if (wrong := _mismatch(full, self._format.origin(key), coding.type_name, expected)) is not None:
                 mailbox.refuse(*wrong)
             elif sample.kind == zenoh.SampleKind.PUT:
-                _deliver(kind, full, sample.payload, sample.attachment, mailbox)
+                _deliver(kind, full, sample.payload, sample.attachment, mailbox, _stamp_ns(sample.timestamp))
 
         handler: Any = zenoh.handlers.Callback(receive, indirect=False)
         heard = self._format.heard(full)
@@ -304,9 +304,17 @@ def _mismatch(full: str, origin: Origin, type_name: str, expected: frozenset[str
 
 
 def _deliver(
-    kind: type[M], full: str, payload: zenoh.ZBytes | None, attached: zenoh.ZBytes | None, mailbox: RosMailbox[M]
+    kind: type[M],
+    full: str,
+    payload: zenoh.ZBytes | None,
+    attached: zenoh.ZBytes | None,
+    mailbox: RosMailbox[M],
+    stamp_ns: int | None = None,
 ) -> None:
-    """Decode a message and put it into a mailbox, or say there why not; on Zenoh's thread."""
+    """Decode a message and put it into a mailbox, or say there why not; on Zenoh's thread.
+
+    What goes along with it says when it was sent, or else Zenoh's own stamp.
+    """
     at_s = time.monotonic()
     if payload is None:
         mailbox.refuse("malformed", f"{full}: nothing in it")
@@ -321,9 +329,14 @@ def _deliver(
         return
     given = attachment_of(_small(attached))
     if given is None:
-        mailbox.put(Received(message, at_s))
+        mailbox.put(Received(message, at_s, stamp_ns))
     else:
         mailbox.put(Received(message, at_s, given.sent_ns, given.sequence, given.sender))
+
+
+def _stamp_ns(stamp: zenoh.Timestamp | None) -> int | None:
+    """When a message was sent, ns since the epoch, by Zenoh's own stamp."""
+    return None if stamp is None else stamp.get_time_as_ntp64().as_nanos()
 
 
 def _small(attached: zenoh.ZBytes | None) -> bytes:

@@ -50,8 +50,9 @@ Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is t
   nav2            goals of the action navigate_to_pose; Nav2 finds the way, and keeps off what no map shows
 
 The robot stands, with zero velocity, whenever its pose is not fresh, somebody has stopped it, or the way that it needs
-to stop leads off the map's ground; and when this process ends. If this process is killed, only the robot's own watchdog
-stops it: test that first. This program sees no people and no obstacles that are not on the map; see docs/ros2.md.
+to stop leads off the map's ground; and when this process ends, or Ctrl-Z pauses it. If it is killed, only the robot's
+own watchdog stops the robot: test that first. This program sees no people and no obstacles that are not on the map; see
+docs/ros2.md.
 
 Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 """

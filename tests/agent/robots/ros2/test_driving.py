@@ -99,17 +99,23 @@ def test_a_robot_whose_odometry_ends_stands_and_goes_on_when_it_comes_back(drive
     assert driven.said[-1].endswith("drives again")
 
 
-def test_the_stop_topic_wins_until_it_is_released(driven: Bench) -> None:
-    link = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("hand", NAME), PATIENCE_S)
+@pytest.mark.parametrize("form", ["rmw_zenoh", "bridge"])
+def test_the_stop_topic_wins_until_it_is_released(form: str, endpoint: str, tmp_path: Path) -> None:
+    """Each message comes from a publisher of its own, as from a command that is called twice."""
+    links = [
+        open_ros2(endpoint, format_named(form, 0, ""), NodeName(name, NAME), PATIENCE_S) for name in ("hand", "other")
+    ]
     try:
-        stop = link.publisher("stop", Bool, LATCHED)
-        stop.send(Bool(True))
-        driven.until(lambda: any("stopped by the topic /robot1/stop" in line for line in driven.said))
-        driven.stays()
-        stop.send(Bool(False))
-        driven.drives()
+        with bench(endpoint, form, tmp_path) as made:
+            made.agent()
+            made.drives()
+            links[0].publisher("stop", Bool, LATCHED).send(Bool(True))
+            made.until(lambda: any("stopped by the topic /robot1/stop" in line for line in made.said))
+            made.stays()
+            links[1].publisher("stop", Bool, LATCHED).send(Bool(False))
+            made.drives()
     finally:
-        assert link.close(PATIENCE_S)
+        assert all(link.close(PATIENCE_S) for link in links)
 
 
 def test_an_operators_stop_wins_until_it_is_released(driven: Bench, capsys: pytest.CaptureFixture[str]) -> None:
