@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from agent.robots.ros2.options import domain_of, drive_settings, options_of
 from patrol.errors import BadInput
-from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.lifeline import INTERRUPTED, Ending, heed, rest_before_pause
 from patrol.process.logs import Log
 from patrol.process.supervision import followed, take_supervision
 
@@ -95,11 +96,14 @@ def _name(options: argparse.Namespace) -> str:
 def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals | None) -> int:
     """Find the robot, and patrol with it; the exit code."""
     from agent.robots.ros2.hardware import Hardware
+    from agent.robots.ros2.stop_files import StopFiles, state_folder
     from patrol.net.link import LinkDown
+    from patrol.net.roles import robot_role
     from patrol.scenario import load_scenario, parse_overrides
 
     name, say = log.process, log.info
     settings = drive_settings(options)
+    stop_files = StopFiles(state_folder(options.state, os.environ), robot_role(name).robot)
     overrides = parse_overrides(options.set)
     given = None if options.scenario is None else load_scenario(options.scenario, overrides)
     _check_map(options, name, given, overrides)
@@ -115,7 +119,7 @@ def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals |
             raise BadInput(f"--connect {options.connect}: {down}; is the robot's Zenoh router running?") from None
         stack.callback(link.close)
         factor = 1.0 if given is None or given.factor is None else given.factor
-        hardware = Hardware(link, settings, factor, say)
+        hardware = Hardware(link, settings, factor, say, stop_files)
         pose = _found(hardware, options.wait, ending, say)
         if pose is None:
             return INTERRUPTED
@@ -156,6 +160,7 @@ def _patrol(
         robot = _robot(site, hardware, shows_map, log, rivals)
         if vitals is not None:
             robot.show(vitals)
+        rest_before_pause(robot.rest, robot.go_on)
         return robot
 
     try:

@@ -79,7 +79,7 @@ class Bench:
                 *(sys.executable, "-P", "-m", "agent", "--robot", "ros2", "--connect", self.endpoint),
                 *("--namespace", NAME, "--format", self.form),
                 *(("--map", str(self.plan)) if has_map else ()),
-                *("--speed", str(SPEED), "--radius", str(RADIUS), *more),
+                *("--speed", str(SPEED), "--radius", str(RADIUS), "--state", str(self.plan.parent / "state"), *more),
             ],
             stderr=subprocess.PIPE,
             text=True,

@@ -35,7 +35,7 @@ class Hub:
         self.sent[topic].append(message)
         for kind, mailbox in self.listening[topic]:
             if isinstance(message, kind):
-                mailbox.put(Received(message, time.monotonic()))
+                mailbox.put(Received(message, time.monotonic(), time.time_ns()))
 
 
 class HubSender:
@@ -49,7 +49,7 @@ class HubSender:
         """Send a message."""
         self.sent += 1
         if self._qos.latched:
-            self._hub.latched[self._topic] = message
+            self._hub.latched[self._topic] = message, time.time_ns()
         self._hub.deliver(self._topic, message)
 
 
@@ -81,7 +81,8 @@ class HubLink:
         full = self.resolve(topic)
         self._hub.listening[full].append((kind, mailbox))
         if qos.latched and full in self._hub.latched:
-            mailbox.put(Received(self._hub.latched[full], time.monotonic()))
+            message, sent_ns = self._hub.latched[full]
+            mailbox.put(Received(message, time.monotonic(), sent_ns))
 
     def call(self, name: str, service: Any, request: Any, limit_s: float) -> RosMailbox[Any]:
         """Ask a service."""

@@ -27,9 +27,10 @@ EXAMPLES = [
     "fogwatch control yards-1/operator stop robot1",
     "fogwatch control tcp/192.168.1.20:7447 stop --fleet patrol",
 ]
-EXIT_CODES = "0 done, 1 refused, 2 bad input, 3 no answer"
-ROBOTS_S = 3.0
-"""How long robots may take to answer an order to stop, s, unless --wait says less."""
+EXIT_CODES = "0 done, 1 refused, or a robot may still drive, 2 bad input, 3 no answer, or not from every robot"
+ROBOTS_S = 5.0
+"""How long robots may take to answer an order, s, unless --wait says less. A robot answers when it stands, or when it
+has not come to rest for 3 s."""
 WAIT_S = 15.0
 """How long a world may take to answer: it ends its tick first, and starts the robots that the request needs."""
 
@@ -76,7 +77,8 @@ def control(
     run's folder, such as runs/yards-20260101-120000.
 
     Robots that no world simulates, such as ROS 2 robots, can be told to stop, and to be released. They answer
-    themselves; one that is stopped stands until whoever stopped it releases it.
+    themselves, when they stand; one that is stopped stands until whoever stopped it releases it, also when its agent
+    is started again meanwhile.
     """
     if do in {"stop", "release"}:
         return _stop(run, do, value, fleet, wait)
@@ -116,7 +118,7 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
     from patrol.net.keys import check_locator, fleet_keys
     from patrol.net.link import LinkDown, open_link
     from patrol.net.roles import robot_role
-    from patrol.net.stop_orders import Order, ask_robots
+    from patrol.net.stop_orders import Order, ask_robots, robots_there
 
     credentials = None
     if fleet is not None:
@@ -129,18 +131,22 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
         link = open_link(router, wait, credentials=credentials)
     except LinkDown as down:
         raise BadInput(f"{run}: {down}; is the fleet still running?") from None
-    answered = 0
+    unsure = False
     try:
-        for answer in ask_robots(link, keys, whom, Order(do), min(wait, ROBOTS_S)):
-            typer.echo(answer)
-            answered += 1
+        robots = robots_there(link, keys) if whom is None else [whom]
+        silent = set(robots)
+        for name, outcome in ask_robots(link, keys, robots, Order(do), min(wait, ROBOTS_S)):
+            typer.echo(f"{name}: {outcome.text}", err=not outcome.done)
+            silent.discard(name)
+            unsure = unsure or not outcome.done
     finally:
         link.close()
-    if not answered:
-        who = "no robot" if robot is None else robot
-        typer.echo(f"fogwatch: {who} of fleet {keys.fleet} has answered; use another way to stop it", err=True)
+    if silent or not robots:
+        who = f"no answer from {', '.join(sorted(silent))}" if silent else "no robot is there"
+        remedy = "; use another way to stop what is left" if do == "stop" else ""
+        typer.echo(f"fogwatch: fleet {keys.fleet}: {who}{remedy}", err=True)
         return UNANSWERED
-    return 0
+    return REFUSED if unsure else 0
 
 
 def control_of(do: str, value: str | None) -> dict[str, Any]:

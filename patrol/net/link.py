@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from patrol.net.mailbox import Mailbox, Post, Presence, Question
-from patrol.net.queries import all_answers
+from patrol.net.queries import all_answers, answers_of
 from patrol.net.settings import client_settings, router_settings
 from patrol.net.zenoh_errors import first_line as _first_line
 from patrol.net.zenoh_errors import system_error as _system_error
@@ -213,6 +213,12 @@ class Link:
     def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
         """All answers to a query (`patrol.net.queries.all_answers`)."""
         return all_answers(self._session, key, payload, longest, wait_s)
+
+    def answers_of(
+        self, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
+    ) -> Iterator[tuple[str, bytes]]:
+        """All answers to a query under several keys at once (`patrol.net.queries.answers_of`)."""
+        return answers_of(self._session, keys, payload, longest, wait_s)
 
     def echo(self, key: str) -> Callable[[], bool]:
         """Ask the router for a liveliness token, whoever holds it; its answer shows that the router is at work.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 
 import zenoh
 
@@ -10,44 +11,57 @@ from patrol.net.mailbox import Mailbox
 
 _OVER = ""
 """The key of the mailbox's message that no more answers come."""
+_ROOM = 256
 _MORE_S = 1.0
 """How much longer than the query itself to wait for Zenoh's word that it is over, s."""
 
 
 def all_answers(session: zenoh.Session, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
-    """The answers of all who answer a query, as they come.
+    """The answers of all who answer a query, as they come (`answers_of`, for one key)."""
+    return (answer for _, answer in answers_of(session, (key,), payload, longest, wait_s))
+
+
+def answers_of(
+    session: zenoh.Session, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
+) -> Iterator[tuple[str, bytes]]:
+    """The answers of all who answer the same query under several keys, which are asked at once.
 
     A query goes by itself to whoever seems nearest, who need not be whom it is for. So this one goes to all, and the
     answer of one replaces that of no other.
 
     Args:
         session: An open Zenoh session.
-        key: To query.
+        keys: To query.
         payload: Of the query.
         longest: Bytes of the longest answer that is wanted; longer ones are dropped.
         wait_s: How long to wait for answers, s.
 
     Yields:
-        The answers.
+        The key that was queried, and an answer, as they come.
     """
-    waiting: Mailbox[bytes] = Mailbox([key, _OVER], bytes, longest)
+    waiting: Mailbox[bytes] = Mailbox([*keys, _OVER], bytes, longest, max(_ROOM, len(keys)))
 
-    def receive(reply: zenoh.Reply) -> None:
-        if reply.ok is not None:
-            waiting.deliver(key, reply.ok.payload)
+    def ask(key: str) -> None:
+        def receive(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                waiting.deliver(key, reply.ok.payload)
 
-    session.get(
-        key,
-        zenoh.handlers.Callback(receive, lambda: waiting.put(_OVER, b""), indirect=False),
-        payload=payload,
-        timeout=wait_s,
-        target=zenoh.QueryTarget.ALL,
-        consolidation=zenoh.ConsolidationMode.NONE,
-        priority=zenoh.Priority.DATA_HIGH,
-    )
-    left_s = wait_s + _MORE_S
-    while (arrived := waiting.get(left_s)) is not None:
+        session.get(
+            key,
+            zenoh.handlers.Callback(receive, lambda: waiting.put(_OVER, b""), indirect=False),
+            payload=payload,
+            timeout=wait_s,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            priority=zenoh.Priority.DATA_HIGH,
+        )
+
+    for key in keys:
+        ask(key)
+    asked, end_s = len(keys), time.monotonic() + wait_s + _MORE_S
+    # When all queries are over, what waits is still taken out.
+    while (arrived := waiting.get(max(0.0, end_s - time.monotonic()) if asked else 0.0)) is not None:
         if arrived[0] == _OVER:
-            left_s = 0.0
+            asked -= 1
         else:
-            yield arrived[1]
+            yield arrived

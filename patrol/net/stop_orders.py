@@ -8,7 +8,8 @@ robot that the same operator has stopped; members' secrets keep strangers from t
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 LONGEST = 16
 """Bytes of the longest order."""
 LONGEST_ANSWER = 256
+"""Bytes of the longest answer."""
 _ROOM = 16
 _WAIT_S = 3600.0
 _MOST = 1000
+_DONE, _NOT_DONE = "done", "undone"
 
 
 class Order(StrEnum):
@@ -35,28 +38,63 @@ class Order(StrEnum):
     RELEASE = "release"
 
 
-def ask_robots(link: Link, keys: FleetKeys, robot: str | None, order: Order, wait_s: float) -> Iterator[str]:
-    """Ask robots.
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What has come of an order.
+
+    Attributes:
+        done: Whether it is carried out, as far as anybody can tell: a robot that was to stop stands.
+        text: In one line.
+    """
+
+    done: bool
+    text: str
+
+    def to_bytes(self) -> bytes:
+        """As it is answered."""
+        return f"{_DONE if self.done else _NOT_DONE} {self.text}".encode()[:LONGEST_ANSWER]
+
+
+def outcome_of(answer: bytes) -> Outcome:
+    """The outcome in an answer, whoever gave it; what is none counts as not done.
+
+    Args:
+        answer: At most `LONGEST_ANSWER` bytes.
+    """
+    word, _, text = answer.decode("utf-8", "replace").partition(" ")
+    return Outcome(word == _DONE, printable(text))
+
+
+def robots_there(link: Link, keys: FleetKeys) -> list[str]:
+    """The robots that are at the fleet's router, or were until a moment ago.
+
+    Args:
+        link: To the fleet's router.
+        keys: Of the fleet.
+    """
+    return sorted({robot_of(key) for key in link.seen(keys.alive("*"), _MOST)} - {WORLD, ""})
+
+
+def ask_robots(
+    link: Link, keys: FleetKeys, robots: Sequence[str], order: Order, wait_s: float
+) -> Iterator[tuple[str, Outcome]]:
+    """Ask robots, all at once: nobody is told later because another one does not answer.
 
     Each is asked by its name: a router with rules hands a robot no question that is for others as well.
 
     Args:
         link: To the fleet's router.
         keys: Of the fleet.
-        robot: Whom to ask; None for all robots that are there.
+        robots: Whom to ask.
         order: What to ask.
-        wait_s: How long to wait for the answers of a robot, s.
+        wait_s: How long to wait for answers, s.
 
     Yields:
-        What each robot answers, in one line.
+        Robots and what they answer, as it comes.
     """
-    if robot is None:
-        names = sorted({robot_of(key) for key in link.seen(keys.alive("*"), _MOST)} - {WORLD, ""})
-    else:
-        names = [robot]
-    for name in names:
-        for answer in link.answers(keys.stop(name), order.encode(), LONGEST_ANSWER, wait_s):
-            yield printable(answer.decode("utf-8", "replace"))
+    names = {keys.stop(name): name for name in robots}
+    for key, answer in link.answers_of(tuple(names), order.encode(), LONGEST_ANSWER, wait_s):
+        yield names[key], outcome_of(answer)
 
 
 class StopOrders:
@@ -70,19 +108,18 @@ class StopOrders:
 
     def __init__(self, link: Link, keys: FleetKeys, robot: str) -> None:
         key = keys.stop(robot)
-        self._robot = robot
         self._waiting: Mailbox[Question] = Mailbox([key], _no_question, LONGEST, _ROOM)
         link.attend(key, LONGEST, self._waiting)
 
-    def obey(self, carry_out: Callable[[Order], str]) -> None:
+    def obey(self, carry_out: Callable[[Order], Outcome]) -> None:
         """Carry out orders from now on, on a thread of its own: an answer may have to wait for the router.
 
         Args:
-            carry_out: Does what an order says; returns what to answer.
+            carry_out: Does what an order says; returns what has come of it.
         """
         threading.Thread(target=self._obey, args=(carry_out,), name="orders", daemon=True).start()
 
-    def _obey(self, carry_out: Callable[[Order], str]) -> None:
+    def _obey(self, carry_out: Callable[[Order], Outcome]) -> None:
         while True:
             if (asked := self._waiting.get(_WAIT_S)) is None:
                 continue
@@ -91,7 +128,7 @@ class StopOrders:
                 order = Order(question.payload.decode("ascii", "replace"))
             except ValueError:
                 continue
-            question.answer(f"{self._robot}: {carry_out(order)}".encode()[:LONGEST_ANSWER])
+            question.answer(carry_out(order).to_bytes())
 
 
 def _no_question(payload: bytes) -> Question:

@@ -1,4 +1,4 @@
-"""How a process learns that it should leave: by a signal, or because whoever started it has died.
+"""How a process learns that it should leave or pause: by a signal, or because whoever started it has died.
 
 A launcher gives each child the reading end of a pipe that it alone can write to and never does. When the launcher ends,
 however it ends, the pipe is at its end, and the child has `GRACE_S` to leave in order before it is made to.
@@ -113,13 +113,31 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
         if ending.patience is not None and ending.times > ending.patience:
             raise Interrupted
 
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
             signal.signal(number, by_signal)
     if lifeline is not None:
         _continue_when_orphaned()
         threading.Thread(target=_hold, args=(lifeline, ending, on_death), daemon=True).start()
     return ending
+
+
+def rest_before_pause(rest: Callable[[], None], go_on: Callable[[], None]) -> None:
+    """Have something come to rest before a terminal's Ctrl-Z (SIGTSTP) pauses this process; called on the main thread.
+
+    SIGSTOP, which no process can notice, still pauses it at once.
+
+    Args:
+        rest: Called before the pause, on the main thread, wherever that is.
+        go_on: Called when the process continues.
+    """
+
+    def by_signal(_number: int, _frame: FrameType | None) -> None:
+        rest()
+        os.kill(os.getpid(), signal.SIGSTOP)
+        go_on()
+
+    signal.signal(signal.SIGTSTP, by_signal)
 
 
 def run_process(main: Callable[[], int]) -> NoReturn:

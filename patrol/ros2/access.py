@@ -3,7 +3,7 @@
 ROS itself asks nobody: whoever reaches the router `rmw_zenohd`, which listens on all interfaces, can drive the robot.
 Here the robot's own programs are those that come over TCP from the machine itself, and may do everything. Whoever comes
 over the network needs a certificate of the fleet. The agent's may command the robot and show what it knows; a viewer's
-may look. Nobody else may do anything.
+may look, and be seen in the graph as a node with nothing to offer. Nobody else may do anything.
 
 A latched topic is more than its key: who comes late finds its publisher, and asks it, under ``@adv``. The answer, which
 is its last message, comes under the topic's own key.
@@ -17,7 +17,7 @@ from typing import Any
 from patrol.net.roles import COMMON_NAMES, Rights, rules_of
 from patrol.ros2.formats import Bridge, Format
 from patrol.ros2.goals import NAME
-from patrol.ros2.names import ADMIN_SPACE, full_name, mangled
+from patrol.ros2.names import ADMIN_SPACE, Kind, full_name, mangled
 
 COMMANDS = ("cmd_vel", "ackermann_cmd")
 """Topics by which an agent drives its robot, relative to its namespace."""
@@ -62,7 +62,7 @@ def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMAND
         hear=heard,
         ask=(*_latched(heard), actions),
         answer=_latched(published),
-        announce=(*_latched(published), *_tokens(form, namespace)),
+        announce=(*_latched(published), *_tokens(form, namespace, "*/*/*/*", "**")),
         watch=(*_latched(heard), form.graph),
         reply=published,
         answered=heard,
@@ -78,8 +78,8 @@ def viewer_rights(form: Format, namespace: str) -> Rights:
     """
     heard = _heard(form, namespace)
     latched = _latched(heard)
-    tokens = _tokens(form, namespace)
-    return Rights(hear=heard, ask=latched, announce=tokens, watch=(*latched, form.graph), answered=heard)
+    node = _tokens(form, namespace, f"*/*/*/{Kind.NODE}", "*")
+    return Rights(hear=heard, ask=latched, announce=node, watch=(*latched, form.graph), answered=heard)
 
 
 def _heard(form: Format, namespace: str) -> tuple[str, ...]:
@@ -90,12 +90,20 @@ def _latched(keys: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{key}/@adv/**" for key in keys)
 
 
-def _tokens(form: Format, namespace: str) -> tuple[str, ...]:
-    """Tokens of nodes in the robot's own namespace."""
+def _tokens(form: Format, namespace: str, who: str, name: str) -> tuple[str, ...]:
+    """Tokens of nodes in the robot's own namespace, and of what they have.
+
+    Args:
+        form: What the robot speaks.
+        namespace: The robot's namespace.
+        who: Session, node, entity and kind.
+        name: The node's name, and what follows it.
+    """
     if isinstance(form, Bridge):
         return ()
     inside = namespace.strip("/")
-    return (f"{ADMIN_SPACE}/{form.domain}/*/*/*/*/*/{mangled(f'/{inside}' if inside else '')}/**",)
+    place = mangled(f"/{inside}" if inside else "")
+    return (f"{ADMIN_SPACE}/{form.domain}/{who}/*/{place}/{name}",)
 
 
 def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) -> dict[str, Any]:

@@ -9,7 +9,6 @@ They do not understand each other: a link speaks one of them.
 from __future__ import annotations
 
 import hashlib
-import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,10 +16,9 @@ from typing import Protocol
 
 from patrol.errors import BadInput
 from patrol.ros2.definitions import NO_HASH, type_hash
-from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, NodeName, dds_name, entity_of, mangled, ros_name
+from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, NodeName, dds_name, entity_of, ros_name
 
 _ATTACHMENT = struct.Struct("<qqB16s")
-_HASH = re.compile(rf"RIHS01_[0-9a-f]{{64}}|{NO_HASH}")
 _GID = 16
 _SLASH = "§"
 _BRIDGED = {
@@ -122,12 +120,8 @@ class Format(Protocol):
         """The key expression of all topics and services in a namespace."""
         ...
 
-    def servers(self, service: str, /) -> str | None:
-        """The key expression of the tokens of a service's servers; None where keys do not depend on them."""
-        ...
-
-    def service_key(self, service: str, type_name: str, token: str | None, /) -> str:
-        """The key of a service that others offer; `token` is that of its server, if one was found."""
+    def service_key(self, service: str, type_name: str, /) -> str:
+        """The key expression of a service that others offer."""
         ...
 
     def origin(self, key: str, /) -> Origin:
@@ -183,16 +177,9 @@ class RmwZenoh:
         inside = namespace.strip("/")
         return f"{self.domain}/{inside}/**" if inside else f"{self.domain}/**"
 
-    def servers(self, service: str, /) -> str | None:
-        """The key expression of the tokens of a service's servers."""
-        return f"{ADMIN_SPACE}/{self.domain}/*/*/*/{Kind.SERVER}/*/*/*/{mangled(service)}/*/*/*"
-
-    def service_key(self, service: str, type_name: str, token: str | None, /) -> str:
-        """The key of a service that others offer, with their hash: releases differ in what is not read here."""
-        server = None if token is None else entity_of(token)
-        if server is None or server.type_name != type_name or not _HASH.fullmatch(server.type_hash):
-            return self.key(service, type_name)
-        return f"{self.domain}/{service.strip('/')}/{dds_name(type_name)}/{server.type_hash}"
+    def service_key(self, service: str, type_name: str, /) -> str:
+        """The key expression of a service that others offer, of any hash: releases differ in what is not read here."""
+        return f"{self.domain}/{service.strip('/')}/{dds_name(type_name)}/*"
 
     def origin(self, key: str, /) -> Origin:
         """What a key says of the messages under it."""
@@ -241,11 +228,7 @@ class Bridge:
         inside = self.heard(namespace).strip("/")
         return f"{inside}/**" if inside else "**"
 
-    def servers(self, _service: str, /) -> str | None:
-        """Keys do not depend on servers."""
-        return None
-
-    def service_key(self, service: str, _type_name: str, _token: str | None, /) -> str:
+    def service_key(self, service: str, _type_name: str, /) -> str:
         """The key of a service that others offer."""
         return self.heard(service)
 

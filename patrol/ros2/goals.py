@@ -6,7 +6,9 @@ whoever uses one calls its `step` now and then.
 
 from __future__ import annotations
 
+import math
 import os
+from collections import deque
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
@@ -34,12 +36,19 @@ ACCEPT_S = 5.0
 RESULT_S = 30.0
 """How long to wait for a result before asking for it again, s."""
 
+CANCEL_S = 0.25
+"""Time between two requests to cancel while none is confirmed, s."""
+CANCEL_LIMIT_S = 2.0
+"""How long the answer to one of them counts, s."""
+
 _SEND = Service(SEND_GOAL, SendGoalRequest, SendGoalResponse)
 _RESULT = Service(GET_RESULT, GetResultRequest, GetResultResponse)
 _CANCEL = Service(CANCEL_GOAL, CancelRequest, CancelResponse)
 _ANY_GOAL = bytes(16)
 _ROOM = 32
 _MOST_GOALS = 16
+_NO_GOAL_LEFT = frozenset({0, 2, 3})
+"""Codes of action_msgs/CancelGoal: cancelled or nothing to cancel, no such goal, ended already. 1 means refused."""
 
 
 class Status(IntEnum):
@@ -67,6 +76,8 @@ class Going(Enum):
     UNDER_WAY = "under way"
     THERE = "there"
     FAILED = "failed"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
 
 
 class GoalClient:
@@ -87,6 +98,8 @@ class GoalClient:
         self._accepted: RosMailbox[SendGoalResponse] | None = None
         self._result: RosMailbox[GetResultResponse] | None = None
         self._asked_s = 0.0
+        self._cancels: deque[RosMailbox[CancelResponse]] = deque(maxlen=round(CANCEL_LIMIT_S / CANCEL_S))
+        self._cancelled_s = -math.inf
         self.going = Going.NOWHERE
 
     def go(self, target: PoseStamped, now_s: float) -> None:
@@ -103,11 +116,19 @@ class GoalClient:
         self._asked_s = now_s
         self.going = Going.ASKED
 
-    def stop(self) -> None:
-        """Cancel every goal that the robot has, also those of others: a robot that is to stop stops."""
-        self._link.call(f"{self._name}/cancel_goal", _CANCEL, CancelRequest(_ANY_GOAL), ACCEPT_S)
-        self._accepted = self._result = None
-        self.going = Going.NOWHERE
+    def stop(self, now_s: float) -> None:
+        """Cancel every goal that the robot has, also those of others: a robot that is to stop stops.
+
+        `step` repeats the request until the robot confirms it; until then it is stopping.
+
+        Args:
+            now_s: The time, s.
+        """
+        self._result = None
+        self._cancels.clear()
+        self._cancelled_s = -math.inf
+        self.going = Going.STOPPING
+        self.step(now_s)
 
     def step(self, now_s: float) -> Going:
         """Take in what the robot has answered.
@@ -118,6 +139,9 @@ class GoalClient:
         Returns:
             How it stands.
         """
+        if self.going is Going.STOPPING:
+            self._step_stop(now_s)
+            return self.going
         waited_s = now_s - self._asked_s
         if self._accepted is not None:
             if (answer := self._accepted.take()) is not None:
@@ -134,6 +158,23 @@ class GoalClient:
             elif waited_s > RESULT_S:
                 self._ask_result(now_s)
         return self.going
+
+    def _step_stop(self, now_s: float) -> None:
+        """Cancel until the robot confirms a request that it got after it had decided on our last goal.
+
+        A request that overtakes a goal cancels nothing, and the goal is accepted after it.
+        """
+        if self._accepted is not None:
+            if self._accepted.take() is not None or now_s - self._asked_s > ACCEPT_S:
+                self._accepted = None
+            self._cancels.clear()
+        answers = [answer for cancel in self._cancels if (answer := cancel.take()) is not None]
+        if any(answer.message.code in _NO_GOAL_LEFT for answer in answers):
+            self.going = Going.STOPPED
+        elif now_s - self._cancelled_s >= CANCEL_S:
+            self._cancelled_s = now_s
+            request = CancelRequest(_ANY_GOAL)
+            self._cancels.append(self._link.call(f"{self._name}/cancel_goal", _CANCEL, request, CANCEL_LIMIT_S))
 
     def _ask_result(self, now_s: float) -> None:
         if self.going is Going.UNDER_WAY:

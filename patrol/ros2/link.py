@@ -38,9 +38,6 @@ command or a pose that is seconds old does harm."""
 BLOCKED_US = 1_000_000
 """How long a latched message waits for a router that does not read; then the link is closed, and made anew."""
 
-SERVERS_S = 2.0
-"""How long the router may take to say who offers a service."""
-
 _LONGEST_ATTACHMENT = 64
 _MOST_ENTITIES = 10_000
 
@@ -68,7 +65,6 @@ class ZenohRos2Link:
         self._node_number = next(self._numbers)
         self._declared: list[Any] = []
         self._clients: dict[str, _Attacher] = {}
-        self._servers: dict[str, str] = {}
         self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, Kind.NODE, node))
 
     @property
@@ -134,7 +130,7 @@ class ZenohRos2Link:
             if (wrong := _mismatch(full, self._format.origin(key), coding.type_name, expected)) is not None:
                 mailbox.refuse(*wrong)
             elif sample.kind == zenoh.SampleKind.PUT:
-                _deliver(kind, full, sample.payload, sample.attachment, mailbox)
+                _deliver(kind, full, sample.payload, sample.attachment, mailbox, _stamp_ns(sample.timestamp))
 
         handler: Any = zenoh.handlers.Callback(receive, indirect=False)
         heard = self._format.heard(full)
@@ -149,7 +145,8 @@ class ZenohRos2Link:
     def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:
         """Ask a service, without waiting for the response (`patrol.ros2.ports.Ros2Link`).
 
-        Where keys depend on the server, the first call asks the router who it is, which takes at most `SERVERS_S`.
+        All who offer it under its type are asked, whatever hash they have for that. So nobody has to find out first who
+        they are, and nobody who only says that he is one of them keeps a request from the others.
         """
         full = self.resolve(name)
         payload = encode(request)
@@ -162,10 +159,10 @@ class ZenohRos2Link:
                 _deliver(service.response, full, sample.payload, sample.attachment, mailbox)
 
         self._session.get(
-            self._format.service_key(full, service.type_name, self._server(full)),
+            self._format.service_key(full, service.type_name),
             payload=payload,
             attachment=self._clients[full].next(),
-            target=zenoh.QueryTarget.ALL_COMPLETE,
+            target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE,
             timeout=limit_s,
             priority=zenoh.Priority.DATA_HIGH,
@@ -264,14 +261,6 @@ class ZenohRos2Link:
         self._show(entity)
         return _Attacher(gid_of(entity.token) if self._format.attaches else None)
 
-    def _server(self, full: str) -> str | None:
-        """The token of whoever offers a service, or last did, if keys depend on it."""
-        servers = self._format.servers(full)
-        if servers is not None and full not in self._servers:
-            for token in self.tokens(servers, SERVERS_S):
-                self._servers[full] = token
-        return self._servers.get(full)
-
 
 class _Attacher:
     """Makes the attachments of one publisher or client, whose sequence it counts; None where the format has none."""
@@ -324,9 +313,17 @@ def _mismatch(full: str, origin: Origin, type_name: str, expected: frozenset[str
 
 
 def _deliver(
-    kind: type[M], full: str, payload: zenoh.ZBytes | None, attached: zenoh.ZBytes | None, mailbox: RosMailbox[M]
+    kind: type[M],
+    full: str,
+    payload: zenoh.ZBytes | None,
+    attached: zenoh.ZBytes | None,
+    mailbox: RosMailbox[M],
+    stamp_ns: int | None = None,
 ) -> None:
-    """Decode a message and put it into a mailbox, or say there why not; on Zenoh's thread."""
+    """Decode a message and put it into a mailbox, or say there why not; on Zenoh's thread.
+
+    What goes along with it says when it was sent, or else Zenoh's own stamp.
+    """
     at_s = time.monotonic()
     if payload is None:
         mailbox.refuse("malformed", f"{full}: nothing in it")
@@ -341,9 +338,14 @@ def _deliver(
         return
     given = attachment_of(_small(attached))
     if given is None:
-        mailbox.put(Received(message, at_s))
+        mailbox.put(Received(message, at_s, stamp_ns))
     else:
         mailbox.put(Received(message, at_s, given.sent_ns, given.sequence, given.sender))
+
+
+def _stamp_ns(stamp: zenoh.Timestamp | None) -> int | None:
+    """When a message was sent, ns since the epoch, by Zenoh's own stamp."""
+    return None if stamp is None else stamp.get_time_as_ntp64().as_nanos()
 
 
 def _small(attached: zenoh.ZBytes | None) -> bytes:

@@ -20,7 +20,8 @@ class Received(Generic[T]):
     Attributes:
         message: The message.
         at_s: When it was received, by `time.monotonic`, s.
-        sent_ns: When its sender sent it, by the sender's clock, ns since the epoch; None where the format does not say.
+        sent_ns: When it was sent, by the clock of its sender or of the sender's bridge, ns since the epoch; None where
+            nothing says.
         sequence: Counts the sender's messages; None where the format does not say.
         sender: Stands for the sender; empty where the format does not say.
     """

@@ -16,10 +16,12 @@ from typing import Protocol
 from agent.ports import Decision, FleetClock, Telemetry
 from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.localisation import Fix
+from agent.robots.ros2.standing import Standing
 from agent.robots.ros2.steering import Place, Steering
+from agent.robots.ros2.stops import Stopper
 from patrol.exchange import Sensed
 from patrol.net.phases import PHASE_B_SHARE
-from patrol.net.stop_orders import Order, StopOrders
+from patrol.net.stop_orders import Order, Outcome, StopOrders
 from patrol.pose import Command
 from patrol.process.logs import Log
 from patrol.process.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
@@ -31,7 +33,6 @@ HELD_AFTER_S = 10.0
 LONGEST_CYCLE_S = 0.25
 """The longest time between two commands over which a speed may change, s: who was late does not jump."""
 _JOIN_S = 1.0
-_OPERATOR = "an operator"
 _LOCK_S = 0.2
 
 
@@ -106,6 +107,7 @@ class Ros2Robot:
         self._over = Event()
         self._failed = ""
         self._stopped = ""
+        self._standing = Standing(pace.factor)
         self._cycled_s = time.monotonic()
         self._thread = Thread(target=self._drive, name="drive", daemon=True)
 
@@ -172,6 +174,19 @@ class Ros2Robot:
             self._thread.join(_JOIN_S)
         self._halt()
         self._say.now(f"stopped for good: {reason}")
+        if doubt := self._steering.unconfirmed:
+            self._say.now(f"may still drive: {doubt}")
+        if unsaved := self._hardware.stops.unsaved():
+            self._say.now(f"a stop that holds is not noted, so that a restart ends it ({unsaved})")
+
+    def rest(self) -> None:
+        """Stop before this process is paused; `go_on` drives on."""
+        self._halt()
+
+    def go_on(self) -> None:
+        """Drive on after `rest`, unless the robot was stopped for good."""
+        if not self._over.is_set():
+            self._steering.go_on()
 
     def cycle(self) -> Fix | None:
         """Hear the robot and tell it what is safe, once; where it is."""
@@ -181,27 +196,38 @@ class Ros2Robot:
             self._cycled_s = moment_s
             fix = self._hardware.fix()
             now_s = self._hardware.time.now()
-            stopped = self._hardware.stops.why or next((one.why for one in self._objections if one.why), "")
+            held = self._hardware.stops.why
+            if not held:
+                self._standing.told()  # whoever stops the robot from now on, for it is about to be driven
+            stopped = held or next((one.why for one in self._objections if one.why), "")
             self._stopped = stopped
             why = self._steering.step(fix, 0.0 if now_s is None else now_s, since_s, stopped)
-        if fix is None and not stopped:
+        if stopped:
+            self._standing.look(fix, self._steering.unconfirmed, moment_s)
+        elif fix is None:
             why = self._hardware.why
         self._say.state(why, moment_s, SAY_AFTER_S if stopped or fix is None else HELD_AFTER_S)
         return fix
 
-    def _carry_out(self, order: Order) -> str:
-        """Do what an operator asks; what to answer."""
+    def _carry_out(self, order: Order) -> Outcome:
+        """Do what an operator asks; what has come of it, once that is known."""
         stops = self._hardware.stops
-        if order is Order.STOP:
-            stops.hold(_OPERATOR, "fogwatch control ... release")
+        if order is Order.RELEASE:
+            objected = any(one.why for one in self._objections)
+            for objection in self._objections:
+                objection.release()
+            if stops.release(Stopper.OPERATOR) or objected:
+                self._say.now("released by an operator")
+            return Outcome(True, stops.why or "not stopped")
+        if stops.hold(Stopper.OPERATOR):
+            self._standing.told()
             self._say.now("stopped by an operator")
-            return stops.why
-        objected = any(one.why for one in self._objections)
-        for objection in self._objections:
-            objection.release()
-        if stops.release(_OPERATOR) or objected:
-            self._say.now("released by an operator")
-        return stops.why or "not stopped"
+        doubt = self._standing.doubt()
+        if doubt:
+            return Outcome(False, f"may still drive: {doubt}; {stops.why}")
+        if unsaved := stops.unsaved():
+            return Outcome(False, f"stands, but a restart of its agent would end that ({unsaved}); {stops.why}")
+        return Outcome(True, stops.why)
 
     def _drive(self) -> None:
         period_s = 1.0 / (self._pace.rate_hz * self._pace.factor)

@@ -5,17 +5,19 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from typing import Any
 
 from agent.robots.ros2.localisation import Fix, Localisation
 from agent.robots.ros2.settings import DriveSettings
-from agent.robots.ros2.stops import Stops
+from agent.robots.ros2.stop_files import StopFiles
+from agent.robots.ros2.stop_topic import StopTopic
+from agent.robots.ros2.stops import Stopper, Stops
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import Bool, Clock, Odometry, PoseWithCovarianceStamped, TFMessage
 from patrol.ros2.names import LATCHED, SENSOR, USUAL
 from patrol.ros2.ports import Ros2Link
 
 _ROOM = 64
-_STOPPER = "the topic {}"
 
 
 class RobotTime:
@@ -64,12 +66,20 @@ class Hardware:
         settings: How it is spoken to.
         factor: Seconds of the robot's time in one of ours; 1 but for simulations.
         say: Prints a line.
+        stop_files: Where stops are noted; None if they end with this process.
     """
 
-    def __init__(self, link: Ros2Link, settings: DriveSettings, factor: float, say: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        link: Ros2Link,
+        settings: DriveSettings,
+        factor: float,
+        say: Callable[[str], None],
+        stop_files: StopFiles | None = None,
+    ) -> None:
         self.link = link
         self.settings = settings
-        self.stops = Stops()
+        self.stops = Stops(link.resolve(settings.topic("stop")), stop_files)
         self._say = say
         fresh_s = settings.localisation.fresh_s / factor
         clock: RosMailbox[Clock] | None = RosMailbox() if settings.sim_time else None
@@ -81,7 +91,10 @@ class Hardware:
         self._root_tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         self._root_tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         self._poses: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
-        self._stop: RosMailbox[Bool] = RosMailbox(_ROOM)
+        self._stop = StopTopic(held=Stopper.TOPIC in self.stops)
+        tfs = (self._tf, self._tf_static, self._root_tf, self._root_tf_static)
+        heard: list[RosMailbox[Any]] = [self._stop, self._odometry, self._poses, *tfs]
+        self._refusals = Refusals(heard if clock is None else [*heard, clock])
         topic = settings.topic
         if clock is not None:
             link.subscribe(topic("clock"), Clock, clock, SENSOR)
@@ -158,10 +171,35 @@ class Hardware:
         return now_s if then_s is None else min(then_s, now_s)
 
     def _heed_stops(self) -> None:
-        topic = self.link.resolve(self.settings.topic("stop"))
-        who = _STOPPER.format(topic)
-        while (stop := self._stop.take()) is not None:
-            if stop.message.data and self.stops.hold(who, f"publish false on {topic} to release it"):
-                self._say(f"stopped by {who}")
-            elif not stop.message.data and self.stops.release(who):
-                self._say(f"released by {who}")
+        for line in self._refusals.new():
+            self._say(f"refused: {line}")
+        stopped, holds, ignored = self._stop.heed()
+        who = self.stops.who(Stopper.TOPIC)
+        if stopped and self.stops.hold(Stopper.TOPIC):
+            self._say(f"stopped by {who}")
+        if not holds and self.stops.release(Stopper.TOPIC):
+            self._say(f"released by {who}")
+        if ignored:
+            self._say(f"still stopped by {who}: {ignored}")
+
+
+class Refusals:
+    """What topics have refused, for people: the first message of each topic for each reason.
+
+    Args:
+        mailboxes: Of the topics.
+    """
+
+    def __init__(self, mailboxes: list[RosMailbox[Any]]) -> None:
+        self._mailboxes = mailboxes
+        self._said = [0] * len(mailboxes)
+
+    def new(self) -> list[str]:
+        """Lines that are new since this was last asked."""
+        lines: list[str] = []
+        for number, mailbox in enumerate(self._mailboxes):
+            if len(mailbox.said) > self._said[number]:
+                said = list(mailbox.said.values())
+                lines += said[self._said[number] :]
+                self._said[number] = len(said)
+        return lines

@@ -29,9 +29,12 @@ First run. The robot runs a Zenoh router (rmw_zenohd, or zenoh-bridge-ros2dds) a
       --model differential --radius 0.2 --speed 0.3
 
 It drives as soon as it knows where it is. Ctrl-C stops the robot, and so does anybody who publishes true on its topic
-stop:
+stop while this program runs:
 
   ros2 topic pub --once --qos-durability transient_local /robot1/stop std_msgs/msg/Bool '{data: true}'
+
+The robot then stands until false is published there, also if this program ends and starts again meanwhile: it notes
+stops in the folder --state.
 
 Several robots patrol together when each agent is given all their names, and one router that all agents can reach:
 
@@ -45,10 +48,10 @@ Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is t
   nav2            goals of the action navigate_to_pose; Nav2 finds the way, and keeps off what no map shows
 
 The robot stands, with zero velocity, whenever its pose is not fresh, somebody has stopped it, or the way that it needs
-to stop leads off the map's ground; and when this process ends. The way that it needs to stop follows from --braking:
-measure that, since a robot that brakes less hard than it is said to runs into walls. If this process is killed, only
-the robot's own watchdog stops it: test that first. This program sees no people and no obstacles that are not on the
-map; see docs/ros2.md.
+to stop leads off the map's ground; and when this process ends, or Ctrl-Z pauses it. The way that it needs to stop
+follows from --braking: measure that, since a robot that brakes less hard than it is said to runs into walls. If this
+process is killed, only the robot's own watchdog stops the robot: test that first. This program sees no people and no
+obstacles that are not on the map; see docs/ros2.md.
 
 Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 """
@@ -136,6 +139,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--radio", metavar="LOCATOR", help="multicast group or router for positions (default: the fleet's router)")
     add("--epoch", type=float, metavar="S", help="Unix time of tick 0 (default: as a robot that is heard counts)")
     add("--wait", type=float, default=60.0, metavar="S", help="for routers, map and pose (default: %(default)g s)")
+    add("--state", type=Path, metavar="FOLDER", help="where stops are noted (default: $STATE_DIRECTORY, or the user's)")
     add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
     add_supervision(parser)
     return parser.parse_args(arguments)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from typing import Protocol
 
@@ -12,6 +13,7 @@ from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.localisation import Fix
 from agent.robots.ros2.others import Others
 from agent.robots.ros2.response import Response
+from agent.robots.ros2.standing import moves
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose
 from patrol.ros2.frames import travelled
@@ -28,11 +30,19 @@ STUCK_SHARE = 0.25
 
 LASTING_ZEROS = 5
 """How often zero velocity is sent in the end: single messages may be lost."""
+ZEROS_S = 0.05
+"""Time between two of them, s. A router with a limit drops what comes too soon after the command before, also a zero
+(`patrol.ros2.access.COMMAND_HZ`)."""
+
+CONFIRM_S = 1.0
+"""How long Nav2 is given to confirm that it has cancelled its goals when a robot is halted, s."""
 
 ANOTHER_M = 0.5
 """How far a new goal must be from the last one to be sent, m."""
 AGAIN_S = 3.0
 """How long a goal that has failed is not sent again, s."""
+
+HALTED = "it was halted"
 
 
 class Steering(Protocol):
@@ -65,7 +75,16 @@ class Steering(Protocol):
         ...
 
     def halt(self) -> None:
-        """Stop for good, whatever else is going on."""
+        """Stop, whatever else is going on, and stay so until `go_on`; takes a moment."""
+        ...
+
+    def go_on(self) -> None:
+        """Obey again after `halt`."""
+        ...
+
+    @property
+    def unconfirmed(self) -> str:
+        """What of the last stop nobody has confirmed, in a few words; empty where there is nothing to confirm."""
         ...
 
 
@@ -81,7 +100,7 @@ class VelocitySteering:
         self._progress = Progress()
         self._steps = 0
         self._held = 0
-        self._ended = False
+        self._halted = False
 
     def want(self, command: Command, goal: Place | None, now_s: float) -> None:
         """The command counts; the goal does not."""
@@ -91,8 +110,8 @@ class VelocitySteering:
 
     def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
         """Send the velocity that is safe."""
-        if self._ended:
-            return "it was stopped for good"
+        if self._halted:
+            return HALTED
         told = self._governor.command
         pose = None if fix is None else fix.pose
         command = self._governor.step(pose, now_s, since_s, stopped, self._others.around(now_s))
@@ -114,10 +133,22 @@ class VelocitySteering:
         return self._progress.ended(pose) or held
 
     def halt(self) -> None:
-        """Send zero velocity, and nothing else any more."""
-        self._ended = True
-        for _ in range(LASTING_ZEROS):
+        """Send zero velocity several times, and nothing else until `go_on`."""
+        self._halted = True
+        for number in range(LASTING_ZEROS):
+            if number:
+                time.sleep(ZEROS_S)
             self._send(Drive(0.0, 0.0), 0.0)
+
+    def go_on(self) -> None:
+        """Send velocities again; from zero, whatever was wanted before."""
+        self._governor.step(None, 0.0, 0.0, HALTED)
+        self._halted = False
+
+    @property
+    def unconfirmed(self) -> str:
+        """Nothing: what a robot makes of its velocities only its odometry says."""
+        return ""
 
 
 class Progress:
@@ -151,7 +182,11 @@ class Progress:
 
 
 class GoalSteering:
-    """Tells a robot where to go, and leaves the way there to its Nav2 (`Steering`)."""
+    """Tells a robot where to go, and leaves the way there to its Nav2 (`Steering`).
+
+    A robot that must stand has its goals cancelled until Nav2 confirms it, and again whenever it moves: a message may
+    be lost, and a goal that was on its way may be accepted late.
+    """
 
     def __init__(self, hardware: Hardware) -> None:
         self._hardware = hardware
@@ -160,7 +195,7 @@ class GoalSteering:
         self._sent: Place | None = None
         self._failed_s = -math.inf
         self._failures = 0
-        self._ended = False
+        self._halted = False
 
     def want(self, command: Command, goal: Place | None, now_s: float) -> None:
         """The goal counts; a robot without one stays."""
@@ -170,14 +205,16 @@ class GoalSteering:
     def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
         """Send a goal where it has changed; cancel it where the robot must stand."""
         del since_s
-        why = "it was stopped for good" if self._ended else stopped
+        why = HALTED if self._halted else stopped
         why = why or ("nobody knows where it is" if fix is None else "")
         if why or fix is None or self._wanted is None:
-            if self._sent is not None:
-                self._goals.stop()
-                self._sent = None
+            self._stand(fix, self._halted or bool(stopped))
             return why
-        if self._goals.step(now_s) is Going.FAILED and self._sent is not None:
+        moment_s = time.monotonic()
+        going = self._goals.step(moment_s)
+        if going is Going.STOPPING:
+            return ""
+        if going is Going.FAILED and self._sent is not None:
             self._sent, self._failed_s = None, now_s
             self._failures += 1
         if self._sent is None:
@@ -188,7 +225,7 @@ class GoalSteering:
             x, y = self._wanted
             heading = math.atan2(y - fix.pose.y, x - fix.pose.x)
             target = PoseStamped(self._hardware.stamp_ns(), self._hardware.settings.map_frame, Pose(x, y, heading))
-            self._goals.go(target, now_s)
+            self._goals.go(target, moment_s)
             self._sent = self._wanted
         return ""
 
@@ -203,10 +240,37 @@ class GoalSteering:
         return failures > 0
 
     def halt(self) -> None:
-        """Cancel every goal of the robot, and send none any more."""
-        self._ended = True
-        self._goals.stop()
+        """Cancel every goal of the robot until Nav2 confirms it, for `CONFIRM_S` at most, and send none any more."""
+        self._halted = True
         self._sent = None
+        self._goals.stop(time.monotonic())
+        end_s = time.monotonic() + CONFIRM_S
+        while self._goals.step(time.monotonic()) is Going.STOPPING and time.monotonic() < end_s:
+            time.sleep(ZEROS_S)
+
+    def go_on(self) -> None:
+        """Send goals again."""
+        self._halted = False
+
+    @property
+    def unconfirmed(self) -> str:
+        """Whether Nav2 has not confirmed yet that it has cancelled its goals."""
+        return "Nav2 has not confirmed that it has cancelled its goals" if self._goals.going is Going.STOPPING else ""
+
+    def _stand(self, fix: Fix | None, must: bool) -> None:
+        """Have no goal.
+
+        Args:
+            fix: Where the robot is; None if nobody knows.
+            must: Whether no goal of anybody else may move it either.
+        """
+        moment_s = time.monotonic()
+        going = self._goals.step(moment_s)
+        self._sent = None
+        ours = going in {Going.ASKED, Going.UNDER_WAY, Going.FAILED}
+        unknown = going in {Going.NOWHERE, Going.THERE} or (going is Going.STOPPED and fix is not None and moves(fix))
+        if ours or (must and unknown):
+            self._goals.stop(moment_s)
 
 
 def _sender(hardware: Hardware) -> Callable[[Command, float], None]:

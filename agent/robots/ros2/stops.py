@@ -1,49 +1,122 @@
-"""Who has told the robot to stop. Everybody who has must release it before it drives again."""
+"""Who has told the robot to stop. Everybody who has must release it before it drives again, also after a restart."""
 
 from __future__ import annotations
 
-from threading import Lock
+from enum import StrEnum
+from threading import Condition, Thread
+
+from agent.robots.ros2.stop_files import StopFiles
+
+SAVE_S = 1.0
+"""How long a disk may take to note a stop before whoever waits for it is told that it is not noted, s."""
+
+
+class Stopper(StrEnum):
+    """Who can stop a robot."""
+
+    OPERATOR = "operator"
+    TOPIC = "topic"
 
 
 class Stops:
-    """The stops that hold; called from any thread."""
+    """The stops that hold; called from any thread.
 
-    def __init__(self) -> None:
-        self._held: dict[str, str] = {}
-        self._lock = Lock()
+    A stop holds at once. A thread notes it, so that no slow disk keeps a robot driving; `unsaved` waits for that.
+
+    Args:
+        topic: Full name of the topic that stops the robot.
+        files: Where stops are noted; None if they end with this process.
+    """
+
+    def __init__(self, topic: str, files: StopFiles | None = None) -> None:
+        self._texts = {
+            Stopper.OPERATOR: ("an operator", "fogwatch control ... release"),
+            Stopper.TOPIC: (f"the topic {topic}", "publish false there to release it"),
+        }
+        self._files = files
+        self._changed = Condition()
+        self._held = [] if files is None else [stopper for stopper in Stopper if files.holds(stopper)]
+        self._noted = set(self._held)
+        self._error = ""
+        if files is not None:
+            Thread(target=self._note, args=(files,), name="stops", daemon=True).start()
 
     def __bool__(self) -> bool:
         return bool(self._held)
 
+    def __contains__(self, stopper: Stopper) -> bool:
+        return stopper in self._held
+
     @property
     def why(self) -> str:
         """Who has stopped the robot, and how to release it; empty if nobody has."""
-        with self._lock:
-            return "; ".join(f"stopped by {who} ({release})" for who, release in self._held.items())
+        with self._changed:
+            held = [self._texts[stopper] for stopper in self._held]
+        return "; ".join(f"stopped by {who} ({release})" for who, release in held)
 
-    def hold(self, who: str, release: str) -> bool:
+    def who(self, stopper: Stopper) -> str:
+        """What people call somebody who stops the robot."""
+        return self._texts[stopper][0]
+
+    def hold(self, stopper: Stopper) -> bool:
         """Stop.
 
         Args:
-            who: Who says so.
-            release: How to release the robot, in a few words.
+            stopper: Who says so.
 
         Returns:
             Whether that is new.
         """
-        with self._lock:
-            new = who not in self._held
-            self._held[who] = release
+        with self._changed:
+            new = stopper not in self._held
+            if new:
+                self._held.append(stopper)
+            self._error = ""
+            self._changed.notify_all()
             return new
 
-    def release(self, who: str) -> bool:
+    def release(self, stopper: Stopper) -> bool:
         """Release what was stopped by somebody; others' stops still hold.
 
         Args:
-            who: Who says so.
+            stopper: Who says so.
 
         Returns:
             Whether that is new.
         """
-        with self._lock:
-            return self._held.pop(who, None) is not None
+        with self._changed:
+            new = stopper in self._held
+            if new:
+                self._held.remove(stopper)
+            self._error = ""
+            self._changed.notify_all()
+            return new
+
+    def unsaved(self, limit_s: float = SAVE_S) -> str:
+        """Why the stops that hold now are not noted, in a few words, after waiting for it; empty if they are.
+
+        Args:
+            limit_s: How long to wait at most.
+        """
+        with self._changed:
+            if self._files is None:
+                return ""
+            self._changed.wait_for(lambda: bool(self._error) or self._is_noted(), limit_s)
+            return "" if self._is_noted() else self._error or "the disk is slow"
+
+    def _is_noted(self) -> bool:
+        return self._noted == set(self._held)
+
+    def _note(self, files: StopFiles) -> None:
+        """Have the files say what holds, always; after an error when something changes."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: not self._error and not self._is_noted())
+                wrong = next(iter(set(self._held) ^ self._noted))
+                holds = wrong in self._held
+            error = files.note(wrong, self._texts[wrong][0]) if holds else files.forget(wrong)
+            with self._changed:
+                self._error = error
+                if not error:
+                    (self._noted.add if holds else self._noted.discard)(wrong)
+                self._changed.notify_all()

@@ -41,7 +41,7 @@ def child(work: str = "ending.wait(60)", code: str = "0", lifeline: str = "-") -
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT])
 def test_a_signal_asks_to_leave(number: signal.Signals) -> None:
     process = child(code="7")
     process.send_signal(number)
@@ -107,6 +107,26 @@ def test_a_stopped_process_notices_too() -> None:
     os.kill(pid, signal.SIGSTOP)
     process.kill()
     assert process.communicate(timeout=120)[0] == "its launcher has died 1\n"
+
+
+@pytest.mark.processes
+def test_who_is_paused_comes_to_rest_before_and_goes_on_after() -> None:
+    say = "lambda: print('{}', flush=True)"
+    work = f"""
+    from patrol.process.lifeline import rest_before_pause
+    rest_before_pause({say.format("rests")}, {say.format("goes on")})
+    print("may be paused", flush=True)
+    ending.wait(60)"""
+    process = child(work)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "may be paused\n"
+    process.send_signal(signal.SIGTSTP)
+    os.waitid(os.P_PID, process.pid, os.WSTOPPED)
+    assert process.stdout.readline() == "rests\n"
+    process.send_signal(signal.SIGCONT)
+    assert process.stdout.readline() == "goes on\n"
+    process.send_signal(signal.SIGTERM)
+    assert process.communicate(timeout=120)[0] == "told to by SIGTERM 1\n"
 
 
 @pytest.mark.processes

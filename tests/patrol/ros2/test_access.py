@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -17,64 +16,24 @@ from fogwatch.doctor.survey import Wanted, survey
 from fogwatch.fleet_folder import FleetFolder
 from fogwatch.robot_router import FILE, make_robot_router
 from patrol.errors import BadInput
-from patrol.net.credentials import Credentials, read_credentials
 from patrol.net.link import LinkDown
 from patrol.pose import Pose
 from patrol.ros2.access import agent_rights, viewer_rights
-from patrol.ros2.formats import Bridge, Format, RmwZenoh
+from patrol.ros2.formats import Bridge, RmwZenoh
 from patrol.ros2.goals import GoalClient, GoalServer, Going
-from patrol.ros2.link import ZenohRos2Link, open_ros2
+from patrol.ros2.link import open_ros2
 from patrol.ros2.mailbox import RosMailbox
-from patrol.ros2.messages import OccupancyGrid, Odometry, PoseStamped, Twist, TwistStamped
+from patrol.ros2.messages import OccupancyGrid, Odometry, PoseStamped, TwistStamped
 from patrol.ros2.names import LATCHED, Kind, NodeName
-from patrol.ros2.ports import Sender
-from tests.routers import PATIENCE_S, free_endpoint, make_local_fleet, needs_openssl
+from tests.ros2_site import Site, command, odometry, reach
+from tests.routers import PATIENCE_S, make_local_fleet, needs_openssl
 
 pytestmark = needs_openssl
 
-M = TypeVar("M")
 REFUSED_S = 2.0
 """How long somebody without a certificate tries to get in."""
 HERE = Pose(0.0, 0.0, 0.0)
 GRID = OccupancyGrid(1, "map", 0.05, HERE, np.zeros((20, 30), np.int8))
-
-
-def command(speed: float) -> TwistStamped:
-    return TwistStamped(time.time_ns(), "base_link", Twist(speed, 0.0, 0.0))
-
-
-def odometry(x: float) -> Odometry:
-    return Odometry(time.time_ns(), "odom", "base_link", Pose(x, 0.0, 0.0), Twist(0.0, 0.0, 0.0))
-
-
-class Site:
-    """A robot's router that asks who comes, and sessions at it."""
-
-    def __init__(self, fleet: FleetFolder, form: Format) -> None:
-        self.form, self.fleet = form, fleet
-        local, port = (int(free_endpoint().rpartition(":")[2]) for _ in range(2))
-        folder = make_robot_router(fleet, "r1", form, "robot1", [], port, None, 1, local_port=local)
-        self.router: zenoh.Session = zenoh.open(zenoh.Config.from_file(str(folder / FILE)))
-        self.local, self.outside = f"tcp/127.0.0.1:{local}", f"tls/127.0.0.1:{port}"
-        self._links: list[ZenohRos2Link] = []
-
-    def robot(self, name: str = "base") -> ZenohRos2Link:
-        """A program of the robot's own."""
-        return self._join(self.local, name, None)
-
-    def member(self, name: str) -> ZenohRos2Link:
-        """A member of the fleet, over the network."""
-        return self._join(self.outside, f"fogwatch_{name}", read_credentials(self.fleet.path / name, "test"))
-
-    def _join(self, where: str, name: str, credentials: Credentials | None) -> ZenohRos2Link:
-        link = open_ros2(where, self.form, NodeName(name, "robot1"), PATIENCE_S, credentials=credentials)
-        self._links.append(link)
-        return link
-
-    def close(self) -> None:
-        for link in self._links:
-            assert link.close(PATIENCE_S)
-        self.router.close()  # type: ignore[no-untyped-call]
 
 
 @pytest.fixture(scope="module")
@@ -87,14 +46,6 @@ def site(request: pytest.FixtureRequest, fleet: FleetFolder) -> Iterator[Site]:
     site = Site(fleet, request.param)
     yield site
     site.close()
-
-
-def reach(sender: Sender[M], make: Callable[[], M], mailbox: RosMailbox[Any]) -> Any:
-    end = time.monotonic() + PATIENCE_S
-    while (received := mailbox.take(0.05)) is None:
-        assert time.monotonic() < end
-        sender.send(make())
-    return received.message
 
 
 def test_the_agent_drives_its_robot_and_shows_what_it_knows(site: Site) -> None:

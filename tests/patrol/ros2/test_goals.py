@@ -7,11 +7,12 @@ import pytest
 
 from patrol.pose import Pose
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
-from patrol.ros2.goals import ACCEPT_S, GoalClient, GoalServer, Going, Status
+from patrol.ros2.goals import ACCEPT_S, CANCEL_S, GoalClient, GoalServer, Going, Status
 from patrol.ros2.link import ZenohRos2Link, open_ros2
 from patrol.ros2.mailbox import RosMailbox
-from patrol.ros2.messages import GoalStatusArray, PoseStamped
+from patrol.ros2.messages import CancelResponse, GoalStatusArray, PoseStamped
 from patrol.ros2.names import LATCHED, NodeName
+from tests.ros2_hub import Hub
 from tests.routers import PATIENCE_S, routed
 
 THERE = PoseStamped(1, "map", Pose(3.0, 4.0, 0.0))
@@ -76,11 +77,46 @@ def test_a_new_goal_takes_the_place_of_the_last_one(pair: Pair) -> None:
 
 def test_stop_cancels_every_goal(pair: Pair) -> None:
     pair.send(THERE)
-    pair.other.stop()
+    pair.other.stop(time.monotonic())
+    assert pair.other.going is Going.STOPPING
     pair.until(lambda: pair.server.target is None)
     pair.until(lambda: pair.client.going is Going.FAILED)
-    pair.client.stop()
-    assert pair.client.step(time.monotonic()) is Going.NOWHERE
+    pair.until(lambda: pair.other.going is Going.STOPPED)
+
+
+def test_a_cancel_that_is_lost_is_sent_again(pair: Pair) -> None:
+    pair.send(THERE)
+    pair.client.stop(time.monotonic())
+    assert pair.server._cancels.take(PATIENCE_S) is not None, "the first request is lost"
+    assert pair.client.step(time.monotonic()) is Going.STOPPING
+    pair.until(lambda: pair.client.going is Going.STOPPED)
+    assert pair.server.target is None
+
+
+def test_a_goal_that_is_accepted_after_a_cancel_is_cancelled_too() -> None:
+    hub = Hub()
+    server, client = GoalServer(hub.link("robot", "robot1")), GoalClient(hub.link("fogwatch", "robot1"))
+    client.go(THERE, 100.0)
+    client.stop(100.0)
+    overtaking = server._cancels.take()
+    assert overtaking is not None
+    server._cancel(overtaking.message)  # the request has overtaken the goal, and finds nothing to cancel
+    assert client.step(100.1) is Going.STOPPING
+    assert server.step(0) == THERE
+    assert client.step(100.2 + CANCEL_S) is Going.STOPPING
+    assert server.step(0) is None
+    assert client.step(100.3 + CANCEL_S) is Going.STOPPED
+
+
+def test_a_cancel_that_is_refused_is_sent_again() -> None:
+    hub = Hub()
+    server, client = GoalServer(hub.link("robot", "robot1")), GoalClient(hub.link("fogwatch", "robot1"))
+    client.stop(100.0)
+    for number in range(3):
+        refused = server._cancels.take()
+        assert refused is not None
+        refused.message.answer(CancelResponse(1))
+        assert client.step(100.0 + (number + 1) * CANCEL_S) is Going.STOPPING
 
 
 def test_a_goal_that_nobody_accepts_has_failed() -> None:

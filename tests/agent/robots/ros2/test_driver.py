@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.robots.ros2 import standing, steering
 from agent.robots.ros2.driver import HELD_AFTER_S, Failed, Objection, Pace, Ros2Robot, Sayer
 from agent.robots.ros2.fence import Fence
 from agent.robots.ros2.governor import OFF_GROUND, TOO_NEAR, Governor, Rule
@@ -21,7 +23,7 @@ from agent.robots.ros2.response import Response
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
 from patrol.ground.terrain import Terrain
-from patrol.net.stop_orders import Order
+from patrol.net.stop_orders import Order, Outcome
 from patrol.pose import Drive, Pose, Twist, Velocity
 from patrol.process.health import Reading, health_line
 from patrol.process.logs import Log
@@ -70,7 +72,7 @@ class Heard(Log):
 class Bench:
     """A robot that stands at (2, 5) of 10 x 10 m, and its driver."""
 
-    def __init__(self, model: str = "differential", nav2: bool = False, **settings: Any) -> None:
+    def __init__(self, model: str = "differential", nav2: bool = False, orders: Any = None, **settings: Any) -> None:
         self.hub = Hub()
         self.robot = self.hub.link("robot", "robot1")
         self.odom = self.robot.publisher("odom", Odometry)
@@ -95,7 +97,7 @@ class Bench:
             self.objections.append(self.response)
         self.ticks = Ticks(*range(1000))
         self.driver = Ros2Robot(
-            self.hardware, self.steering, self.ticks, Pace(STEP_S, 1.0, 20.0), None, None, self.log, self.objections
+            self.hardware, self.steering, self.ticks, Pace(STEP_S, 1.0, 20.0), None, orders, self.log, self.objections
         )
 
     def at(self, pose: Pose, twist: messages.Twist = STILL) -> None:
@@ -196,6 +198,81 @@ def test_the_stop_topic_wins_until_it_is_released() -> None:
     assert bench.said == ["stopped by the topic /robot1/stop", "released by the topic /robot1/stop"]
 
 
+class Orders:
+    """Stands for `StopOrders`."""
+
+    def __init__(self) -> None:
+        self.give: Callable[[Order], Outcome] = lambda _order: Outcome(False, "")
+
+    def obey(self, carry_out: Callable[[Order], Outcome]) -> None:
+        self.give = carry_out
+
+
+def test_an_operator_is_told_that_a_robot_stands_only_when_its_odometry_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(standing, "LIMIT_S", 0.05)
+    monkeypatch.setattr(standing, "LOOK_S", 0.05)
+    orders = Orders()
+    bench = Bench(orders=orders)
+    drives, told = messages.Twist(0.5, 0.0, 0.0), "stopped by an operator (fogwatch control ... release)"
+    ended = threading.Event()
+    twist = drives
+
+    def speak() -> None:
+        while not ended.wait(0.01):
+            bench.at(Pose(2.0, 5.0, 0.0), twist)
+
+    speaking = threading.Thread(target=speak)
+    bench.driver.start()
+    speaking.start()
+    try:
+        bench.until(lambda: orders.give(Order.STOP).text == f"may still drive: its odometry says 0.50 m/s; {told}")
+        twist = STILL
+        bench.until(lambda: orders.give(Order.STOP) == Outcome(True, told))
+        twist = drives  # it is pushed, or somebody else drives it
+        bench.until(lambda: not orders.give(Order.STOP).done)
+        twist = STILL
+        bench.until(lambda: orders.give(Order.STOP).done)
+        ended.set()
+        bench.until(lambda: orders.give(Order.STOP).text == f"may still drive: its odometry does not come; {told}")
+        assert orders.give(Order.RELEASE) == Outcome(True, "not stopped")
+        assert bench.said.count("stopped by an operator") == 1
+    finally:
+        ended.set()
+        speaking.join()
+        bench.driver.stop("over")
+
+
+def test_a_robot_that_nav2_has_not_let_go_of_may_still_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(steering, "CONFIRM_S", 0.1)
+    bench = Bench(nav2=True, drive="nav2")
+    GoalServer(bench.robot)  # never steps, and so never answers
+    bench.driver.stop("over")
+    assert bench.said == [
+        "stopped for good: over",
+        "may still drive: Nav2 has not confirmed that it has cancelled its goals",
+    ]
+
+
+def test_a_robot_that_has_rested_drives_on_from_zero() -> None:
+    bench = Bench()
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.act(Twist(0.5, 0.0))
+    bench.driver.cycle()
+    bench.driver.rest()
+    bench.driver.cycle()
+    assert bench.told == STILL
+    bench.driver.go_on()
+    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.driver.cycle()
+    assert bench.told.vx == 0.5
+    bench.driver.stop("over")
+    bench.driver.go_on()
+    bench.driver.cycle()
+    assert bench.told == STILL
+
+
 def test_a_stop_that_was_published_before_the_driver_came_holds() -> None:
     hub = Hub()
     hub.link("remote", "robot1").publisher("stop", Bool, LATCHED).send(Bool(True))
@@ -273,7 +350,7 @@ def test_a_robot_whose_odometry_hangs_stands_says_so_and_goes_on_when_an_operato
     bench.driver.act(Twist(0.5, 0.0))
     bench.driver.cycle()
     assert bench.told == STILL
-    assert bench.driver._carry_out(Order.RELEASE) == "not stopped"
+    assert bench.driver._carry_out(Order.RELEASE) == Outcome(True, "not stopped")
     assert bench.said[-1] == "released by an operator"
     bench.driver.cycle()
     assert bench.told.vx == 0.5

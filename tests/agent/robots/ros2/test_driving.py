@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import socket
 from collections.abc import Iterator
@@ -17,9 +18,10 @@ from patrol.pose import Pose
 from patrol.ros2.formats import format_named
 from patrol.ros2.link import open_ros2
 from patrol.ros2.mailbox import RosMailbox
-from patrol.ros2.messages import Bool, OccupancyGrid, TwistStamped
+from patrol.ros2.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, String, TwistStamped
 from patrol.ros2.messages import Path as Way
 from patrol.ros2.names import LATCHED, Kind, NodeName
+from patrol.ros2.ports import Asked
 from tests.ros2_bench import NAME, Bench, bench
 from tests.routers import PATIENCE_S, free_endpoint, routed
 from worldsim.ros2.node import Habits
@@ -44,27 +46,27 @@ def driven(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize(
-    ("form", "habits", "options"),
+    ("form", "habits", "options", "number"),
     [
-        ("rmw_zenoh", Habits(delay_s=0.1), []),
-        ("rmw_zenoh-humble", Habits("twist"), ["--drive", "twist", "--localisation", "pose"]),
-        ("bridge", Habits(), ["--localisation", "odometry", "--start", "1.5,1.5,0.3"]),
-        ("rmw_zenoh", Habits(has_nav2=True), ["--drive", "nav2"]),
+        ("rmw_zenoh", Habits(delay_s=0.1), [], signal.SIGINT),
+        ("rmw_zenoh-humble", Habits("twist"), ["--drive", "twist", "--localisation", "pose"], signal.SIGQUIT),
+        ("bridge", Habits(), ["--localisation", "odometry", "--start", "1.5,1.5,0.3"], signal.SIGTERM),
+        ("rmw_zenoh", Habits(has_nav2=True), ["--drive", "nav2"], signal.SIGINT),
     ],
 )
 def test_a_robot_patrols_and_stands_when_the_agent_is_interrupted(
-    form: str, habits: Habits, options: list[str], endpoint: str, tmp_path: Path
+    form: str, habits: Habits, options: list[str], number: signal.Signals, endpoint: str, tmp_path: Path
 ) -> None:
     with bench(endpoint, form, tmp_path, habits) as made:
         agent = made.agent(*options)
         made.until(lambda: made.robot.body.distance_m > 2.0)
-        agent.send_signal(signal.SIGINT)
+        agent.send_signal(number)
         assert agent.wait(PATIENCE_S) == 130
         stops = made.robot.watchdog_stops
         made.until(lambda: made.robot.stands)
         assert made.robot.watchdog_stops == stops  # it was told to, and not left alone
         assert made.robot.touches.walls == 0
-        assert any("stopped for good: told to by SIGINT" in line for line in made.said)
+        assert any(f"stopped for good: told to by {number.name}" in line for line in made.said)
 
 
 def test_who_looks_on_sees_map_fog_and_path_and_the_agent_in_the_graph(driven: Bench) -> None:
@@ -101,17 +103,23 @@ def test_a_robot_whose_odometry_ends_stands_and_goes_on_when_it_comes_back(drive
     assert driven.said[-1].endswith("drives again")
 
 
-def test_the_stop_topic_wins_until_it_is_released(driven: Bench) -> None:
-    link = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("hand", NAME), PATIENCE_S)
+@pytest.mark.parametrize("form", ["rmw_zenoh", "bridge"])
+def test_the_stop_topic_wins_until_it_is_released(form: str, endpoint: str, tmp_path: Path) -> None:
+    """Each message comes from a publisher of its own, as from a command that is called twice."""
+    links = [
+        open_ros2(endpoint, format_named(form, 0, ""), NodeName(name, NAME), PATIENCE_S) for name in ("hand", "other")
+    ]
     try:
-        stop = link.publisher("stop", Bool, LATCHED)
-        stop.send(Bool(True))
-        driven.until(lambda: any("stopped by the topic /robot1/stop" in line for line in driven.said))
-        driven.stays()
-        stop.send(Bool(False))
-        driven.drives()
+        with bench(endpoint, form, tmp_path) as made:
+            made.agent()
+            made.drives()
+            links[0].publisher("stop", Bool, LATCHED).send(Bool(True))
+            made.until(lambda: any("stopped by the topic /robot1/stop" in line for line in made.said))
+            made.stays()
+            links[1].publisher("stop", Bool, LATCHED).send(Bool(False))
+            made.drives()
     finally:
-        assert link.close(PATIENCE_S)
+        assert all(link.close(PATIENCE_S) for link in links)
 
 
 def test_an_operators_stop_wins_until_it_is_released(driven: Bench, capsys: pytest.CaptureFixture[str]) -> None:
@@ -125,7 +133,83 @@ def test_an_operators_stop_wins_until_it_is_released(driven: Bench, capsys: pyte
     assert "robot1: not stopped" in capsys.readouterr().out
     driven.drives()
     assert ask("stop", "robot9") == 3
-    assert "robot9 of fleet patrol has answered; use another way to stop it" in capsys.readouterr().err
+    assert "no answer from robot9; use another way to stop" in capsys.readouterr().err
+
+
+def test_an_operator_is_told_that_a_robot_stands_only_when_nav2_has_heard_of_it(
+    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with bench(endpoint, "rmw_zenoh", tmp_path, Habits(has_nav2=True)) as made:
+        made.agent("--drive", "nav2")
+        made.drives()
+        goals = made.node._goals
+        assert goals is not None
+        cancel = goals._cancel
+        lost: list[Asked[CancelRequest, CancelResponse]] = []
+        losing = 3
+
+        def lossy(asked: Asked[CancelRequest, CancelResponse]) -> None:
+            if len(lost) < losing:
+                lost.append(asked)
+            else:
+                cancel(asked)
+
+        goals._cancel = lossy  # type: ignore[method-assign]
+        assert control(Path(endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 0
+        assert made.robot.stands
+        assert len(lost) == 3
+        losing = 10_000
+        assert control(Path(endpoint), "release", None, fleet="patrol", wait=PATIENCE_S) == 0
+        made.drives()
+        capsys.readouterr()
+        assert control(Path(endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 1
+        assert "robot1: may still drive: " in capsys.readouterr().err
+        goals._cancel = cancel  # type: ignore[method-assign]
+        made.until(lambda: control(Path(endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 0)
+        assert made.robot.stands
+
+
+def test_a_stop_outlives_the_agent_that_was_told_of_it(driven: Bench) -> None:
+    """By an operator, and by a publisher that has ended since."""
+    link = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("hand", NAME), PATIENCE_S)
+    link.publisher("stop", Bool, LATCHED).send(Bool(True))
+    driven.until(lambda: any("stopped by the topic /robot1/stop" in line for line in driven.said))
+    assert link.close(PATIENCE_S)
+    assert control(Path(driven.endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 0
+    driven.agents[0].kill()
+    driven.agents[0].wait()
+    begin = len(driven.said)
+    driven.agent()
+    both = "stands: stopped by an operator (fogwatch control ... release); stopped by the topic /robot1/stop"
+    driven.until(lambda: any(both in line for line in driven.said[begin:]))
+    driven.stays()
+    assert control(Path(driven.endpoint), "release", None, fleet="patrol", wait=PATIENCE_S) == 0
+    driven.stays()
+    link = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("hand", NAME), PATIENCE_S)
+    link.publisher("stop", Bool, LATCHED).send(Bool(False))
+    driven.drives()
+    assert link.close(PATIENCE_S)
+
+
+def test_whatever_is_said_on_the_stop_topic_and_cannot_be_read_stops_the_robot(driven: Bench) -> None:
+    link = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("hand", NAME), PATIENCE_S)
+    try:
+        link.publisher("stop", String, LATCHED).send(String("stop"))
+        driven.until(lambda: any("stopped by the topic /robot1/stop" in line for line in driven.said))
+        assert any("refused: /robot1/stop: is a std_msgs/msg/String" in line for line in driven.said)
+        driven.stays()
+    finally:
+        assert link.close(PATIENCE_S)
+
+
+def test_the_robot_stands_before_ctrl_z_pauses_the_agent_and_drives_on_after_it(driven: Bench) -> None:
+    agent, stops = driven.agents[0], driven.robot.watchdog_stops
+    agent.send_signal(signal.SIGTSTP)
+    os.waitid(os.P_PID, agent.pid, os.WSTOPPED)
+    driven.until(lambda: driven.robot.stands)
+    assert driven.robot.watchdog_stops == stops
+    agent.send_signal(signal.SIGCONT)
+    driven.drives()
 
 
 def test_a_second_agent_of_a_robot_does_not_start(driven: Bench) -> None:

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from agent.robots.ros2.commands import scaled, steering_of, velocity_of
 from agent.robots.ros2.fence import Fence
 from agent.robots.ros2.governor import Governor, Rule
-from agent.robots.ros2.stops import Stops
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt
@@ -159,16 +158,3 @@ def test_a_command_is_obeyed_for_its_time_only() -> None:
         one.step(Pose(3.0, 5.0, 0.0), 1.71 + number * PERIOD_S, PERIOD_S, "")
     assert is_halt(one.command)
     assert one.why == "no command has come"
-
-
-def test_everybody_who_has_stopped_a_robot_must_release_it() -> None:
-    stops = Stops()
-    assert not stops
-    assert stops.hold("the topic /stop", "publish false")
-    assert stops.hold("an operator", "ask an operator")
-    assert not stops.hold("an operator", "ask an operator")
-    assert stops.release("an operator")
-    assert not stops.release("an operator")
-    assert stops.why == "stopped by the topic /stop (publish false)"
-    assert stops.release("the topic /stop")
-    assert (bool(stops), stops.why) == (False, "")

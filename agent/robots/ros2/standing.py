@@ -1,0 +1,88 @@
+"""Whether a robot that was told to stand does, as far as anybody can tell."""
+
+from __future__ import annotations
+
+import math
+import time
+from threading import Condition
+
+from agent.robots.ros2.localisation import LONGEST_S, Fix
+
+MOVES = 0.05
+"""A robot moves whose speed and turn rate add up to more than this, in m/s and rad/s: odometry is noisy."""
+
+STANDS_S = LONGEST_S + 0.1
+"""For how long odometry must say that a robot stands, s: what it says may be so old, and from before the stop."""
+
+LIMIT_S = 3.0
+"""How long a robot has to come to rest before whoever stopped it is told that it has not, s."""
+
+LOOK_S = 1.0
+"""How long whoever asks later waits at most, s: long enough to see a robot stand that has come to rest since."""
+
+_JUST = "it has not come to rest yet"
+
+
+def moves(fix: Fix) -> bool:
+    """Whether a robot moves, as its odometry says.
+
+    Args:
+        fix: Where it is.
+    """
+    return speed_of(fix) > MOVES
+
+
+def speed_of(fix: Fix) -> float:
+    """How fast a robot moves and turns, together: m/s and rad/s.
+
+    Args:
+        fix: Where it is.
+    """
+    return math.hypot(fix.twist.vx, fix.twist.vy) + abs(fix.twist.turn_rate)
+
+
+class Standing:
+    """Follows a robot that was told to stand; one thread looks, others wait.
+
+    Args:
+        factor: Seconds of the robot's time in one of ours.
+    """
+
+    def __init__(self, factor: float) -> None:
+        self._stands_s = STANDS_S / factor
+        self._changed = Condition()
+        self._told_s = time.monotonic()
+        self._still_s: float | None = None
+        self._doubt = _JUST
+
+    def told(self) -> None:
+        """The robot is told to stand from now on; what was seen before does not count."""
+        with self._changed:
+            self._told_s = time.monotonic()
+            self._still_s, self._doubt = None, _JUST
+
+    def look(self, fix: Fix | None, unconfirmed: str, moment_s: float) -> None:
+        """What is known of the robot, which has been told to stand.
+
+        Args:
+            fix: Where it is; None if nobody knows.
+            unconfirmed: What of the stop nobody has confirmed; empty if there is nothing.
+            moment_s: When, by `time.monotonic`.
+        """
+        with self._changed:
+            if fix is None:
+                self._still_s, self._doubt = None, "its odometry does not come"
+            elif moves(fix):
+                self._still_s, self._doubt = None, f"its odometry says {speed_of(fix):.2f} m/s"
+            elif self._still_s is None:
+                self._still_s, self._doubt = moment_s, _JUST
+            elif moment_s - self._still_s >= self._stands_s:
+                self._doubt = unconfirmed
+            self._changed.notify_all()
+
+    def doubt(self) -> str:
+        """Why it is not sure that the robot stands; empty if it is. Waits until it is, but not for ever."""
+        with self._changed:
+            left_s = self._told_s + LIMIT_S - time.monotonic()
+            self._changed.wait_for(lambda: not self._doubt, max(LOOK_S, left_s))
+            return self._doubt

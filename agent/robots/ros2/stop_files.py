@@ -1,0 +1,129 @@
+"""Stops that outlive the process that was told of them: a file for each one that holds.
+
+A process can be killed while a robot is held, and started again by whatever looks after it. The robot must not drive
+then. That a file is there is all that counts: one that was damaged, or cannot be read, still holds the robot.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from patrol.errors import BadInput
+
+_FOLDER = "fogwatch"
+
+
+def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
+    """Where this user's processes keep what must outlive them.
+
+    Args:
+        given: What an option says, if it says anything.
+        environment: Of the process.
+
+    Returns:
+        The option's folder, else the first one of systemd's ``StateDirectory=``, else the user's own.
+
+    Raises:
+        BadInput: Nobody says where the user's own is.
+    """
+    if given is not None:
+        return given
+    if first := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
+        return Path(first)
+    own = Path(environment.get("XDG_STATE_HOME", ""))
+    if own.is_absolute():  # else it does not count, by its own rules
+        return own / _FOLDER
+    with suppress(RuntimeError):
+        return Path.home() / ".local" / "state" / _FOLDER
+    raise BadInput("--state: this user has no home where stops could be noted; give a folder")
+
+
+class StopFiles:
+    """The files of one robot.
+
+    Args:
+        folder: Where they are; made if there is none.
+        robot: The robot's name.
+
+    Raises:
+        BadInput: No files can be made there.
+    """
+
+    def __init__(self, folder: Path, robot: str) -> None:
+        self._folder = folder
+        self._robot = robot
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self._sync()
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        except OSError as error:
+            raise BadInput(
+                f"--state {folder}: stops cannot be noted there ({error.strerror}); give a folder that this user may "
+                "write to"
+            ) from None
+
+    def holds(self, stopper: str) -> bool:
+        """Whether somebody's stop holds.
+
+        Args:
+            stopper: Who.
+        """
+        return os.path.lexists(self._path(stopper))
+
+    def note(self, stopper: str, who: str) -> str:
+        """Note that a stop holds; it is on the disk when this returns.
+
+        Args:
+            stopper: Whose.
+            who: What people call them.
+
+        Returns:
+            Why that failed; empty if it did not.
+        """
+        line = f"{self._robot}: stopped by {who} at {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n"
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        try:
+            if not self.holds(stopper):
+                file = os.open(self._path(stopper), flags, 0o600)
+                try:
+                    os.write(file, line.encode())
+                    os.fsync(file)
+                finally:
+                    os.close(file)
+            self._sync()
+        except OSError as error:
+            return f"{self._path(stopper)}: {error.strerror}"
+        return ""
+
+    def forget(self, stopper: str) -> str:
+        """Note that a stop holds no longer.
+
+        Args:
+            stopper: Whose.
+
+        Returns:
+            Why that failed; empty if it did not.
+        """
+        try:
+            self._path(stopper).unlink(missing_ok=True)
+            self._sync()
+        except OSError as error:
+            return f"{self._path(stopper)}: {error.strerror}"
+        return ""
+
+    def _path(self, stopper: str) -> Path:
+        return self._folder / f"{self._robot}.stopped-by-{stopper}"
+
+    def _sync(self) -> None:
+        """A file's name is on the disk only with its folder."""
+        folder = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

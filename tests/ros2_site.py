@@ -1,0 +1,69 @@
+"""A ROS 2 robot's router that asks who comes, with the robot, its agent and others at it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import zenoh
+
+from fogwatch.fleet_folder import FleetFolder
+from fogwatch.robot_router import FILE, make_robot_router
+from patrol.net.credentials import Credentials, read_credentials
+from patrol.pose import Pose
+from patrol.ros2.formats import Format
+from patrol.ros2.link import ZenohRos2Link, open_ros2
+from patrol.ros2.mailbox import RosMailbox
+from patrol.ros2.messages import Odometry, Twist, TwistStamped
+from patrol.ros2.names import NodeName
+from patrol.ros2.ports import Sender
+from tests.routers import PATIENCE_S, free_endpoint
+
+M = TypeVar("M")
+
+
+def command(speed: float) -> TwistStamped:
+    return TwistStamped(time.time_ns(), "base_link", Twist(speed, 0.0, 0.0))
+
+
+def odometry(x: float) -> Odometry:
+    return Odometry(time.time_ns(), "odom", "base_link", Pose(x, 0.0, 0.0), Twist(0.0, 0.0, 0.0))
+
+
+class Site:
+    """A robot's router that asks who comes, and sessions at it."""
+
+    def __init__(self, fleet: FleetFolder, form: Format) -> None:
+        self.form, self.fleet = form, fleet
+        local, port = (int(free_endpoint().rpartition(":")[2]) for _ in range(2))
+        folder = make_robot_router(fleet, "r1", form, "robot1", [], port, None, 1, local_port=local)
+        self.router: zenoh.Session = zenoh.open(zenoh.Config.from_file(str(folder / FILE)))
+        self.local, self.outside = f"tcp/127.0.0.1:{local}", f"tls/127.0.0.1:{port}"
+        self._links: list[ZenohRos2Link] = []
+
+    def robot(self, name: str = "base") -> ZenohRos2Link:
+        """A program of the robot's own."""
+        return self._join(self.local, name, None)
+
+    def member(self, name: str) -> ZenohRos2Link:
+        """A member of the fleet, over the network."""
+        return self._join(self.outside, f"fogwatch_{name}", read_credentials(self.fleet.path / name, "test"))
+
+    def _join(self, where: str, name: str, credentials: Credentials | None) -> ZenohRos2Link:
+        link = open_ros2(where, self.form, NodeName(name, "robot1"), PATIENCE_S, credentials=credentials)
+        self._links.append(link)
+        return link
+
+    def close(self) -> None:
+        for link in self._links:
+            assert link.close(PATIENCE_S)
+        self.router.close()  # type: ignore[no-untyped-call]
+
+
+def reach(sender: Sender[M], make: Callable[[], M], mailbox: RosMailbox[Any]) -> Any:
+    end = time.monotonic() + PATIENCE_S
+    while (received := mailbox.take(0.05)) is None:
+        assert time.monotonic() < end
+        sender.send(make())
+    return received.message
