@@ -80,6 +80,7 @@ class Hardware:
         self.settings = settings
         self.stops = Stops(link.resolve(settings.topic("stop")), stop_files)
         self._say = say
+        self._unnoted = ""
         fresh_s = settings.localisation.fresh_s / factor
         clock: RosMailbox[Clock] | None = RosMailbox() if settings.sim_time else None
         self.time = RobotTime(factor, clock, fresh_s)
@@ -158,6 +159,10 @@ class Hardware:
             self._say(f"stopped by {who}")
         if not holds and self.stops.release(Stopper.TOPIC):
             self._say(f"released by {who}")
+        if (error := self.stops.error) != self._unnoted:
+            self._unnoted = error
+            if error:
+                self._say(f"stops are not noted: {error}")
         if ignored:
             self._say(f"still stopped by {who}: {ignored}")
 

@@ -183,6 +183,20 @@ def test_hardware_says_first_refusals_and_notes_the_topics_stop(tmp_path: Path) 
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_stop_that_cannot_be_noted_is_said_once(tmp_path: Path) -> None:
+    hub, folder = Hub(), tmp_path / "state"
+    lines: list[str] = []
+    hardware = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, StopFiles(folder, "r1"))
+    folder.rmdir()
+    hub.link("remote", "r1").publisher("stop", Bool, LATCHED).send(Bool(True))
+    hardware.fix()
+    assert hardware.stops.unsaved(PATIENCE_S)
+    for _ in range(3):
+        hardware.fix()
+    assert lines[0] == "stopped by the topic /r1/stop"
+    assert lines[1:] == [f"stops are not noted: {folder}/r1.stopped-by-topic: No such file or directory"]
+
+
 def test_refusals_are_said_once_for_each_reason() -> None:
     box: RosMailbox[int] = RosMailbox()
     refusals = Refusals([RosMailbox(), box])
