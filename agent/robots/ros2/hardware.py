@@ -91,7 +91,7 @@ class Hardware:
         self._root_tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         self._root_tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         self._poses: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
-        self._stop = StopTopic(held=Stopper.TOPIC in self.stops)
+        self._stop = StopTopic(Stopper.TOPIC in self.stops, time.time_ns)
         tfs = (self._tf, self._tf_static, self._root_tf, self._root_tf_static)
         heard: list[RosMailbox[Any]] = [self._stop, self._odometry, self._poses, *tfs]
         self._refusals = Refusals(heard if clock is None else [*heard, clock])
