@@ -116,6 +116,8 @@ def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
         "driver.py",
         "shown.py",
         "stops.py",
+        "standing.py",
+        "steering.py",
         "stop_orders.py",
     }
     impure = {

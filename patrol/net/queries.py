@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 
 import zenoh
@@ -58,9 +57,9 @@ def answers_of(
 
     for key in keys:
         ask(key)
-    asked, end_s = len(keys), time.monotonic() + wait_s + _MORE_S
+    asked = len(keys)
     # When all queries are over, what waits is still taken out.
-    while (arrived := waiting.get(max(0.0, end_s - time.monotonic()) if asked else 0.0)) is not None:
+    while (arrived := waiting.get(wait_s + _MORE_S if asked else 0.0)) is not None:
         if arrived[0] == _OVER:
             asked -= 1
         else:

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import mean
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -37,13 +38,15 @@ def module(*words: str) -> list[str]:
 @contextmanager
 def agents(endpoint: str, common: list[str], formats: dict[str, str]) -> Iterator[None]:
     start = module("agent", "--robot", "ros2", "--connect", endpoint, *common, "--epoch", str(time.time()))
-    running = [subprocess.Popen([*start, "--namespace", name, "--format", form]) for name, form in formats.items()]
-    try:
-        yield
-    finally:
-        for one in running:
-            one.send_signal(signal.SIGINT)
-        codes = [one.wait(PATIENCE_S) for one in running]
+    with TemporaryDirectory() as state:
+        start += ["--state", state]
+        running = [subprocess.Popen([*start, "--namespace", name, "--format", form]) for name, form in formats.items()]
+        try:
+            yield
+        finally:
+            for one in running:
+                one.send_signal(signal.SIGINT)
+            codes = [one.wait(PATIENCE_S) for one in running]
     assert codes == [130] * len(running)
 
 

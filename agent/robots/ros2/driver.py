@@ -177,7 +177,7 @@ class Ros2Robot:
         if doubt := self._steering.unconfirmed:
             self._say.now(f"may still drive: {doubt}")
         if unsaved := self._hardware.stops.unsaved():
-            self._say.now(f"a stop that holds is not noted, so that a restart ends it ({unsaved})")
+            self._say.now(f"stops are not noted: {unsaved}")
 
     def rest(self) -> None:
         """Stop before this process is paused; `go_on` drives on."""

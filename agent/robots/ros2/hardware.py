@@ -81,6 +81,7 @@ class Hardware:
         self.settings = settings
         self.stops = Stops(link.resolve(settings.topic("stop")), stop_files)
         self._say = say
+        self._unnoted = ""
         fresh_s = settings.localisation.fresh_s / factor
         clock: RosMailbox[Clock] | None = RosMailbox() if settings.sim_time else None
         self.time = RobotTime(factor, clock, fresh_s)
@@ -91,7 +92,7 @@ class Hardware:
         self._root_tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         self._root_tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         self._poses: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
-        self._stop = StopTopic(held=Stopper.TOPIC in self.stops)
+        self._stop = StopTopic(Stopper.TOPIC in self.stops, time.time_ns)
         tfs = (self._tf, self._tf_static, self._root_tf, self._root_tf_static)
         heard: list[RosMailbox[Any]] = [self._stop, self._odometry, self._poses, *tfs]
         self._refusals = Refusals(heard if clock is None else [*heard, clock])
@@ -179,6 +180,10 @@ class Hardware:
             self._say(f"stopped by {who}")
         if not holds and self.stops.release(Stopper.TOPIC):
             self._say(f"released by {who}")
+        if (error := self.stops.error) != self._unnoted:
+            self._unnoted = error
+            if error:
+                self._say(f"stops are not noted: {error}")
         if ignored:
             self._say(f"still stopped by {who}: {ignored}")
 

@@ -10,7 +10,6 @@ import errno
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from datetime import UTC, datetime
 from pathlib import Path
 
 from patrol.errors import BadInput
@@ -86,11 +85,10 @@ class StopFiles:
         Returns:
             Why that failed; empty if it did not.
         """
-        line = f"{self._robot}: stopped by {who} at {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n"
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        line = f"{self._robot}: stopped by {who}\n"
         try:
             if not self.holds(stopper):
-                file = os.open(self._path(stopper), flags, 0o600)
+                file = os.open(self._path(stopper), os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
                 try:
                     os.write(file, line.encode())
                     os.fsync(file)

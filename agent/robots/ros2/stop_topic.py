@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -33,7 +32,7 @@ class StopTopic(RosMailbox[Bool]):
         clock: The time, ns since the epoch.
     """
 
-    def __init__(self, held: bool, clock: Callable[[], int] = time.time_ns) -> None:
+    def __init__(self, held: bool, clock: Callable[[], int]) -> None:
         super().__init__()
         self._clock = clock
         self._stop = _Stop(clock()) if held else None

@@ -54,6 +54,11 @@ class Stops:
             held = [self._texts[stopper] for stopper in self._held]
         return "; ".join(f"stopped by {who} ({release})" for who, release in held)
 
+    @property
+    def error(self) -> str:
+        """Why the files do not say what holds, in a few words; empty if they do, or will in a moment."""
+        return self._error
+
     def who(self, stopper: Stopper) -> str:
         """What people call somebody who stops the robot."""
         return self._texts[stopper][0]

@@ -49,7 +49,7 @@ def test_a_stop_outlives_its_process_until_it_is_released(tmp_path: Path) -> Non
     assert stops.unsaved(PATIENCE_S) == ""
     (noted,) = folder.iterdir()
     assert stat.S_IMODE(noted.stat().st_mode) == 0o600
-    assert noted.read_text(encoding="utf-8").startswith("r1: stopped by an operator at ")
+    assert noted.read_text(encoding="utf-8") == "r1: stopped by an operator\n"
     again = Stops("/stop", StopFiles(folder, "r1"))
     assert again.why == OPERATOR
     assert not again.hold(Stopper.OPERATOR)
@@ -155,7 +155,7 @@ def test_a_stop_from_before_this_process_is_not_released_by_an_old_false() -> No
 
 
 def test_what_cannot_be_read_stops() -> None:
-    topic = StopTopic(held=False)
+    topic = StopTopic(held=False, clock=time.time_ns)
     topic.refuse("type", "/stop: is a std_msgs/msg/String, and should be a std_msgs/msg/Bool")
     assert topic.heed() == (True, True, "")
     topic.put(said(False, time.time_ns(), "a"))
@@ -181,6 +181,20 @@ def test_hardware_says_first_refusals_and_notes_the_topics_stop(tmp_path: Path) 
     assert not again.stops
     assert again.stops.unsaved(PATIENCE_S) == ""
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stop_that_cannot_be_noted_is_said_once(tmp_path: Path) -> None:
+    hub, folder = Hub(), tmp_path / "state"
+    lines: list[str] = []
+    hardware = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, StopFiles(folder, "r1"))
+    folder.rmdir()
+    hub.link("remote", "r1").publisher("stop", Bool, LATCHED).send(Bool(True))
+    hardware.fix()
+    assert hardware.stops.unsaved(PATIENCE_S)
+    for _ in range(3):
+        hardware.fix()
+    assert lines[0] == "stopped by the topic /r1/stop"
+    assert lines[1:] == [f"stops are not noted: {folder}/r1.stopped-by-topic: No such file or directory"]
 
 
 def test_refusals_are_said_once_for_each_reason() -> None:
