@@ -177,10 +177,13 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
 
 def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None:
     """The robot's mind, built from the launcher's static fields or from its own; None when it is time to leave."""
-    from patrol.process.warmup import warm
+    from patrol.process.warmup import numba_alone, warm
+    from patrol.scenario.policy_file import PAPER
 
     options = process.options
     warm(("patrol", "agent"), process.log.info)
+    if scenario.patrol.policy == PAPER:  # somebody's own may compile what needs scipy
+        numba_alone()
     from agent.build import Shared, build_mind, load_psi, shared_by
     from agent.ports import PolicyFailed
     from patrol.prepare import sensor_footprint

@@ -17,12 +17,9 @@ import numpy as np
 from patrol.errors import BadInput
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import Footprint
-from patrol.ground.maps import load_terrain
-from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
-from patrol.starts import place_starts
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
@@ -137,6 +134,9 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         BadInput: for an unusable map, for intruders and critical areas that are not on passable ground, for starts that
             do not fit, for bodies too wide for the terrain and for regions that do not make a split.
     """
+    from patrol.ground.maps import load_terrain  # here: whoever loads what others have prepared needs neither
+    from patrol.starts import place_starts
+
     if terrain is None:
         terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
     _check_intruders(scenario, terrain)
@@ -202,6 +202,8 @@ def _check_intruders(scenario: Scenario, terrain: Terrain) -> None:
 
 
 def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
+    from patrol.ground.shapes import cover
+
     for number, polygon in enumerate(scenario.patrol.critical_areas or ()):
         if not (terrain.free & cover(polygon, terrain.shape, terrain.point, terrain.origin)).any():
             raise BadInput(f"patrol.critical_areas.{number}: holds no free point of {terrain.name}; correct or drop it")

@@ -80,7 +80,7 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.access import read_access
     from patrol.net.keys import check_radio
-    from patrol.process.warmup import warm
+    from patrol.process.warmup import numba_alone, warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
 
@@ -91,6 +91,7 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
     warm(("patrol", "worldsim"), _LOG.info)
+    numba_alone()
 
     from worldsim.fleet.sessions import Interrupted, Missing
 
