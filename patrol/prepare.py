@@ -29,6 +29,7 @@ TICKS_APART = 4
 """By how many ticks the robots of a fleet may be apart where the world waits for none of them."""
 
 FACTS = "prepared.json"
+GROUND = ("passable", "keep_out", "free", "blocked")
 REGIONS = "regions"
 
 
@@ -73,8 +74,8 @@ class Prepared:
             folder: where to write; it is made when missing.
         """
         folder.mkdir(parents=True, exist_ok=True)
-        np.save(folder / "passable.npy", self.terrain.passable)
-        np.save(folder / "keep_out.npy", self.terrain.keep_out)
+        for name in GROUND:
+            np.save(folder / f"{name}.npy", getattr(self.terrain, name))
         places: dict[int, str] = {}
         for fields in self.fields.values():
             if id(fields) not in places:
@@ -106,13 +107,8 @@ class Prepared:
         """
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         x, y = facts["origin"]
-        terrain = Terrain(
-            name=facts["name"],
-            passable=load_grid(folder / "passable.npy"),
-            point=facts["point"],
-            origin=(x, y),
-            keep_out=load_grid(folder / "keep_out.npy"),
-        )
+        passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)
+        terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out).with_grids(free, blocked)
         bodies = {place: StaticFields.load(folder / place) for place in sorted(set(facts["fields"].values()))}
         return Prepared(
             scenario=scenario,

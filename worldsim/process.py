@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.process.garbage import begin_collection
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
 from patrol.process.logs import Log
@@ -195,6 +196,7 @@ def _record(
         recorder = Recorder(feed, scenario.spares)
         on_tick, on_event = wiring.sinks(world, recorder, table, feed.between)
         reason = INTERRUPTED
+        begin_collection()
         began = time.monotonic()
         try:
             reason = run_ticks(world, fleet, on_tick, on_event, wiring.leaving, control, operator)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import threading
@@ -141,7 +142,8 @@ class Wiring:
         def waiting(missing: list[str], waited_s: float) -> None:
             self.log.info(f"waiting for {', '.join(missing[:8])} ({waited_s:.0f} s)")
 
-        sessions.gather(options.wait, waiting)
+        # A launcher notices when a robot's process ends; where it has started many at once, they take their time.
+        sessions.gather(math.inf if options.launched else options.wait, waiting)
         return sessions
 
     def _identity(self, token: str | None, names: Mapping[int, str]) -> RunIdentity:
