@@ -129,7 +129,7 @@ class Wiring:
                 f"--fleet {keys.fleet}: a world of this fleet is running already; choose another name, or end that one"
             )
         lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
-        posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
+        posts = {number: link.post(keys.tick(name), waits=lockstep, together=True) for number, name in names.items()}
         connection = FleetConnection(keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving)
         absent = Timeline(self.scenario).starts_absent
         sessions = Sessions(connection, self._identity(token, names), absent)

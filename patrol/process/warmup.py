@@ -5,7 +5,8 @@ A stamp next to those files says that they are there for these sources, this Pyt
 one process compiles under a lock that the system drops when the process dies, and the others wait for it.
 
 No kernel of ours does linear algebra. Numba looks for scipy's all the same, which costs each process, where scipy is
-installed, a fifth of a second and 15 MB; `numba_alone` keeps it from that.
+installed, a fifth of a second and 15 MB; `numba_alone` keeps it from that. It also loads what numba asks for when the
+first array meets a kernel, which would be in the first tick.
 """
 
 from __future__ import annotations
@@ -65,6 +66,7 @@ def numba_alone() -> None:
     """
     with _hidden("scipy"), suppress(ImportError):  # where numba has moved its parts, they load when they are needed
         importlib.import_module("numba.np.arraymath")
+        importlib.import_module("numpy.ma")
 
 
 def kernel_files(package: str) -> dict[str, Path]:
