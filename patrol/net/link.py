@@ -108,6 +108,9 @@ class Link:
     def broadcast(self, key: str) -> Post:
         """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
 
+        Positions of many robots that wait on their way travel together, as those of `post` may: otherwise a router
+        dropped, on a busy machine, what came after the 16th of those who send at the same time.
+
         Args:
             key: to publish under.
         """
@@ -115,7 +118,7 @@ class Link:
             key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.INTERACTIVE_HIGH,
-            express=True,
+            express=False,
             reliability=zenoh.Reliability.BEST_EFFORT,
             allowed_destination=zenoh.Locality.REMOTE,
         )
