@@ -19,7 +19,7 @@ def collector() -> Iterator[None]:
 def test_what_is_loaded_while_collection_is_held_is_left_alone_afterwards() -> None:
     hold_collection()
     assert not gc.isenabled()
-    loaded = [[]]
+    loaded: list[list[int]] = [[]]
     begin_collection()
     assert gc.isenabled()
     assert not any(one is loaded for one in gc.get_objects()), "a collection goes through it no more"
