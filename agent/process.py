@@ -15,6 +15,7 @@ from agent.robots.ros2.options import wanted as is_for_ros2
 from patrol.errors import BadInput
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
+from patrol.process.garbage import begin_collection
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
 from patrol.process.logs import Log
 from patrol.process.notify import Notifier
@@ -70,6 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if is_for_ros2(told):
         from agent.ros2_process import main as drive_ros2
 
+        begin_collection()
         return drive_ros2(told)
     options = _options(told)
     log = Log(options.robot or "agent")
@@ -145,6 +147,7 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
             part.show(process.vitals)
         told = Both(told, TickFigures(mind, process.vitals, log))
     limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
+    begin_collection()
     try:
         failure = run_mind(mind, robot, radio, told, limit_s)
     finally:
@@ -177,10 +180,13 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
 
 def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None:
     """The robot's mind, built from the launcher's static fields or from its own; None when it is time to leave."""
-    from patrol.process.warmup import warm
+    from patrol.process.warmup import numba_alone, warm
+    from patrol.scenario.policy_file import PAPER
 
     options = process.options
     warm(("patrol", "agent"), process.log.info)
+    if scenario.patrol.policy == PAPER:  # somebody's own may compile what needs scipy
+        numba_alone()
     from agent.build import Shared, build_mind, load_psi, shared_by
     from agent.ports import PolicyFailed
     from patrol.prepare import sensor_footprint

@@ -17,12 +17,9 @@ import numpy as np
 from patrol.errors import BadInput
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import Footprint
-from patrol.ground.maps import load_terrain
-from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
-from patrol.starts import place_starts
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
@@ -32,6 +29,7 @@ TICKS_APART = 4
 """By how many ticks the robots of a fleet may be apart where the world waits for none of them."""
 
 FACTS = "prepared.json"
+GROUND = ("passable", "keep_out", "free", "blocked")
 REGIONS = "regions"
 
 
@@ -76,8 +74,8 @@ class Prepared:
             folder: where to write; it is made when missing.
         """
         folder.mkdir(parents=True, exist_ok=True)
-        np.save(folder / "passable.npy", self.terrain.passable)
-        np.save(folder / "keep_out.npy", self.terrain.keep_out)
+        for name in GROUND:
+            np.save(folder / f"{name}.npy", getattr(self.terrain, name))
         places: dict[int, str] = {}
         for fields in self.fields.values():
             if id(fields) not in places:
@@ -109,13 +107,8 @@ class Prepared:
         """
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         x, y = facts["origin"]
-        terrain = Terrain(
-            name=facts["name"],
-            passable=load_grid(folder / "passable.npy"),
-            point=facts["point"],
-            origin=(x, y),
-            keep_out=load_grid(folder / "keep_out.npy"),
-        )
+        passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)
+        terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out).with_grids(free, blocked)
         bodies = {place: StaticFields.load(folder / place) for place in sorted(set(facts["fields"].values()))}
         return Prepared(
             scenario=scenario,
@@ -137,6 +130,9 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         BadInput: for an unusable map, for intruders and critical areas that are not on passable ground, for starts that
             do not fit, for bodies too wide for the terrain and for regions that do not make a split.
     """
+    from patrol.ground.maps import load_terrain  # here: whoever loads what others have prepared needs neither
+    from patrol.starts import place_starts
+
     if terrain is None:
         terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
     _check_intruders(scenario, terrain)
@@ -202,6 +198,8 @@ def _check_intruders(scenario: Scenario, terrain: Terrain) -> None:
 
 
 def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
+    from patrol.ground.shapes import cover
+
     for number, polygon in enumerate(scenario.patrol.critical_areas or ()):
         if not (terrain.free & cover(polygon, terrain.shape, terrain.point, terrain.origin)).any():
             raise BadInput(f"patrol.critical_areas.{number}: holds no free point of {terrain.name}; correct or drop it")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.process.garbage import begin_collection
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
 from patrol.process.logs import Log
@@ -80,7 +81,7 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.access import read_access
     from patrol.net.keys import check_radio
-    from patrol.process.warmup import warm
+    from patrol.process.warmup import numba_alone, warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
 
@@ -91,6 +92,7 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
     warm(("patrol", "worldsim"), _LOG.info)
+    numba_alone()
 
     from worldsim.fleet.sessions import Interrupted, Missing
 
@@ -194,6 +196,7 @@ def _record(
         recorder = Recorder(feed, scenario.spares)
         on_tick, on_event = wiring.sinks(world, recorder, table, feed.between)
         reason = INTERRUPTED
+        begin_collection()
         began = time.monotonic()
         try:
             reason = run_ticks(world, fleet, on_tick, on_event, wiring.leaving, control, operator)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import threading
@@ -128,7 +129,7 @@ class Wiring:
                 f"--fleet {keys.fleet}: a world of this fleet is running already; choose another name, or end that one"
             )
         lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
-        posts = {number: link.post(keys.tick(name), waits=lockstep) for number, name in names.items()}
+        posts = {number: link.post(keys.tick(name), waits=lockstep, together=True) for number, name in names.items()}
         connection = FleetConnection(keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving)
         absent = Timeline(self.scenario).starts_absent
         sessions = Sessions(connection, self._identity(token, names), absent)
@@ -141,7 +142,8 @@ class Wiring:
         def waiting(missing: list[str], waited_s: float) -> None:
             self.log.info(f"waiting for {', '.join(missing[:8])} ({waited_s:.0f} s)")
 
-        sessions.gather(options.wait, waiting)
+        # A launcher notices when a robot's process ends; where it has started many at once, they take their time.
+        sessions.gather(math.inf if options.launched else options.wait, waiting)
         return sessions
 
     def _identity(self, token: str | None, names: Mapping[int, str]) -> RunIdentity:

@@ -1,6 +1,7 @@
 """Static fields of one body and sensor on one terrain: where it fits, where it gets to, what it can see from there.
 
 They depend on nothing that happens in a run, so they are computed once and shared, memory-mapped, by all processes.
+The kernels that compute them are loaded where they are used: whoever is given the fields needs none of them.
 """
 
 from __future__ import annotations
@@ -15,9 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.ground.kernels.clearance import nearest, square_clearance
-from patrol.ground.kernels.components import label_parts
-from patrol.ground.kernels.coverage import see_back, see_from_reach
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.pose import Pose
 
@@ -115,6 +113,8 @@ def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
     Returns:
         int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2.
     """
+    from patrol.ground.kernels.clearance import square_clearance
+
     cap = min(cap, min(free.shape) // 2 + 2)  # the edge is never further
     along = np.empty(free.shape, dtype=np.int32)
     levels = np.empty(free.shape, dtype=np.int32)
@@ -148,6 +148,8 @@ def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
     Returns:
         int32 (h, w) labels from 1 (0 outside the mask), and the number of parts.
     """
+    from patrol.ground.kernels.components import label_parts
+
     labels = np.empty(mask.shape, dtype=np.int32)
     work = np.empty(mask.size, dtype=np.int32)
     return labels, int(label_parts(np.ascontiguousarray(mask).view(np.uint8), labels, work))
@@ -233,6 +235,9 @@ def compute_fields(
 
 def _proxies(terrain: Terrain, reach: BoolGrid, radius: float, line_of_sight: bool) -> IntGrid:
     """For each passable point outside reach the nearest point of reach that sees it, or -1; `radius` is in points."""
+    from patrol.ground.kernels.clearance import nearest
+    from patrol.ground.kernels.coverage import see_back, see_from_reach
+
     # No sensor reaches further than across the terrain, and squares must fit into 32 bits.
     radius = min(radius, math.hypot(*terrain.shape), 32_000.0)
     cap = math.floor(radius + TOLERANCE)

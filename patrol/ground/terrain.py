@@ -113,6 +113,19 @@ class Terrain:
         """uint8 (height, width), read-only: 1 where bodies may not be, as the kernels of swept motion want it."""
         return frozen_grid(~self.free).view(np.uint8)
 
+    def with_grids(self, free: BoolGrid, blocked: NDArray[np.uint8]) -> Terrain:
+        """Take over `free` and `blocked` from somebody who has computed them, such as from files that many share.
+
+        Args:
+            free: bool (height, width), what this terrain would make of its grids.
+            blocked: uint8 (height, width), the same.
+
+        Returns:
+            this terrain.
+        """
+        vars(self).update(free=frozen_grid(free), blocked=frozen_grid(blocked.view(np.bool_)).view(np.uint8))
+        return self
+
     def point_at(self, x: float, y: float) -> tuple[int, int]:
         """(row, col) of the point that covers a place; it may lie outside the grid.
 

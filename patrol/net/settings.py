@@ -16,7 +16,8 @@ _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor":
 _SOCKET = 65536
 _QUEUE = 16
 """Messages that may wait to be sent, the most that Zenoh allows. With its 2 a busy machine dropped, of what may be, one
-in seven from the third of a burst on: at a pace, only the first two robots of a fleet received every pose."""
+in seven from the third of a burst on: at a pace, only the first two robots of a fleet received every pose. Messages of
+a burst may also share a place (`patrol.net.link.Link.post`)."""
 _DROP_US = 100
 """How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
 

@@ -43,6 +43,18 @@ def test_what_is_saved_is_what_is_loaded(mixed: Prepared, tmp_path: Path) -> Non
     assert all(np.array_equal(loaded[reach], found[reach]) for reach in found)
 
 
+def test_the_ground_is_loaded_from_files_that_all_processes_share(mixed: Prepared, tmp_path: Path) -> None:
+    mixed.save(tmp_path)
+    ground = Prepared.load(mixed.scenario, tmp_path).terrain
+    for name in ("passable", "keep_out", "free", "blocked"):
+        grid, own = getattr(ground, name), getattr(mixed.terrain, name)
+        assert (grid.dtype, grid.flags.writeable) == (own.dtype, False)
+        assert np.array_equal(grid, own)
+        while not isinstance(grid, np.memmap):
+            assert grid.base is not None, f"{name} is a copy of this process's own"
+            grid = grid.base
+
+
 def test_without_refinement_there_is_no_psi(tmp_path: Path) -> None:
     prepared = prepare(load_scenario(MIXED, {"patrol.avoidance": "none"}))
     save_psi(prepared, tmp_path)

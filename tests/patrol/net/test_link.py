@@ -8,7 +8,7 @@ import zenoh
 
 from patrol.net.link import Link, LinkDown, _answers, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.settings import MAX_MESSAGE
+from patrol.net.settings import _QUEUE, MAX_MESSAGE
 from tests.routers import PATIENCE_S, free_endpoint, routed
 
 
@@ -69,7 +69,11 @@ def dropping(link: Link, key: str) -> Callable[[bytes], None]:
     return link.post(key, waits=False)
 
 
-@pytest.mark.parametrize("way", [Link.post, dropping, Link.publisher])
+def together(link: Link, key: str) -> Callable[[bytes], None]:
+    return link.post(key, waits=False, together=True)
+
+
+@pytest.mark.parametrize("way", [Link.post, dropping, together, Link.publisher])
 def test_what_is_sent_arrives_under_its_key(
     way: Callable[..., Callable[[bytes], None]], links: Callable[[], Link]
 ) -> None:
@@ -79,13 +83,16 @@ def test_what_is_sent_arrives_under_its_key(
     assert reach(way(sender, "t/x/a"), mailbox, b"42") == ("t/x/a", 42)
 
 
-def test_a_burst_that_may_be_dropped_is_not(links: Callable[[], Link]) -> None:
-    """One message to each robot of a fleet, as at the beginning of a tick."""
-    keys = [f"t/{number}" for number in range(12)]
+@pytest.mark.parametrize("way", [together, Link.broadcast])
+def test_a_burst_that_may_be_dropped_is_not(
+    way: Callable[[Link, str], Callable[[bytes], None]], links: Callable[[], Link]
+) -> None:
+    """One message to each robot of a fleet, as at the beginning of a tick; many more than the queue has places."""
+    keys = [f"t/{number}" for number in range(4 * _QUEUE)]
     mailbox: Mailbox[int] = Mailbox(keys, whole, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t/*", mailbox)
-    posts = [dropping(sender, key) for key in keys]
+    posts = [way(sender, key) for key in keys]
     for post in posts:
         reach(post, mailbox, b"0")
     for burst in range(1, 51):

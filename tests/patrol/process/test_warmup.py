@@ -19,6 +19,15 @@ def double(n):
     return 2 * n
 """
 
+ALONE = """
+import sys
+from patrol.process.warmup import numba_alone
+numba_alone()
+import toy.kernels.sums
+print([str(toy.kernels.sums.double(21)), str("scipy" in sys.modules)])
+import scipy.linalg
+"""
+
 TWO_STARTS = """
 import sys
 from patrol.process.warmup import warm
@@ -36,13 +45,15 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "toy" / "__init__.py").touch()
     (folder / "__init__.py").touch()
     (folder / "sums.py").write_text(KERNEL, encoding="utf-8")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    )
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     return tmp_path
 
 
-def start(**environment: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-P", "-c", TWO_STARTS]
+def start(code: str = TWO_STARTS, **environment: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-P", "-c", code]
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **environment}
     )
@@ -53,6 +64,11 @@ def said(process: subprocess.Popen[str]) -> list[str]:
     assert process.returncode == 0, errors
     lines: list[str] = json.loads(output.replace("'", '"'))
     return lines
+
+
+@pytest.mark.usefixtures("toy")
+def test_kernels_run_without_scipy_which_can_still_be_imported_later() -> None:
+    assert said(start(ALONE)) == ["42", "False"]
 
 
 def test_every_kernel_of_ours_is_found() -> None:

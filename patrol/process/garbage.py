@@ -1,0 +1,23 @@
+"""Garbage collection that keeps out of the way of a process's start and of its ticks.
+
+Python's collector goes through all objects again and again while a process loads what it needs; nearly all of them
+stay. Once numba is loaded there are more than a hundred thousand, and a full collection in the middle of a tick holds
+the process up for a tenth of a second, which at a pace is all the time that a frame has. So a process collects nothing
+until it is ready, and then leaves what it has loaded alone for good.
+"""
+
+from __future__ import annotations
+
+import gc
+
+
+def hold_collection() -> None:
+    """Collect nothing until `begin_collection`; for a process that is about to load what it needs."""
+    gc.disable()
+
+
+def begin_collection() -> None:
+    """Collect from now on, but nothing that is there already; without `hold_collection` before it this does nothing."""
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
