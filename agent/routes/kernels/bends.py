@@ -49,7 +49,7 @@ def follow(cell, bend, lists, mark, start, stride, limit):
         for way in range(4):
             if only != ALL_WAYS and only & 3 != way:
                 continue
-            right, down = 1 if way == 0 or way == 3 else -1, 1 if way < 2 else -1
+            right, down = 1 if way % 3 == 0 else -1, 1 if way < 2 else -1
             way_across, way_up = 4 if right == 1 else 6, 5 if down == 1 else 7
             at, far, turn = here, int64(cell[index(here)]) >> 5, int64(bend[index(here)])
             up, across = row - start_row, here - row * stride - start_col

@@ -46,7 +46,7 @@ def spread(state, cell, lists, starts, limit):
         end = min(end + STRETCH, limit)
         stop = end << 1 | 1
         done, put = 0, 0
-        while done < waiting and waiting < room and put < room:
+        while done < waiting < room and put < room:
             entry = int64(now[index(done)])
             done += 1
             here, only = entry >> 4, entry & 15
@@ -58,7 +58,7 @@ def spread(state, cell, lists, starts, limit):
             for way in range(4):
                 if only != ALL_WAYS and only & 3 != way:
                     continue
-                across, up = 1 if way == 0 or way == 3 else -1, cols if way < 2 else -cols
+                across, up = 1 if way % 3 == 0 else -1, cols if way < 2 else -cols
                 way_across, way_up = 4 if across == 1 else 6, 5 if up > 0 else 7
                 at, far = here, known & ~1
                 # A diagonal run has straight ones to both sides at each of its points, but not where all ways begin.

@@ -28,9 +28,9 @@ def _goes_on(cell, way):
     came = cell >> 2 & 7
     if cell & BESIDE != 0 or way == came:
         return True
-    side_a = 4 if came == 0 or came == 3 else 6
+    side_a = 4 if came % 3 == 0 else 6
     side_b = 5 if came < 2 else 7
-    return came < 4 and (way == side_a or way == side_b)
+    return came < 4 and way in (side_a, side_b)
 
 
 @njit(types.boolean(CELLS, STEPS, int64, int64, int64), cache=True, nogil=True)
@@ -40,7 +40,7 @@ def _may(cell, step, here, way, known):
         return False
     if way > 3 or known & BESIDE == 0:
         return True
-    side_a = step[4] if way == 0 or way == 3 else step[6]
+    side_a = step[4] if way % 3 == 0 else step[6]
     side_b = step[5] if way < 2 else step[7]
     return cell[index(here + side_a)] != 0 and cell[index(here + side_b)] != 0
 

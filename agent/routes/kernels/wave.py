@@ -133,7 +133,7 @@ def settle(cell, lists, mark, stride, limit):
         stop = end << 5 | 31
         now, later = lists[mark[ROW]], lists[1 - mark[ROW]]
         done, put = 0, 0
-        while done < waiting and waiting < room and put < room and tied < room:
+        while done < waiting < room and put < room and tied < room:
             entry = int64(now[index(done)])
             done += 1
             here, only = entry >> 4, entry & 15
@@ -147,7 +147,7 @@ def settle(cell, lists, mark, stride, limit):
             for way in range(4):
                 if only != ALL_WAYS and only & 3 != way:
                     continue
-                across, up = 1 if way == 0 or way == 3 else -1, stride if way < 2 else -stride
+                across, up = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
                 way_across, way_up = 4 if across == 1 else 6, 5 if up > 0 else 7
                 at, far = here, known >> 5
                 # A diagonal run has straight ones to both sides at each of its points, but not where all ways begin.
@@ -195,7 +195,7 @@ def settle(cell, lists, mark, stride, limit):
                     cell[index(at)] = label | known_there & 3
                     if known_there >> 5 == far and known_there & BESIDE == 0:
                         came = known_there >> 2 & 7
-                        if came != way_across and came != way_up:
+                        if came not in (way_across, way_up):
                             # What went on straight from here does so no more.
                             ties[index(tied)] = at - (across if came & 1 == 0 else up)
                             tied += 1
