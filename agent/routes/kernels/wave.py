@@ -2,7 +2,8 @@
 
 Steps go to the eight neighbours and cost 100 along a row or column and 141 along a diagonal, so that equal lengths are
 equal integers; a diagonal step needs both points beside it. Of equally long paths, one whose last step is diagonal
-counts as the nearer one; `ties` settles what is left.
+counts as the nearer one; `ties` decides what is left. Where such a path takes a point over and does not go on straight
+as the other one did, a shorter way leads past the point, so nothing has to be taken back.
 
 Only neighbours that can lie on a new shortest path are tried: where all eight neighbours are open, a path that came
 straight goes on straight, and one that came diagonally goes on diagonally or turns into either of its components.
@@ -193,12 +194,6 @@ def settle(cell, lists, mark, stride, limit):
                             tied += 1
                         break
                     cell[index(at)] = label | known_there & 3
-                    if known_there >> 5 == far and known_there & BESIDE == 0:
-                        came = known_there >> 2 & 7
-                        if came not in (way_across, way_up):
-                            # What went on straight from here does so no more.
-                            ties[index(tied)] = at - (across if came & 1 == 0 else up)
-                            tied += 1
                     if known_there & BESIDE != 0 or label > stop:
                         on = at << 4 | (ALL_WAYS if known_there & BESIDE != 0 else way)
                         if label > stop:

@@ -214,7 +214,8 @@ def test_of_equally_long_paths_the_one_found_first_by_the_plain_rules_counts(
     values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int
 ) -> None:
     is_open, row, col = walled_map(values) if walled else random_map(values)
-    wave = Wave(*is_open.shape, span)
+    height, width = is_open.shape
+    wave = Wave(height, width, span)
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
     wave.begin(ground, row + 1, col + 1)
     is_seen = np.zeros_like(wave.state)
