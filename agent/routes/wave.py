@@ -17,13 +17,11 @@ from agent.routes.kernels.wave import (
     FULL,
     NOW,
     SEEN,
-    SETTLED,
-    STATUS,
     lay,
     settle,
     show,
 )
-from agent.routes.path_window import FAR, Lengths, PathWindow, Place
+from agent.routes.path_window import Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
 
 MOST = 2**26
@@ -65,7 +63,7 @@ class Wave(PathWindow):
         while not spread(self.state, self._cell, self._lists, begin, limit):
             self._make_room()
         show(self._cell, self.state, self.length, 1, limit, 0, rows, 0, cols)
-        return np.where(self.state & STATUS == SETTLED, self.length, FAR)
+        return self.length.copy()
 
     def extend(self, limit: int) -> None:
         """Settle every path up to ``limit`` hundredths of a point."""

@@ -8,7 +8,12 @@ from __future__ import annotations
 
 from numba import njit, types
 
-from agent.routes.kernels.wave import ALL_WAYS, BESIDE, BEYOND, FULL, SEEN
+ALL_WAYS = 8
+BESIDE = 1
+BEYOND = 3
+FULL = 4
+SEEN = 2
+"""As in `agent.routes.kernels.wave`."""
 
 CELLS = types.Array(types.uint32, 1, "C")
 BENDS = types.Array(types.int32, 1, "C")

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 from numba import njit, types
 
-from agent.routes.kernels.wave import ALL_WAYS, BESIDE, STRETCH, UNKNOWN
+ALL_WAYS = 8
+BESIDE = 1
+STRETCH = 2400
+UNKNOWN = 2**27 - 1
+"""As in `agent.routes.kernels.wave`."""
 
 CELLS = types.Array(types.uint32, 1, "C")
 GRID = types.Array(types.uint8, 2, "C", readonly=True)

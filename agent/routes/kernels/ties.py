@@ -11,7 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, types
 
-from agent.routes.kernels.wave import BESIDE, FULL, TIES
+BESIDE = 1
+FULL = 4
+TIES = 2
+"""As in `agent.routes.kernels.wave`."""
 
 CELLS = types.Array(types.uint32, 1, "C")
 LISTS = types.Array(types.uint32, 2, "C")

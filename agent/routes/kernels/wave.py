@@ -38,6 +38,9 @@ SEEN = 2
 UNKNOWN = 2**27 - 1
 """In a cell: the length of a path that is not known."""
 
+FAR = 2**31 - 1
+"""The length shown where no path is settled."""
+
 ALL_WAYS = 8
 """In an entry: go on in all directions."""
 
@@ -89,8 +92,8 @@ def show(cell, state, length, shift, limit, top, bottom, left, right):
     Args:
         cell: uint32 (m n,), settled cells.
         state: uint8 (m, n), see HEMMED; SETTLED is set.
-        length: int32 (m, n), path lengths in hundredths of a point; overwritten in the box, with no meaning where no
-            path is settled.
+        length: int32 (m, n), path lengths in hundredths of a point; overwritten in the box, FAR where no path is
+            settled.
         shift: By how many bits lengths are shifted in the cells.
         limit: Longest settled path.
         top: First row of the box.
@@ -105,8 +108,9 @@ def show(cell, state, length, shift, limit, top, bottom, left, right):
         known, far = state[row, left:right], length[row, left:right]
         line = cell[row * cols + left : row * cols + right]
         for k in range(right - left):
-            far[k] = line[k] >> by
-            known[k] |= 3 if line[k] < beyond and known[k] != 0 else 0
+            settled = line[k] < beyond and known[k] != 0
+            far[k] = line[k] >> by if settled else FAR
+            known[k] |= 3 if settled else 0
 
 
 @njit(types.void(CELLS, LISTS, MARK, int64, int64), cache=True, nogil=True)

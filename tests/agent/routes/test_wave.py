@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from types import ModuleType
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -13,6 +15,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from agent.routes.ground import Ground
+from agent.routes.kernels import bends, lengths, ties
+from agent.routes.kernels import wave as kernel
 from agent.routes.kernels.wave import HEMMED, SETTLED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.wave import Wave
@@ -81,8 +85,8 @@ def test_lengths_equal_dijkstra_to_the_last_unit(values: tuple[int, int, int, fl
     reference = dijkstra_lengths(is_open, row, col)
     # In one go or in pieces, a wave comes to the same.
     wave = wave_from(is_open, row, col, 40, [*sorted(pieces), 10**6])
-    lengths = over_terrain(wave, wave.length, is_open.shape)
-    assert np.array_equal(lengths, np.where(np.isfinite(reference), reference, -1))
+    found = over_terrain(wave, wave.length, is_open.shape)
+    assert np.array_equal(found, np.where(np.isfinite(reference), reference, -1))
 
 
 @settings(max_examples=60)
@@ -91,8 +95,8 @@ def test_a_limit_settles_just_the_shorter_paths(values: tuple[int, int, int, flo
     is_open, row, col = random_map(values)
     reference = dijkstra_lengths(is_open, row, col)
     wave = wave_from(is_open, row, col, -(-limit // 100) + 1, [limit])
-    lengths = over_terrain(wave, wave.length, is_open.shape)
-    assert np.array_equal(lengths, np.where(reference <= limit, reference, -1))
+    found = over_terrain(wave, wave.length, is_open.shape)
+    assert np.array_equal(found, np.where(reference <= limit, reference, -1))
 
 
 @settings(max_examples=40)
@@ -241,3 +245,11 @@ def test_a_wave_with_too_little_room_makes_more() -> None:
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
     found = Wave(700, 700, 700).lengths_from(ground, 351, 351, [(351, 351)], 10**6)[1:-1, 1:-1]
     assert np.array_equal(found, np.where(np.isfinite(reference), reference, FAR))
+
+
+@pytest.mark.parametrize("other", [bends, lengths, ties])
+def test_kernels_of_the_wave_agree_on_what_is_in_cells_and_entries(other: ModuleType) -> None:
+    """A kernel imports nothing of another file, so each has these numbers again."""
+    for name in ("ALL_WAYS", "BESIDE", "SEEN", "UNKNOWN", "STRETCH", "TIES", "BEYOND", "FULL"):
+        assert getattr(other, name, getattr(kernel, name)) == getattr(kernel, name)
+    assert kernel.FAR == FAR
