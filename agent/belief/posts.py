@@ -43,5 +43,5 @@ class Posts:
         Returns:
             int32 (k, 4).
         """
-        low, high = np.searchsorted(self._post_row, [first, last + 1])
+        low, high = np.searchsorted(self._post_row, np.array([first, last + 1], dtype=np.int32))
         return self._rows[low:high]

@@ -7,9 +7,34 @@ from collections.abc import Sequence
 import numpy as np
 
 from agent.routes.ground import Ground
-from agent.routes.kernels.wave import BEGINNING, HEMMED, QUEUED, SETTLED, STATUS, advance
-from agent.routes.path_window import FAR, Lengths, PathWindow, Place
+from agent.routes.kernels.bends import follow
+from agent.routes.kernels.lengths import spread
+from agent.routes.kernels.ties import decide
+from agent.routes.kernels.wave import (
+    ALL_WAYS,
+    BESIDE,
+    BEYOND,
+    FULL,
+    NOW,
+    SEEN,
+    lay,
+    settle,
+    show,
+)
+from agent.routes.path_window import Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
+
+MOST = 2**26
+"""Longest path that fits a cell, in hundredths of a point."""
+
+MOST_POINTS = 2**28
+"""Points of the largest window whose indices fit an entry."""
+
+ROOM = 2**12
+"""Entries for which a new wave has room; it makes more as needed."""
+
+Box = tuple[int, int, int, int]
+"""First row, end row, first column and end column; ends are exclusive."""
 
 
 class Wave(PathWindow):
@@ -17,44 +42,77 @@ class Wave(PathWindow):
 
     def __init__(self, height: int, width: int, span: int) -> None:
         super().__init__(height, width, span)
+        if self.state.size > MOST_POINTS:
+            raise ValueError(f"a window of {self.state.size} points is larger than {MOST_POINTS}")
         self._sight = np.zeros_like(self.state)
-        self._straight = np.zeros(self.state.size, dtype=np.int64)
-        self._diagonal = np.zeros(self.state.size, dtype=np.int64)
-        self._marks = np.zeros(4, dtype=np.int64)
-        self._start = 0
+        self._cell = np.zeros(self.state.size, dtype=np.uint32)
+        self._lists = np.zeros((5, ROOM), dtype=np.uint32)
+        self._mark = np.zeros(7, dtype=np.int64)
+        self._laid: Box | None = None
 
     def _begin(self) -> None:
-        cast(self.state, self.start_row, self.start_col, float(self.span), self._sight, 0, 0)
-        self._queue([(self.start_row, self.start_col)])
+        self._laid = None
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
         """As `PathWindow.lengths_from`, by one wave from all starts at once."""
         self._place(ground, row, col)
-        inside = [(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts]
-        self._sight[:] = 0
-        self._queue([start for start in sorted(set(inside)) if self._holds(*start)])
-        self.extend(limit)
-        return np.where(self.state & STATUS == SETTLED, self.length, FAR)
-
-    def _queue(self, starts: Sequence[Place]) -> None:
-        for index, (row, col) in enumerate(starts):
-            self._start = row * self.state.shape[1] + col
-            self.state[row, col] = (self.state[row, col] & HEMMED) | QUEUED
-            self.length[row, col] = 0
-            self._straight[index] = self._start * 16 + BEGINNING
-        self._marks[:] = (0, len(starts), 0, 0)
+        rows, cols = self.state.shape
+        inside = sorted({(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts})
+        begin = np.array([r * cols + c for r, c in inside if self._holds(r, c)], dtype=np.int64)
+        limit = min(limit, MOST)
+        while not spread(self.state, self._cell, self._lists, begin, limit):
+            self._make_room()
+        show(self._cell, self.state, self.length, 1, limit, 0, rows, 0, cols)
+        return self.length.copy()
 
     def extend(self, limit: int) -> None:
         """Settle every path up to ``limit`` hundredths of a point."""
-        advance(
-            self.state.reshape(-1),
-            self._sight.reshape(-1),
-            self.length.reshape(-1),
-            self.bend.reshape(-1),
-            self._straight,
-            self._diagonal,
-            self._marks,
-            self._start,
-            self.state.shape[1],
-            limit,
-        )
+        limit = min(limit, MOST)
+        box = self._lay(limit)
+        start, cols = self.start_row * self.state.shape[1] + self.start_col, self.state.shape[1]
+        settle(self._cell, self._lists, self._mark, cols, limit)
+        decide(self._cell, self._lists, self._mark, cols, limit)
+        follow(self._cell, self.bend.reshape(-1), self._lists, self._mark, start, cols, limit)
+        if self._mark[FULL]:
+            self._make_room()
+            self._laid = None
+            self.extend(limit)
+        else:
+            show(self._cell, self.state, self.length, 5, limit, *box)
+
+    def _lay(self, limit: int) -> Box:
+        """Make the cells ready that paths up to a length may come by; returns a box around them."""
+        rows, cols = self.state.shape
+        # Runs end up to a diagonal step beyond the limit, and ask for the points beside their last one.
+        reach = limit // 100 + 4
+        top, bottom = max(0, self.start_row - reach), min(rows, self.start_row + reach + 1)
+        left, right = max(0, self.start_col - reach), min(cols, self.start_col + reach + 1)
+        box = top, bottom, left, right
+        laid = self._laid
+        if laid is not None and laid[0] <= top and bottom <= laid[1] and laid[2] <= left and right <= laid[3]:
+            return box
+        # All of the box is in range of this look, its corners too, unless the window's span ends before.
+        cast(self.state, self.start_row, self.start_col, float(min(self.span, 2 * reach)), self._sight, 0, 0)
+        if laid is None:
+            lay(self.state, self._sight, self._cell, *box)
+            self._start()
+        else:
+            lay(self.state, self._sight, self._cell, top, laid[0], left, right)
+            lay(self.state, self._sight, self._cell, laid[1], bottom, left, right)
+            lay(self.state, self._sight, self._cell, laid[0], laid[1], left, laid[2])
+            lay(self.state, self._sight, self._cell, laid[0], laid[1], laid[3], right)
+        self._laid = box
+        return box
+
+    def _start(self) -> None:
+        """Let paths begin at the start."""
+        start = self.start_row * self.state.shape[1] + self.start_col
+        self._cell[start] = self._cell[start] & SEEN | BESIDE
+        self.bend.reshape(-1)[start] = start
+        self._mark[:] = 0
+        self._mark[NOW] = self._mark[BEYOND] = 1
+        self._lists[0, 0] = self._lists[4, 0] = start * 16 + ALL_WAYS
+
+    def _make_room(self) -> None:
+        """Make room for more entries; those at hand are lost."""
+        self._lists = np.zeros((5, 4 * self._lists.shape[1]), dtype=np.uint32)

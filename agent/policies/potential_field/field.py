@@ -100,6 +100,8 @@ class Field:
         self._as_vector = patrol.direction == "vector"
         self._sector = sector_table(patrol.sectors, span + 1)
         self._sectors = patrol.sectors
+        self._expected = round(100.0 * FIRST_LOOK / point)
+        self._settled = 0
 
     def pull(
         self,
@@ -134,6 +136,9 @@ class Field:
         by_age = self.law.pull(mfow)
         self._claim(ground, row, col, rivals)
         self.paths.begin(ground, row, col)
+        # Paths as long as at the last tick are likely to be asked for again: one wave is faster than three.
+        self._settled = min(self.law.limit, self._expected)
+        self.paths.extend(self._settled)
         nearby = self._forces()
         self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
         forces = self._forces()
@@ -141,6 +146,7 @@ class Field:
         self._gather(0, first, dilated, seen, tick, by_age, forces)
         exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
         horizon = self.law.horizon(exerted, float(by_age[-1]))
+        self._expected = max(first, horizon)
         if horizon > first:
             self._gather(first, horizon, dilated, seen, tick, by_age, forces)
         close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
@@ -191,7 +197,9 @@ class Field:
             looked: As in `pull`.
         """
         paths = self.paths
-        paths.extend(last)
+        if last > self._settled:
+            paths.extend(last)
+            self._settled = last
         span = min(paths.span, -(-last // 100))
         grids = (paths.state, paths.length, paths.bend)
         place = (paths.start_row, paths.start_col, paths.row0, paths.col0)

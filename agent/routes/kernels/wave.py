@@ -1,139 +1,214 @@
-"""Kernel of the wave: Lee's path lengths from one point to all others, nearest first (paper, "The wave").
+"""Kernels of the wave: path lengths and first bends from one point to all others (paper, "The wave").
 
 Steps go to the eight neighbours and cost 100 along a row or column and 141 along a diagonal, so that equal lengths are
-equal integers; a diagonal step needs both points beside it. Two first-in first-out queues, one per step cost, each stay
-sorted by length, and their two heads make a priority queue without a heap.
+equal integers; a diagonal step needs both points beside it. Of equally long paths, one whose last step is diagonal
+counts as the nearer one; `ties` decides what is left. Where such a path takes a point over and does not go on straight
+as the other one did, a shorter way leads past the point, so nothing has to be taken back.
 
 Only neighbours that can lie on a new shortest path are tried: where all eight neighbours are open, a path that came
 straight goes on straight, and one that came diagonally goes on diagonally or turns into either of its components.
 Next to an obstacle all eight are tried. Lengths stay exact.
+
+So over open ground a path is a straight run of points, and a run is written in one go, point after point, until it
+meets a point that is no farther without it. What it writes may be improved by a later run. To keep that rare, runs
+pause at the end of each stretch of lengths until all runs have come so far.
+
+A point's cell holds its length and what else a run asks for: length * 32 + direction of the last step * 4 + SEEN +
+BESIDE. Directions 0 to 3 are diagonal, 4 to 7 straight, so that cells without their four low bits compare as paths do.
+A blocked point's cell is 0, and that of a point without a path has the length UNKNOWN.
 """
 
 from __future__ import annotations
 
 from numba import njit, types
 
-BYTES = types.Array(types.uint8, 1, "C")
-SIGHT = types.Array(types.uint8, 1, "C", readonly=True)
-INTS = types.Array(types.int32, 1, "C")
-QUEUE = types.Array(types.int64, 1, "C")
-
 BLOCKED = 0
 OPEN = 1
-QUEUED = 2
 SETTLED = 3
 STATUS = 3
 HEMMED = 4
 """A point's state: its status in the two low bits, and HEMMED when one of its eight neighbours is blocked."""
 
-BEGINNING = 8
-"""The direction stored for the start of a wave, which no step leads to."""
+BESIDE = 1
+"""In a cell: next to a blocked point, or the start."""
+
+SEEN = 2
+"""In a cell: the straight line from the start is free."""
+
+UNKNOWN = 2**27 - 1
+"""In a cell: the length of a path that is not known."""
+
+FAR = 2**31 - 1
+"""The length shown where no path is settled."""
+
+ALL_WAYS = 8
+"""In an entry: go on in all directions."""
+
+STRETCH = 2400
+"""Lengths, in hundredths of a point, after which runs wait for each other."""
+
+NOW, LATER, TIES, BEYOND, FULL, ROW, DONE = 0, 1, 2, 3, 4, 5, 6
+"""What `mark` holds: the numbers of entries of this stretch, of later ones, of points with ties and of entries for
+`bends`, whether there was no room for one, the row of `lists` for this stretch, and the length up to which paths are
+settled."""
+
+CELLS = types.Array(types.uint32, 1, "C")
+GRID = types.Array(types.uint8, 2, "C", readonly=True)
+STATE = types.Array(types.uint8, 2, "C")
+LENGTHS = types.Array(types.int32, 2, "C")
+LISTS = types.Array(types.uint32, 2, "C")
+MARK = types.Array(types.int64, 1, "C")
+int64 = types.int64
+index = types.uint64
+"""Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
 
 
-@njit(
-    types.int64(BYTES, SIGHT, INTS, INTS, QUEUE, QUEUE, QUEUE, types.int64, types.int64, types.int64),
-    cache=True,
-    nogil=True,
-)
-def advance(state, sight, length, bend, straight, diagonal, place, start, stride, limit):
-    """Settle every point whose path is at most ``limit`` long.
-
-    All grids are flat over a window of ``stride`` columns whose outermost points are blocked. A wave begins with the
-    start's status QUEUED, its length 0, ``place`` zero except place[1] = 1, and straight[0] = start * 16 + BEGINNING. A
-    later call with a larger limit continues from there. Several starts, each queued like this, give the length from the
-    nearest of them; ``sight`` is then all 0.
+@njit(types.void(GRID, GRID, CELLS, int64, int64, int64, int64), cache=True, nogil=True)
+def lay(state, sight, cell, top, bottom, left, right):
+    """Make the cells of a box ready: blocked, or without a path.
 
     Args:
-        state: uint8, see HEMMED; changed in place.
-        sight: uint8, 1 where the straight line from the start is free.
-        length: int32, path lengths in hundredths of a point; filled in.
-        bend: int32, where each path first bends: the last point on it that is in sight of the start and no farther than
-            without obstacles; the point itself where no detour is needed. Filled in.
-        straight: int64, the queue of straight steps; an entry is length * 2**36 + index * 16 + direction of the last
-            step.
-        diagonal: int64, the queue of diagonal steps, likewise.
-        place: int64 (4,), head and tail of the straight queue, then of the diagonal one; changed in place.
-        start: Flat index of the start.
-        stride: Columns of the window.
-        limit: Longest path to settle, in hundredths of a point.
-
-    Returns:
-        The number of points that this call settled.
+        state: uint8 (m, n), see HEMMED.
+        sight: uint8 (m, n), 1 where the straight line from the start is free.
+        cell: uint32 (m n,), overwritten in the box.
+        top: First row of the box.
+        bottom: End row, exclusive.
+        left: First column.
+        right: End column, exclusive.
     """
-    # Directions 0 to 3 run along rows and columns, 4 to 7 diagonally between side_a and side_b.
-    step = (1, stride, -1, -stride, stride + 1, stride - 1, -stride - 1, -stride + 1)
-    side_a = (0, 0, 0, 0, 0, 2, 2, 0)
-    side_b = (0, 0, 0, 0, 1, 1, 3, 3)
-    # A multiplication finds the row many times faster than a division; half a point keeps it off the rounding edge.
-    rows_per_point = 1.0 / stride
-    start_row = start // stride
-    start_col = start % stride
-    straight_head, straight_tail, diagonal_head, diagonal_tail = place[0], place[1], place[2], place[3]
-    settled = 0
-    beyond = (limit + 1) << 36
-    while straight_head < straight_tail or diagonal_head < diagonal_tail:
-        # On equal lengths the diagonal queue goes first: it then holds the entry that improved on the other's.
-        if diagonal_head < diagonal_tail and (
-            straight_head >= straight_tail or diagonal[diagonal_head] >> 36 <= straight[straight_head] >> 36
-        ):
-            entry = diagonal[diagonal_head]
-            if entry >= beyond:
-                break
-            diagonal_head += 1
-        else:
-            entry = straight[straight_head]
-            if entry >= beyond:
-                break
-            straight_head += 1
-        here = (entry >> 4) & 0xFFFFFFFF
-        came = entry & 15
-        status = state[here]
-        if status & 3 == 3:
-            continue
-        state[here] = status | 3
-        settled += 1
-        far = entry >> 36
-        direct = False
-        if sight[here] != 0:
-            row = int((here + 0.5) * rows_per_point)
-            up = abs(row - start_row)
-            across = abs(here - row * stride - start_col)
-            direct = far == 100 * abs(across - up) + 141 * min(across, up)
-        bend[here] = here if direct or came == 8 else bend[here - step[came]]
-        everywhere = status & 4 != 0 or came == 8
-        if everywhere or came < 4:
-            ways = (0, 4) if everywhere else (came, came + 1)
-            for way in range(ways[0], ways[1]):
-                there = here + step[way]
-                known = state[there]
-                if known & 3 == 1 or (known & 3 == 2 and far + 100 < length[there]):
-                    state[there] = (known & 4) | 2
-                    length[there] = far + 100
-                    straight[straight_tail] = ((far + 100) << 36) | (there << 4) | way
-                    straight_tail += 1
-        else:
-            for component in range(2):
-                way = side_a[came] if component == 0 else side_b[came]
-                there = here + step[way]
-                known = state[there]
-                if known & 3 == 1 or (known & 3 == 2 and far + 100 < length[there]):
-                    state[there] = (known & 4) | 2
-                    length[there] = far + 100
-                    straight[straight_tail] = ((far + 100) << 36) | (there << 4) | way
-                    straight_tail += 1
-        if everywhere or came >= 4:
-            ways = (4, 8) if everywhere else (came, came + 1)
-            for way in range(ways[0], ways[1]):
-                there = here + step[way]
-                known = state[there]
-                if known & 3 == 1 or (known & 3 == 2 and far + 141 < length[there]):
-                    if everywhere and (
-                        state[here + step[side_a[way]]] & 3 == 0 or state[here + step[side_b[way]]] & 3 == 0
-                    ):
-                        continue
-                    state[there] = (known & 4) | 2
-                    length[there] = far + 141
-                    diagonal[diagonal_tail] = ((far + 141) << 36) | (there << 4) | way
-                    diagonal_tail += 1
-    place[0], place[1], place[2], place[3] = straight_head, straight_tail, diagonal_head, diagonal_tail
-    return settled
+    cols = state.shape[1]
+    for row in range(top, bottom):
+        known, seen = state[row, left:right], sight[row, left:right]
+        line = cell[row * cols + left : row * cols + right]
+        for k in range(right - left):
+            flags = (known[k] & 4) >> 2 | seen[k] << 1
+            line[k] = UNKNOWN << 5 | flags if known[k] & 3 != 0 else 0
+
+
+@njit(types.void(CELLS, STATE, LENGTHS, int64, int64, int64, int64, int64, int64), cache=True, nogil=True)
+def show(cell, state, length, shift, limit, top, bottom, left, right):
+    """Write the settled paths of a box of cells as states and lengths.
+
+    Args:
+        cell: uint32 (m n,), settled cells.
+        state: uint8 (m, n), see HEMMED; SETTLED is set.
+        length: int32 (m, n), path lengths in hundredths of a point; overwritten in the box, FAR where no path is
+            settled.
+        shift: By how many bits lengths are shifted in the cells.
+        limit: Longest settled path.
+        top: First row of the box.
+        bottom: End row, exclusive.
+        left: First column.
+        right: End column, exclusive.
+    """
+    cols = state.shape[1]
+    beyond = types.uint32((limit + 1) << shift)
+    by = types.uint32(shift)
+    for row in range(top, bottom):
+        known, far = state[row, left:right], length[row, left:right]
+        line = cell[row * cols + left : row * cols + right]
+        for k in range(right - left):
+            settled = line[k] < beyond and known[k] != 0
+            far[k] = line[k] >> by if settled else FAR
+            known[k] |= 3 if settled else 0
+
+
+@njit(types.void(CELLS, LISTS, MARK, int64, int64), cache=True, nogil=True)
+def settle(cell, lists, mark, stride, limit):
+    """Settle every point whose path is at most ``limit`` long, but for ties.
+
+    All grids are flat over a window of ``stride`` columns whose outermost points are blocked. A wave begins with the
+    start's length 0, BESIDE set in its cell, the one entry start * 16 + ALL_WAYS, and ``mark`` 0 except
+    mark[NOW] = 1. A later call with a larger limit continues from there.
+
+    Args:
+        cell: uint32, see above; changed in place.
+        lists: uint32 (5, k), entries from which paths go on in this stretch and later, index * 16 + direction, and the
+            indices of points with ties; changed in place. The last two rows are for `bends`.
+        mark: int64 (7,), see NOW; changed in place. Where mark[FULL] is set afterwards, nothing that was written has
+            any meaning.
+        stride: Columns of the window.
+        limit: Longest path to settle, in hundredths of a point; at most 2**26.
+    """
+    room = lists.shape[1] - 8
+    ties, tied = lists[2], mark[TIES]
+    waiting, end = mark[NOW], mark[DONE]
+    while waiting > 0 and end < limit and mark[FULL] == 0:
+        end = min(end + STRETCH, limit)
+        stop = end << 5 | 31
+        now, later = lists[mark[ROW]], lists[1 - mark[ROW]]
+        done, put = 0, 0
+        while done < waiting < room and put < room and tied < room:
+            entry = int64(now[index(done)])
+            done += 1
+            here, only = entry >> 4, entry & 15
+            known = int64(cell[index(here)])
+            if known > stop:
+                later[index(put)] = entry
+                put += 1
+                continue
+            if only != ALL_WAYS and known >> 2 & 7 != only:
+                continue  # A nearer path has come since, and goes on by itself.
+            for way in range(4):
+                if only != ALL_WAYS and only & 3 != way:
+                    continue
+                across, up = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
+                way_across, way_up = 4 if across == 1 else 6, 5 if up > 0 else 7
+                at, far = here, known >> 5
+                # A diagonal run has straight ones to both sides at each of its points, but not where all ways begin.
+                sides, straight, step = 2, way_across, across
+                if only > 3:
+                    sides, straight, step = 1, way + 4, (1, stride, -1, -stride)[way]
+                while waiting < room and put < room and tied < room:
+                    for side in range(sides):
+                        if side == 1:
+                            straight, step = way_up, up
+                        there, label = at + step, (far + 100) << 5 | straight << 2
+                        known_there = int64(cell[index(there)])
+                        while label >> 4 < known_there >> 4:
+                            cell[index(there)] = label | known_there & 3
+                            if known_there & BESIDE != 0 or label > stop:
+                                on = there << 4 | (ALL_WAYS if known_there & BESIDE != 0 else straight)
+                                if label > stop:
+                                    later[index(put)] = on
+                                    put += 1
+                                else:
+                                    now[index(waiting)] = on
+                                    waiting += 1
+                                break
+                            there += step
+                            label += 100 << 5
+                            known_there = int64(cell[index(there)])
+                        else:
+                            if label >> 4 == known_there >> 4 and label >> 2 != known_there >> 2:
+                                ties[index(tied)] = there
+                                tied += 1
+                    if only < ALL_WAYS and only > 3:
+                        break
+                    if sides == 1 and (cell[index(at + across)] == 0 or cell[index(at + up)] == 0):
+                        break
+                    sides, straight, step = 2, way_across, across
+                    at += across + up
+                    far += 141
+                    label = far << 5 | way << 2
+                    known_there = int64(cell[index(at)])
+                    if label >> 4 >= known_there >> 4:
+                        if label >> 4 == known_there >> 4 and label >> 2 != known_there >> 2:
+                            ties[index(tied)] = at
+                            tied += 1
+                        break
+                    cell[index(at)] = label | known_there & 3
+                    if known_there & BESIDE != 0 or label > stop:
+                        on = at << 4 | (ALL_WAYS if known_there & BESIDE != 0 else way)
+                        if label > stop:
+                            later[index(put)] = on
+                            put += 1
+                        else:
+                            now[index(waiting)] = on
+                            waiting += 1
+                        break
+        if max(waiting, put, tied) >= room:
+            mark[FULL] = 1
+        waiting = put
+        mark[ROW] = 1 - mark[ROW]
+    mark[NOW], mark[TIES], mark[DONE] = waiting, tied, limit

@@ -1,10 +1,13 @@
-"""The wave against scipy's Dijkstra, and the bearings of its paths."""
+"""The wave against scipy's Dijkstra and against its own rules in plain Python, and the bearings of its paths."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from types import ModuleType
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -12,8 +15,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from agent.routes.ground import Ground
-from agent.routes.kernels.wave import SETTLED, STATUS
+from agent.routes.kernels import bends, lengths, ties
+from agent.routes.kernels import wave as kernel
+from agent.routes.kernels.wave import HEMMED, SETTLED, STATUS
+from agent.routes.path_window import FAR
 from agent.routes.wave import Wave
+from patrol.ground.kernels.footprint import cast
 from patrol.ground.terrain import Terrain
 
 Bools = NDArray[np.bool_]
@@ -78,8 +85,8 @@ def test_lengths_equal_dijkstra_to_the_last_unit(values: tuple[int, int, int, fl
     reference = dijkstra_lengths(is_open, row, col)
     # In one go or in pieces, a wave comes to the same.
     wave = wave_from(is_open, row, col, 40, [*sorted(pieces), 10**6])
-    lengths = over_terrain(wave, wave.length, is_open.shape)
-    assert np.array_equal(lengths, np.where(np.isfinite(reference), reference, -1))
+    found = over_terrain(wave, wave.length, is_open.shape)
+    assert np.array_equal(found, np.where(np.isfinite(reference), reference, -1))
 
 
 @settings(max_examples=60)
@@ -88,8 +95,8 @@ def test_a_limit_settles_just_the_shorter_paths(values: tuple[int, int, int, flo
     is_open, row, col = random_map(values)
     reference = dijkstra_lengths(is_open, row, col)
     wave = wave_from(is_open, row, col, -(-limit // 100) + 1, [limit])
-    lengths = over_terrain(wave, wave.length, is_open.shape)
-    assert np.array_equal(lengths, np.where(reference <= limit, reference, -1))
+    found = over_terrain(wave, wave.length, is_open.shape)
+    assert np.array_equal(found, np.where(reference <= limit, reference, -1))
 
 
 @settings(max_examples=40)
@@ -131,3 +138,118 @@ def test_behind_a_wall_the_path_leads_through_its_door() -> None:
     bearing = math.atan2(i + wave.row0 - 20, j + wave.col0 - 10)
     door = [math.atan2(r - 20, 30 - 10) for r in (5, 8)]
     assert door[0] - 0.05 <= bearing <= door[1] + 0.05
+
+
+WAYS = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
+SIDES = {4: (0, 1), 5: (2, 1), 6: (2, 3), 7: (0, 3)}
+
+
+def plain_paths(wave: Wave) -> tuple[dict[tuple[int, int], int], dict[tuple[int, int], int]]:
+    """Lengths, and directions of the last steps, point by point, nearest first, for a wave that has just begun.
+
+    Two first-in first-out queues, for straight and for diagonal steps; of equally long paths, what is in the diagonal
+    queue comes first, and whoever comes first to a point with the shortest path takes it.
+    """
+    start = wave.start_row, wave.start_col
+    lengths, came = {start: 0}, {start: -1}
+    settled: set[tuple[int, int]] = set()
+    queues: tuple[deque[tuple[int, tuple[int, int], int]], ...] = deque([(0, start, -1)]), deque()
+    while any(queues):
+        straight, diagonal = queues
+        far, here, last = (
+            diagonal if diagonal and not (straight and straight[0][0] < diagonal[0][0]) else straight
+        ).popleft()
+        if here in settled:
+            continue
+        settled.add(here)
+        came[here] = last
+        everywhere = last < 0 or bool(wave.state[here] & HEMMED)
+        tried = range(8) if everywhere else (last,) if last < 4 else (*SIDES[last], last)
+        for way in tried:
+            (up, across), cost = WAYS[way], 100 if way < 4 else 141
+            there = here[0] + up, here[1] + across
+            beside = ((here[0] + up, here[1]), (here[0], here[1] + across)) if way > 3 else ()
+            if not wave.state[there] & STATUS or not all(wave.state[point] & STATUS for point in beside):
+                continue
+            if far + cost < lengths.get(there, 10**9):
+                lengths[there] = far + cost
+                queues[way > 3].append((far + cost, there, way))
+    return lengths, came
+
+
+def plain_bends(wave: Wave, is_seen: NDArray[np.uint8]) -> dict[tuple[int, int], tuple[int, int]]:
+    """First bends by `plain_paths`."""
+    lengths, came = plain_paths(wave)
+    bends = {}
+    for here in sorted(lengths, key=lengths.__getitem__):
+        up, across = abs(here[0] - wave.start_row), abs(here[1] - wave.start_col)
+        direct = lengths[here] == 100 * abs(across - up) + 141 * min(across, up)
+        if came[here] < 0 or (is_seen[here] and direct):
+            bends[here] = here
+        else:
+            (back, left) = WAYS[came[here]]
+            bends[here] = bends[here[0] - back, here[1] - left]
+    return bends
+
+
+def walled_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
+    """As `random_map`, with walls and doors at equal distances, where many paths are equally long."""
+    height, width, seed, density = values
+    rng = np.random.default_rng(seed)
+    is_open = np.ones((height, width), dtype=np.bool_)
+    every = int(rng.integers(3, 9))
+    is_open[every::every, :] = rng.random((len(range(every, height, every)), width)) < density
+    is_open[:, every::every] |= rng.random((height, len(range(every, width, every)))) < density
+    if seed % 2:
+        is_open &= is_open[::-1]
+    row, col = (height // 2, width // 2) if seed % 3 else (int(rng.integers(height)), int(rng.integers(width)))
+    is_open[row, col] = True
+    return is_open, row, col
+
+
+@settings(max_examples=150)
+@given(
+    values=maps,
+    walled=st.booleans(),
+    pieces=st.lists(st.integers(0, 3000), max_size=3),
+    span=st.sampled_from([6, 17, 40]),
+)
+def test_of_equally_long_paths_the_one_found_first_by_the_plain_rules_counts(
+    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int
+) -> None:
+    is_open, row, col = walled_map(values) if walled else random_map(values)
+    height, width = is_open.shape
+    wave = Wave(height, width, span)
+    ground = Ground(Terrain("t", is_open, 1.0), is_open)
+    wave.begin(ground, row + 1, col + 1)
+    is_seen = np.zeros_like(wave.state)
+    cast(wave.state, wave.start_row, wave.start_col, float(span), is_seen, 0, 0)
+    bends = plain_bends(wave, is_seen)
+    for limit in [*sorted(pieces), 10**6]:
+        wave.extend(limit)
+    known = {(int(i), int(j)) for i, j in np.argwhere(wave.state & STATUS == SETTLED)}
+    assert known == set(bends)
+    cols = wave.state.shape[1]
+    assert {point: divmod(int(wave.bend[point]), cols) for point in known} == bends
+
+
+def test_a_wave_with_too_little_room_makes_more() -> None:
+    rng = np.random.default_rng(4)
+    is_open = rng.random((700, 700)) >= 0.2
+    is_open[350, 350] = True
+    reference = dijkstra_lengths(is_open, 350, 350)
+    wave = wave_from(is_open, 350, 350, 700, [3000, 10**6])
+    assert np.array_equal(
+        over_terrain(wave, wave.length, is_open.shape), np.where(np.isfinite(reference), reference, -1)
+    )
+    ground = Ground(Terrain("t", is_open, 1.0), is_open)
+    found = Wave(700, 700, 700).lengths_from(ground, 351, 351, [(351, 351)], 10**6)[1:-1, 1:-1]
+    assert np.array_equal(found, np.where(np.isfinite(reference), reference, FAR))
+
+
+@pytest.mark.parametrize("other", [bends, lengths, ties])
+def test_kernels_of_the_wave_agree_on_what_is_in_cells_and_entries(other: ModuleType) -> None:
+    """A kernel imports nothing of another file, so each has these numbers again."""
+    for name in ("ALL_WAYS", "BESIDE", "SEEN", "UNKNOWN", "STRETCH", "TIES", "BEYOND", "FULL"):
+        assert getattr(other, name, getattr(kernel, name)) == getattr(kernel, name)
+    assert kernel.FAR == FAR

@@ -21,6 +21,8 @@ PLACES = types.Array(types.int64, 1, "C")
 ROWS = types.Array(types.int32, 2, "C", readonly=True)
 int64 = types.int64
 boolean = types.boolean
+index = types.uint64
+"""Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
 
 
 # fmt: off
@@ -74,11 +76,19 @@ def gather(
     """
     rows, cols = state.shape
     middle = sector.shape[0] // 2
+    half, widest = share.size // 2, share.size - 1
     if posts is None:
         top, bottom = max(0, start_row - span), min(rows, start_row + span + 1)
         left, right = max(0, start_col - span), min(cols, start_col + span + 1)
     else:
         top, bottom, left, right = 0, posts.shape[0], 0, 1
+    most, most_at = strongest[0], source[0]
+    # Neighbours often share their bend, and mostly their sector, so its sum stays at hand until another one's turn.
+    up, across, turned = 0, 0, -1
+    place = index(0)
+    total, along, upwards = sums[0], 0.0, 0.0
+    if as_vector:
+        along, upwards, total = sums[0], sums[1], sums[2]
     for i in range(top, bottom):
         for j in range(left, right):
             if posts is None:
@@ -87,33 +97,40 @@ def gather(
                 row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
                 if row < 0 or row >= rows or col < 0 or col >= cols:
                     continue
-            if state[row, col] & 3 != 3:
+            far = int64(length[index(row), index(col)])
+            if far <= first or far > last or state[index(row), index(col)] & 3 != 3:
                 continue
-            far = length[row, col]
-            if far <= first or far > last:
-                continue
-            when = seen[seen_row, seen_col]
+            when = int64(seen[index(seen_row), index(seen_col)])
             if when > tick:
                 continue
-            force = pull[tick - max(when, 0)] * decay[far]
-            if share.size > 0:
-                force *= share[min(max(far - rival[row, col] + share.size // 2, 0), share.size - 1)]
-            turn = bend[row, col]
-            up = row - start_row
-            across = col - start_col
-            if turn != row * cols + col:
-                up = turn // cols - start_row
-                across = turn % cols - start_col
+            force = pull[index(tick - max(when, 0))] * decay[index(far)]
+            if widest >= 0:
+                ahead = far - int64(rival[index(row), index(col)]) + half
+                force *= share[index(min(max(ahead, 0), widest))]
+            turn = int64(bend[index(row), index(col)])
+            if turn != turned:
+                turned = turn
+                up, across = row - start_row, col - start_col
+                if turn != row * cols + col:
+                    turn_row = int64(index(turn) // index(cols))
+                    up, across = turn_row - start_row, turn - turn_row * cols - start_col
+                if not as_vector:
+                    into = index(sector[index(middle + up), index(middle + across)])
+                    if into != place:
+                        sums[place] = total
+                        place, total = into, sums[into]
             if as_vector:
                 scale = force / math.sqrt(up * up + across * across)
-                sums[0] += scale * across
-                sums[1] += scale * up
-                sums[2] += force
-            else:
-                sums[sector[middle + up, middle + across]] += force
-            if force > strongest[0] and looked[seen_row, seen_col] < tick:
-                strongest[0] = force
-                source[0] = row * cols + col
+                along += scale * across
+                upwards += scale * up
+            total += force
+            if force > most and looked[index(seen_row), index(seen_col)] < tick:
+                most, most_at = force, row * cols + col
+    if as_vector:
+        sums[0], sums[1], sums[2] = along, upwards, total
+    else:
+        sums[place] = total
+    strongest[0], source[0] = most, most_at
 
 
 # fmt: on

@@ -1,0 +1,116 @@
+"""Kernel of the wave's lengths alone: as `agent.routes.kernels.wave`, without bends and so without ties.
+
+A cell is length * 2 + BESIDE; that of a blocked point is 0, and that of a point without a path has the length UNKNOWN.
+"""
+
+from __future__ import annotations
+
+from numba import njit, types
+
+ALL_WAYS = 8
+BESIDE = 1
+STRETCH = 2400
+UNKNOWN = 2**27 - 1
+"""As in `agent.routes.kernels.wave`."""
+
+CELLS = types.Array(types.uint32, 1, "C")
+GRID = types.Array(types.uint8, 2, "C", readonly=True)
+LISTS = types.Array(types.uint32, 2, "C")
+STARTS = types.Array(types.int64, 1, "C", readonly=True)
+int64 = types.int64
+index = types.uint64
+"""As in `agent.routes.kernels.wave`."""
+
+
+@njit(types.boolean(GRID, CELLS, LISTS, STARTS, int64), cache=True, nogil=True)
+def spread(state, cell, lists, starts, limit):
+    """Write the lengths of the paths from the nearest of several starts.
+
+    Args:
+        state: uint8 (m, n), see `agent.routes.kernels.wave.HEMMED`; its outermost points are blocked.
+        cell: uint32 (m n,), see above; overwritten. Only lengths up to ``limit`` are sure to be right.
+        lists: uint32 (2 or more, k), working memory.
+        starts: int64 (s,), flat indices of the starts, which are open.
+        limit: Longest path to follow, in hundredths of a point; at most 2**26.
+
+    Returns:
+        Whether there was room enough in ``lists``; if not, nothing that was written has any meaning.
+    """
+    rows, cols = state.shape
+    for row in range(rows):
+        known, line = state[row], cell[row * cols : (row + 1) * cols]
+        for col in range(cols):
+            line[col] = UNKNOWN << 1 | (known[col] & 4) >> 2 if known[col] & 3 != 0 else 0
+    room = lists.shape[1] - 8
+    for k in range(min(starts.size, room)):
+        cell[index(starts[k])] = BESIDE
+        lists[0, k] = starts[k] << 4 | ALL_WAYS
+    waiting, end, now, later = starts.size, 0, lists[0], lists[1]
+    while waiting > 0 and waiting < room and end < limit:
+        end = min(end + STRETCH, limit)
+        stop = end << 1 | 1
+        done, put = 0, 0
+        while done < waiting < room and put < room:
+            entry = int64(now[index(done)])
+            done += 1
+            here, only = entry >> 4, entry & 15
+            known = int64(cell[index(here)])
+            if known > stop:
+                later[index(put)] = entry
+                put += 1
+                continue
+            for way in range(4):
+                if only != ALL_WAYS and only & 3 != way:
+                    continue
+                across, up = 1 if way % 3 == 0 else -1, cols if way < 2 else -cols
+                way_across, way_up = 4 if across == 1 else 6, 5 if up > 0 else 7
+                at, far = here, known & ~1
+                # A diagonal run has straight ones to both sides at each of its points, but not where all ways begin.
+                sides, straight, step = 2, way_across, across
+                if only > 3:
+                    sides, straight, step = 1, way + 4, (1, cols, -1, -cols)[way]
+                while waiting < room and put < room:
+                    for side in range(sides):
+                        if side == 1:
+                            straight, step = way_up, up
+                        there, away = at + step, far + 200
+                        beyond = int64(cell[index(there)])
+                        while away < beyond & ~1:
+                            cell[index(there)] = away | beyond & 1
+                            if beyond & BESIDE != 0 or away > stop:
+                                on = there << 4 | (ALL_WAYS if beyond & BESIDE != 0 else straight)
+                                if away > stop:
+                                    later[index(put)] = on
+                                    put += 1
+                                else:
+                                    now[index(waiting)] = on
+                                    waiting += 1
+                                break
+                            there += step
+                            away += 200
+                            beyond = int64(cell[index(there)])
+                    if only < ALL_WAYS and only > 3:
+                        break
+                    if sides == 1 and (cell[index(at + across)] == 0 or cell[index(at + up)] == 0):
+                        break
+                    sides, straight, step = 2, way_across, across
+                    at += across + up
+                    far += 282
+                    beyond = int64(cell[index(at)])
+                    if far >= beyond & ~1:
+                        break
+                    cell[index(at)] = far | beyond & 1
+                    if beyond & BESIDE != 0 or far > stop:
+                        on = at << 4 | (ALL_WAYS if beyond & BESIDE != 0 else way)
+                        if far > stop:
+                            later[index(put)] = on
+                            put += 1
+                        else:
+                            now[index(waiting)] = on
+                            waiting += 1
+                        break
+        if max(waiting, put) >= room:
+            return False
+        now, later = later, now
+        waiting = put
+    return waiting < room
