@@ -15,6 +15,7 @@ from agent.routes.wave import Wave
 from experiments.inprocess import InProcessFleet, make_minds
 from patrol.exchange import Reply
 from patrol.ground.kernels.footprint import cast
+from patrol.ground.maps import load_terrain
 from patrol.ground.terrain import Terrain
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
@@ -25,11 +26,25 @@ pytestmark = pytest.mark.bench
 WARM_TICKS = 200
 
 
-class Patrol:
-    """A fleet of five in one process, stopped in each tick before robot 1 decides."""
+TERRAINS = ("open", "yards", "clutter", "site", "site x 4")
+COMMITMENTS = ("target", "none")
+"""The default policy, and the paper's."""
 
-    def __init__(self, terrain: str) -> None:
-        prepared = prepare(load_scenario({"terrain": {"builtin": terrain}, "patrol": {"separation": "none"}}))
+
+class Patrol:
+    """A fleet of five in one process, stopped in each tick before robot 1 decides.
+
+    ``site x 4`` is the terrain `site` laid out twice along each side.
+    """
+
+    def __init__(self, terrain: str, commitment: str = "none", separation: str = "none") -> None:
+        name = terrain.removesuffix(" x 4")
+        patrol = {"commitment": commitment, "separation": separation}
+        scenario = load_scenario({"terrain": {"builtin": name}, "patrol": patrol})
+        ground = load_terrain(scenario.terrain, scenario.point, scenario.base)
+        if name != terrain:
+            ground = Terrain(terrain, np.tile(ground.passable, (2, 2)), ground.point)
+        prepared = prepare(scenario, ground)
         self.mind = make_minds(prepared)[1]
         self._fleet = InProcessFleet({**make_minds(prepared), 1: self.mind})
         self._world = World(prepared)
@@ -53,9 +68,11 @@ class Patrol:
         self._heard = self._world.exchange(self._fleet.phase_a(self._world.tick, self._reports))
 
 
-@pytest.mark.parametrize("terrain", ["open", "yards", "clutter", "site"])
-def test_a_full_decision(terrain: str, benchmark: Any) -> None:
-    patrol = Patrol(terrain)
+@pytest.mark.parametrize("separation", ["none", "claims"])
+@pytest.mark.parametrize("commitment", COMMITMENTS)
+@pytest.mark.parametrize("terrain", TERRAINS)
+def test_a_full_decision(terrain: str, commitment: str, separation: str, benchmark: Any) -> None:
+    patrol = Patrol(terrain, commitment, separation)
     patrol.decide()
     for _ in range(WARM_TICKS):
         patrol.next_tick()
