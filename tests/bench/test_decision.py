@@ -98,7 +98,8 @@ def test_dilating_around_one_footprint(walls: bool, benchmark: Any) -> None:
     passable = np.ones((600, 600), dtype=np.uint8)
     passable[300, 50:550] = 0 if walls else 1
     seen = np.random.default_rng(1).integers(0, 500, passable.shape).astype(np.int32)
-    benchmark(dilate, seen, passable, passable, seen.copy(), 150, 450, 150, 450, 50, 600)
+    scratch = np.zeros(3 * 600 * 600, dtype=np.uint16)
+    benchmark(dilate, seen, passable, passable, seen.copy(), 150, 450, 150, 450, 50, 600, scratch)
 
 
 def test_casting_one_footprint(benchmark: Any) -> None:
