@@ -48,6 +48,8 @@ class Dilated:
         self._newest = np.where(any_ground, np.int32(0), np.int32(-1))
         self._freshest = self._newest.copy()
         self._due = np.zeros((rows, cols), dtype=np.uint8)
+        self._hemmed = np.zeros((rows + 1, cols + 1), dtype=np.int32)
+        self._hemmed[1:, 1:] = self._hemmed_blocks(whole).cumsum(axis=0).cumsum(axis=1)
         self._boxes = np.zeros((rows * cols, 4), dtype=np.int64)
         height, width = (min(size, LARGEST) + 2 * min(reach, LARGEST) + 4 for size in ground.shape)
         self._scratch = np.zeros(3 * height * width, dtype=np.uint16)
@@ -84,14 +86,33 @@ class Dilated:
         rows, cols = self._blocks(box)
         if rows[0] <= rows[1] and cols[0] <= cols[1]:
             book = (self._oldest, self._newest, self._freshest, self._due)
-            reach = (self._reach, self._reach_in_blocks)
-            count = boxes_due(self._ground, self._grid, *book, *rows, *cols, *reach, self._boxes)
+            part = (*rows, *cols, self._reach, self._reach_in_blocks)
+            count = boxes_due(self._ground, self._hemmed, self._grid, *book, *part, self._boxes)
             boxes = self._boxes[:count]
-            for one in boxes.tolist():
-                grids = (self._carried, self._ground, self._ground, self._grid)
-                dilate(*grids, *one, self._reach, tick, self._scratch)
+            grids = (self._carried, self._ground, self._ground, self._grid)
+            for top, bottom, left, right in boxes.tolist():
+                dilate(*grids, top, bottom, left, right, self._reach, tick, self._scratch)
             note_freshest(self._ground, self._grid, self._freshest, boxes)
         return self._grid
+
+    def _hemmed_blocks(self, ground: BoolGrid) -> BoolGrid:
+        """The blocks that have a point in whose window something is not ground, beyond the last block included.
+
+        Args:
+            ground: bool, in whole blocks, False beyond the terrain.
+        """
+        rows, cols = self._due.shape
+        height, width = self._ground.shape
+        walls = ~ground
+        # The window ends at the edge of the terrain, so what is beyond hems nothing.
+        walls[height:], walls[:, width:] = False, False
+        found: BoolGrid = np.logical_or.reduce(walls.reshape(rows, SIDE, cols, SIDE), axis=(1, 3))
+        for axis in (0, 1):
+            most = min(self._reach_in_blocks, found.shape[axis])
+            wide = np.pad(found, [(most, most) if axis == other else (0, 0) for other in (0, 1)])
+            windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * most + 1, axis=axis)
+            found = np.logical_or.reduce(windows, axis=-1)
+        return found
 
     def _blocks(self, box: Box) -> tuple[tuple[int, int], tuple[int, int]]:
         """First and last row and first and last column of the blocks that a box of points touches."""

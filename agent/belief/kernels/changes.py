@@ -24,6 +24,12 @@ NOTHING = 2**31 - 1
 POST = 2
 """Marks a point of the ground that is a post; 1 marks every other point of the ground."""
 
+OPEN_PASSES = 30
+"""Cost of an element of the scratch where the window is the plain square, in passes of one step."""
+
+HEMMED_PASSES = 15
+"""Cost of the same where it is not, besides its two passes a round."""
+
 LARGEST = 512
 """No box to be computed is longer or wider than this, in points."""
 
@@ -128,16 +134,38 @@ def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, 
                         due[up, across] = 1
 
 
+@njit(int64(TICKS, int64, int64, int64, int64), cache=True, nogil=True)
+def _hemmed_in(hemmed, top, bottom, left, right):
+    """How many blocks of a box have a point in whose window something is not ground."""
+    return (
+        hemmed[bottom + 1, right + 1] - hemmed[top, right + 1] - hemmed[bottom + 1, left] + hemmed[top, left]
+    )
+
+
+@njit(int64(TICKS, int64, int64, int64, int64, int64), cache=True, nogil=True)
+def _cost(hemmed, top, bottom, left, right, reach):
+    """What a box of blocks costs to compute: elements of the scratch times passes over them."""
+    height, width = (bottom - top + 1) * SIDE, (right - left + 1) * SIDE
+    if _hemmed_in(hemmed, top, bottom, left, right) == 0:
+        return OPEN_PASSES * (height + 2 * reach) * (width + 2 * reach)
+    return (2 * reach + HEMMED_PASSES) * (height + reach) * (width + 2 * reach)
+
+
 @njit(
-    int64(MASK, TICKS, TICKS, TICKS, TICKS, FLAGS, int64, int64, int64, int64, int64, int64, BOXES), cache=True, nogil=True
+    int64(MASK, TICKS, TICKS, TICKS, TICKS, TICKS, FLAGS, int64, int64, int64, int64, int64, int64, BOXES),
+    cache=True,
+    nogil=True,
 )
 def boxes_due(
-    ground, dilated, oldest, newest, freshest, due, first_row, last_row, first_col, last_col, reach, blocks_reach, boxes
+    ground, hemmed, dilated, oldest, newest, freshest, due, first_row, last_row, first_col, last_col, reach,
+    blocks_reach, boxes,
 ):
     """Settle what is plain, and put the other blocks that are due into boxes that are cheap to compute.
 
     Args:
         ground: As in `note`.
+        hemmed: int32 (m + 1, n + 1), how many of the blocks before each row and column of blocks have a point in whose
+            window something is not ground.
         dilated: int32 (h, w), filled in where all points in the window of a whole block have the same tick.
         oldest: As in `note`.
         newest: As in `note`.
@@ -180,7 +208,12 @@ def boxes_due(
                             dilated[r, c] = when
                 freshest[row, col] = when
                 run = -1
-            elif run >= 0 and col - boxes[run, 2] < longest:
+            elif (
+                run >= 0
+                and col - boxes[run, 2] < longest
+                and (_hemmed_in(hemmed, row, row, boxes[run, 2], col - 1) > 0)
+                == (_hemmed_in(hemmed, row, row, col, col) > 0)
+            ):
                 boxes[run, 3] = col
             else:
                 run = count
@@ -195,12 +228,10 @@ def boxes_due(
             while other < count:
                 top, bottom = min(boxes[one, 0], boxes[other, 0]), max(boxes[one, 1], boxes[other, 1])
                 left, right = min(boxes[one, 2], boxes[other, 2]), max(boxes[one, 3], boxes[other, 3])
-                together = ((bottom - top + 1) * SIDE + reach) * ((right - left + 1) * SIDE + 2 * reach)
+                together = _cost(hemmed, top, bottom, left, right, reach)
                 apart = 0
                 for box in (one, other):
-                    apart += ((boxes[box, 1] - boxes[box, 0] + 1) * SIDE + reach) * (
-                        (boxes[box, 3] - boxes[box, 2] + 1) * SIDE + 2 * reach
-                    )
+                    apart += _cost(hemmed, boxes[box, 0], boxes[box, 1], boxes[box, 2], boxes[box, 3], reach)
                 if together <= apart and bottom - top < longest and right - left < longest:
                     boxes[one, 0], boxes[one, 1], boxes[one, 2], boxes[one, 3] = top, bottom, left, right
                     count -= 1

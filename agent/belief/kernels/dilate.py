@@ -68,7 +68,7 @@ def _spread(value, open_, other, first_row, end_row, reach):
     left = reach  # steps along columns still to come
     for turn in range(reach + 1):
         across = turn % 2 == 0
-        single = turn == 0 or turn == reach
+        single = turn in (0, reach)
         if not across:
             left -= 1 if single else 2
         margin = left if reach <= LONG else rows

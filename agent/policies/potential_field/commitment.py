@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.policies.potential_field.force import PAPER_POINT, law_reach, log_distance_force, log_fow_force
 from agent.policies.potential_field.kernels.hardest import hardest, reaches
@@ -329,10 +328,7 @@ class Commitment:
         # Others head for the point, so that they do not stop short of it.
         # Who has to leave a circle must not stop within it, as soon as the point is in sight.
         if not away and (self._slack or self._paths is not None):
-            standing = paths.state & STATUS == SETTLED
-            if self._paths is not None:
-                standing &= view.ground.state & STATUS != BLOCKED
-            stand = self._nearest_in_sight(paths, point, standing) or close
+            stand = self._nearest_in_sight(view, paths, point) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
@@ -383,15 +379,13 @@ class Commitment:
                 return (row, col), (stand_row, stand_col)
         return None
 
-    def _nearest_in_sight(
-        self, paths: PathWindow, point: tuple[int, int], standing: NDArray[np.bool_]
-    ) -> tuple[int, int] | None:
+    def _nearest_in_sight(self, view: View, paths: PathWindow, point: tuple[int, int]) -> tuple[int, int] | None:
         """The point with the shortest way from which the sensor shows a point; None if it is not known.
 
         Args:
+            view: Of this tick.
             paths: From where the robot stands.
             point: Row and column in the terrain of what is to be seen.
-            standing: bool, the elements of the window on which the robot may stand and to which a path is known.
         """
         if self._sight is None:
             return None
@@ -402,9 +396,11 @@ class Commitment:
             if inner[0].size:
                 rows, cols = inner
         rows, cols = rows + seen.row0 - paths.row0, cols + seen.col0 - paths.col0
-        inside = (rows >= 0) & (rows < standing.shape[0]) & (cols >= 0) & (cols < standing.shape[1])
+        inside = (rows >= 0) & (rows < paths.state.shape[0]) & (cols >= 0) & (cols < paths.state.shape[1])
         rows, cols = rows[inside], cols[inside]
-        known = standing[rows, cols]
+        known = paths.state[rows, cols] & STATUS == SETTLED
+        if self._paths is not None:
+            known &= view.ground.state[rows, cols] & STATUS != BLOCKED
         rows, cols = rows[known], cols[known]
         if not rows.size:
             return None

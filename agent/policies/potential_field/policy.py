@@ -126,9 +126,7 @@ class PotentialField:
         fog = view.fog
         assert self._field is not None
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
-        pull = self._field.pull(
-            view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked
-        )
+        pull = self._field.pull(view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
         if "repulsion" in self._separations:

@@ -182,7 +182,9 @@ def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
         expected[sector] += force
         if force > strongest:
             strongest, place = force, (r, c)
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, *start, seen, lambda _: seen, 100, mfow)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+        ground, *start, seen, lambda _: seen, 100, mfow
+    )
     assert pull.sums == pytest.approx(expected, rel=1e-9)
     assert pull.near is None or pull.near == (place[0] + 1, place[1] + 1)
 
@@ -223,10 +225,14 @@ def test_a_place_close_by_counts_without_its_dilatation() -> None:
     seen[20, 24] = 0
     dilated = np.full(terrain.shape, 100, dtype=np.int32)
     dilated[14:27, 18:31] = 0
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, 21, 21, seen, lambda _: dilated, 100, 100)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+        ground, 21, 21, seen, lambda _: dilated, 100, 100
+    )
     assert pull.near == (21, 25)
     fresh = np.full(terrain.shape, 100, dtype=np.int32)
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, 21, 21, fresh, lambda _: dilated, 100, 100)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+        ground, 21, 21, fresh, lambda _: dilated, 100, 100
+    )
     assert pull.near is None
 
 

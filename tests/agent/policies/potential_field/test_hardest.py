@@ -34,7 +34,8 @@ class Situation:
         self.rival = self.rival if rivals else np.full_like(self.rival, FAR)
         self.known = self.rival if rivals else NO_RIVALS
         ends = [np.sort(dice.choice(size + 3, 2, replace=False)) for size in self.shape]
-        self.part = tuple(int(end) for pair in ends for end in pair)
+        (top, bottom), (left, right) = (map(int, pair) for pair in ends)
+        self.part = top, bottom, left, right
         self.seen = dice.integers(-1, TICK + 3, self.shape).astype(np.int32)
         self.looked = np.maximum(self.seen, np.where(dice.random(self.shape) < 0.2, TICK, -1)).astype(np.int32)
         self.pull = np.log(np.arange(TICK + 1).clip(1) / TICK) * dice.uniform(0.5, 3.0)
@@ -89,8 +90,9 @@ class Situation:
         best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
         for points in (None, self.posts):
             grids = self.state, self.length, -1, -1, *self.part, self.seen, self.looked
+            what = self.shunned, *self.circle
             law = TICK, self.least, self.pull, self.decay, self.known, self.width, self.hand_over
-            hardest(points, *grids, *law, self.shunned, *self.circle, best, place)
+            hardest(points, *grids, *law, *what, best, place)
         return float(best[0]), tuple(int(number) for number in place)
 
 
@@ -115,5 +117,6 @@ def test_the_longest_ways_are_that_of_all_and_that_of_the_claimed_ground(seed: i
     settled = situation.within & (situation.state & 3 == SETTLED)
     own = settled & (situation.length <= situation.rival)
     longest = np.full(2, -1, dtype=np.int64)
-    reaches(situation.state, situation.length, situation.known, *situation.part, longest)
+    grids = situation.state, situation.length, situation.known
+    reaches(*grids, *situation.part, longest)
     assert longest.tolist() == [situation.length[points].max(initial=0) for points in (settled, own)]
