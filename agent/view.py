@@ -35,7 +35,6 @@ class FogView:
 
     Attributes:
         last_seen: int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0.
-        dilated: int32, the same with staleness spread by `patrol.dilatation` (paper, "dilatation").
         looked: int32, the tick at which each point was last in somebody's view; `last_seen` unless a look leaves age.
         patrolled: bool, the points that this robot could see from somewhere: those that have an age.
         posts: Where to stand to see patrolled points on which the body does not fit.
@@ -44,10 +43,24 @@ class FogView:
     def __init__(self, belief: Belief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
         self._belief = belief
         self.last_seen = _read_only(belief.fog.last_seen)
-        self.dilated = _read_only(belief.dilated)
         self.looked = _read_only(belief.looked)
         self.patrolled = _read_only(patrolled)
         self.posts = posts
+
+    @property
+    def dilated(self) -> NDArray[np.int32]:
+        """`last_seen` with staleness spread by `patrol.dilatation` (paper, "dilatation"), int32."""
+        return _read_only(self._belief.dilated)
+
+    def dilated_around(self, point: tuple[int, int], span: int) -> NDArray[np.int32]:
+        """`dilated`, up to date only around a point, which costs less.
+
+        Args:
+            point: Row and column.
+            span: Number of rows and of columns that are needed on each side.
+        """
+        row, col = point
+        return _read_only(self._belief.dilated_within((row - span, row + span, col - span, col + span)))
 
     def mfow(self, tick: int) -> int:
         """The believed age of the stalest point, ticks."""

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.belief.contacts import Contacts
-from agent.belief.kernels.dilate import carry, dilate
+from agent.belief.dilated import Dilated
 from agent.belief.posts import Posts
 from agent.routes.ground import Disc
 from patrol.ground.fog import Box, Fog
@@ -20,9 +21,6 @@ from patrol.radio.message import CONTACT
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
 
-AGELESS = 2**31 - 1
-"""Dilated last-seen tick of points that are not ground; such points have no age."""
-
 
 class Belief:
     """The believed fog of the points this robot can see, with dilatation, and its peers.
@@ -32,8 +30,6 @@ class Belief:
 
     Attributes:
         fog: The fog before dilatation.
-        dilated: int32 (h, w), the tick at which each point was last seen, after dilatation; without dilatation the
-            fog's own grid.
         looked: int32 (h, w), the tick at which each point was last in view; the fog's own grid where a look makes a
             point fresh.
         peers: The robots heard so far, by number.
@@ -60,18 +56,11 @@ class Belief:
         self.peers = self._tracker.peers
         self.contacts = Contacts()
         self._footprint = footprint
-        self._posts = posts
         self.looked = self.fog.last_seen.copy() if footprint.leaves_age else self.fog.last_seen
-        self._ground = np.ascontiguousarray(ground).view(np.uint8)
-        self._dilatation = dilatation
-        self._carried = self.fog.last_seen.copy()
-        self.dilated = self.fog.last_seen
+        self._tick = 0
         # Without posts, paths lead over every point, so points that are not ground must not pull.
-        self._spreads = dilatation > 0 or not len(posts.rows)
-        if self._spreads:
-            self.dilated = np.full_like(self.fog.last_seen, AGELESS)
-            height, width = self.dilated.shape
-            self._refresh((0, height - 1, 0, width - 1), 0)
+        spreads = dilatation > 0 or not len(posts.rows)
+        self._dilated = Dilated(self.fog, ground, posts, dilatation) if spreads else None
 
     def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
         """Take in the robot's own pose and the frames heard.
@@ -84,6 +73,7 @@ class Belief:
             frames: The frames heard at this tick.
             step: s per tick.
         """
+        self._tick = tick
         boxes = [self._look(own, tick)]
         for frame in frames:
             position = self.inbox.accept(frame, tick * step)
@@ -92,9 +82,26 @@ class Belief:
             elif position is not None:
                 looks = self._tracker.hear(position, tick)
                 boxes += [self._look(pose, at) for at, pose in looks]
-        for box in boxes:
-            if box is not None and self._spreads:
-                self._refresh(box, tick)
+        if self._dilated is not None:
+            self._dilated.changed([box for box in boxes if box is not None])
+
+    @property
+    def dilated(self) -> NDArray[np.int32]:
+        """int32 (h, w), the tick at which each point was last seen, after dilatation (`dilated_within`)."""
+        height, width = self.fog.last_seen.shape
+        return self.dilated_within((0, height - 1, 0, width - 1))
+
+    def dilated_within(self, box: Box) -> NDArray[np.int32]:
+        """The fog after dilatation, up to date in a box: it is computed only where it is read.
+
+        Args:
+            box: The points that are going to be read; it may reach beyond the ground.
+
+        Returns:
+            int32 (h, w), the tick at which each point was last seen; without dilatation the fog's own grid. Points
+            outside the box may be out of date.
+        """
+        return self.fog.last_seen if self._dilated is None else self._dilated.within(box, self._tick)
 
     def _look(self, pose: Pose, tick: int) -> Box | None:
         view = self._footprint.visible(pose)
@@ -139,16 +146,3 @@ class Belief:
             for number, peer in sorted(self.peers.items())
             if tick - peer.tick > patience
         ]
-
-    def _refresh(self, box: Box, tick: int) -> None:
-        """Dilate anew wherever a point of ``box``, or a post that sees one, is within the window."""
-        top, bottom, left, right = box
-        changed = (slice(top, bottom + 1), slice(left, right + 1))
-        self._carried[changed] = self.fog.last_seen[changed]
-        wide = np.array(box, dtype=np.int64)
-        posts = self._posts.between(top - self._posts.gap, bottom + self._posts.gap)
-        carry(posts, self.fog.last_seen, self._carried, wide)
-        top, bottom, left, right = (int(edge) for edge in wide)
-        margin = self._dilatation
-        around = (top - margin, bottom + margin, left - margin, right + margin)
-        dilate(self._carried, self._ground, self._ground, self.dilated, *around, margin, tick)

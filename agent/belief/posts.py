@@ -12,7 +12,7 @@ class Posts:
     Attributes:
         rows: int32 (n, 4), read-only: row and column of each point, then row and column of its post; sorted by post,
             row by row.
-        gap: The largest number of rows between a point and its post.
+        gap: The largest number of rows, or of columns, between a point and its post.
     """
 
     def __init__(self, proxy: NDArray[np.int32]) -> None:
@@ -30,7 +30,7 @@ class Posts:
         # Kernels index grids by them and do not check bounds.
         self.rows = self._rows.view()
         self.rows.flags.writeable = False
-        self.gap = int(np.abs(self.rows[:, 0] - self.rows[:, 2]).max(initial=0))
+        self.gap = int(np.abs(self.rows[:, :2] - self.rows[:, 2:]).max(initial=0))
         self._post_row = np.ascontiguousarray(self.rows[:, 2])
 
     def between(self, first: int, last: int) -> NDArray[np.int32]:

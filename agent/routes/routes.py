@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Ground, Spot
+from agent.routes.kernels.between import keep_between
 from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.path_window import FAR, PathWindow
 from agent.routes.wave import Wave
@@ -100,11 +101,13 @@ class Routes:
         if expected is not None:
             window = self.window(-(-expected // 100) + 1)
             window.begin(self._ground, *start)
-            window.extend(expected)
             row, col = target[0] - 1 - window.row0, target[1] - 1 - window.col0
             height, width = window.state.shape
-            if 0 <= row < height and 0 <= col < width and window.state[row, col] & STATUS == SETTLED:
-                return self._way_in(window, row, col)
+            if 0 <= row < height and 0 <= col < width:
+                keep_between(window.state, window.start_row, window.start_col, row, col, expected)
+                window.extend(expected)
+                if window.state[row, col] & STATUS == SETTLED:
+                    return self._way_in(window, row, col)
         window = self.window()
         window.begin(self._ground, *start)
         window.extend(LONGEST)

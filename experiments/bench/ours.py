@@ -58,12 +58,15 @@ class Dilatation:
         self._seen, self._reach, self._tick = seen.copy(), reach, tick
         self._open = is_open.astype(np.uint8)
         self.dilated: NDArray[np.int32] = seen.copy()
+        height, width = (size + 2 * reach + 4 for size in seen.shape)
+        self._scratch = np.zeros(3 * height * width, dtype=np.uint16)
 
     def run(self) -> None:
         """Fill `dilated`: the oldest tick within each open point's window, int32 (h, w)."""
         height, width = self._seen.shape
         box = 0, height - 1, 0, width - 1
-        dilate(self._seen, self._open, self._open, self.dilated, *box, self._reach, self._tick)
+        grids = (self._seen, self._open, self._open, self.dilated)
+        dilate(*grids, *box, self._reach, self._tick, self._scratch)
 
 
 class Look:

@@ -1,7 +1,5 @@
 """Kernel of the dilatation: staleness spreads over a geodesic window.
 
-Before it spreads, the staleness of points on which no body fits is carried to their posts, the places that see them.
-
 The window of a point is what can be reached from it in at most ``reach`` rounds, a round being one step along the row
 and one along the column (odd rounds the other way about), through passable points only. Without obstacles that is the
 paper's square of half-width ``reach``; with them staleness never crosses a wall.
@@ -14,90 +12,124 @@ from numba import njit, types
 
 MASK = types.Array(types.uint8, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C")
-ROWS = types.Array(types.int32, 2, "C", readonly=True)
-BOX = types.Array(types.int64, 1, "C")
 LONG = 64
 """Rounds after which a wide window is checked for having spread everywhere."""
 
+FRAME = 2
+"""Rows of zeros around the scratch, so that two steps at once need no checks of bounds."""
+
 SCRATCH = types.Array(types.uint16, 2, "C")
+FLAT = types.Array(types.uint16, 1, "C")
+int64 = types.int64
 
 
-@njit(types.void(SCRATCH, SCRATCH, SCRATCH, types.int64, types.int64), cache=True, nogil=True)
-def _along_rows(value, open_, out, rows, cols):
-    for i in range(1, rows + 1):
-        here = value[i]
-        mask = open_[i]
-        there = out[i]
-        for j in range(1, cols + 1):
-            there[j] = max(max(here[j - 1], here[j]), here[j + 1]) & mask[j]
+@njit(types.void(FLAT, FLAT, FLAT, int64, int64, int64), cache=True, nogil=True)
+def _one_step(value, open_, out, first, end, by):
+    """One step along rows (``by`` 1) or columns (``by`` the row's length), for the elements from first to end."""
+    before, here, after = value[first - by : end - by], value[first:end], value[first + by : end + by]
+    mask, there = open_[first:end], out[first:end]
+    for j in range(there.size):
+        there[j] = max(max(before[j], here[j]), after[j]) & mask[j]
 
 
-@njit(types.void(SCRATCH, SCRATCH, SCRATCH, types.int64, types.int64), cache=True, nogil=True)
-def _along_cols(value, open_, out, rows, cols):
-    for i in range(1, rows + 1):
-        below = value[i - 1]
-        here = value[i]
-        above = value[i + 1]
-        mask = open_[i]
-        there = out[i]
-        for j in range(1, cols + 1):
-            there[j] = max(max(below[j], here[j]), above[j]) & mask[j]
+@njit(types.void(FLAT, FLAT, FLAT, int64, int64, int64), cache=True, nogil=True)
+def _two_steps(value, open_, out, first, end, by):
+    """Two such steps at once: what is two steps away counts where the element between is open."""
+    before, here, after = value[first - by : end - by], value[first:end], value[first + by : end + by]
+    far_before, far_after = value[first - 2 * by : end - 2 * by], value[first + 2 * by : end + 2 * by]
+    mask_before, mask, mask_after = open_[first - by : end - by], open_[first:end], open_[first + by : end + by]
+    there = out[first:end]
+    for j in range(there.size):
+        near = max(max(before[j], here[j]), after[j])
+        there[j] = max(near, max(far_before[j] & mask_before[j], far_after[j] & mask_after[j])) & mask[j]
 
 
-@njit(types.void(SCRATCH, SCRATCH, types.int64, types.int64, types.int64), cache=True, nogil=True)
-def _slide(value, scratch, rows, cols, reach):
-    """Replace each element by the largest within the square of half-width ``reach``.
+@njit(types.boolean(SCRATCH, SCRATCH, SCRATCH, int64, int64, int64), cache=True, nogil=True)
+def _spread(value, open_, other, first_row, end_row, reach):
+    """Spread the largest values by ``reach`` rounds, through open elements.
 
-    Runs of ``size`` elements, the largest power of two up to reach + 1, are built by doubling; two overlapping runs
-    cover what lies before an element and two what lies after, none of them leaving its window.
+    Neighbouring rounds begin with the direction in which the one before ended, so these two steps are done at once.
+
+    Args:
+        value: uint16 (m, n) with a frame of `FRAME` zeros; changed in place.
+        open_: uint16 (m, n), 65535 where open, 0 elsewhere and in the frame.
+        other: uint16 (m, n), scratch, all 0.
+        first_row: First row of the result; rows farther from it are computed only while they can still count.
+        end_row: End row of the result, exclusive.
+        reach: Rounds, at least 1.
+
+    Returns:
+        Whether the result is in ``other`` and not in ``value``.
     """
+    rows, stride = value.shape
+    now, after, mask = value.ravel(), other.ravel(), open_.ravel()
+    swapped = False
+    settled = np.zeros(0, dtype=np.uint16) if reach <= LONG else now.copy()
+    left = reach  # steps along columns still to come
+    for turn in range(reach + 1):
+        across = turn % 2 == 0
+        single = turn in (0, reach)
+        if not across:
+            left -= 1 if single else 2
+        margin = left if reach <= LONG else rows
+        first = max(FRAME, first_row - margin) * stride
+        end = min(rows - FRAME, end_row + margin) * stride
+        if single:
+            _one_step(now, mask, after, first, end, 1 if across else stride)
+        else:
+            _two_steps(now, mask, after, first, end, 1 if across else stride)
+        now, after = after, now
+        swapped = not swapped
+        if reach > LONG and turn % LONG == 0 and turn > 0:
+            # A window wider than the ground soon changes nothing any more.
+            if np.array_equal(now, settled):
+                break
+            settled[:] = now
+    return swapped
+
+
+@njit(types.boolean(FLAT, FLAT, int64, int64, int64, int64), cache=True, nogil=True)
+def _largest_along(value, other, first, end, by, reach):
+    """The largest value at most ``reach`` elements away, along rows (``by`` 1) or columns (the row's length).
+
+    Runs of ``size`` elements are built by doubling; two runs that overlap cover a window.
+
+    Returns:
+        Whether the result is in ``other`` and not in ``value``; both are overwritten.
+    """
+    now, after = value, other
+    swapped = False
     size = 1
-    while 2 * size <= reach + 1:
-        for i in range(1, rows + 1):
-            line = value[i]
-            for j in range(1, cols + 1 - size):
-                line[j] = max(line[j], line[j + size])
+    low, high = first - reach * by, end + reach * by
+    while 2 * size <= 2 * reach + 1:
+        high -= size * by
+        here, ahead, there = now[low:high], now[low + size * by : high + size * by], after[low:high]
+        for j in range(there.size):
+            there[j] = max(here[j], ahead[j])
+        now, after = after, now
+        swapped = not swapped
         size *= 2
-    for i in range(1, rows + 1):
-        line = value[i]
-        spare = scratch[i]
-        for j in range(1, cols + 1):
-            low = max(1, j - reach)
-            high = max(j, min(cols, j + reach) - size + 1)
-            spare[j] = max(max(line[low], line[max(low, j - size + 1)]), max(line[j], line[high]))
-    size = 1
-    while 2 * size <= reach + 1:
-        for i in range(1, rows + 1 - size):
-            line = scratch[i]
-            other = scratch[i + size]
-            for j in range(1, cols + 1):
-                line[j] = max(line[j], other[j])
-        size *= 2
-    for i in range(1, rows + 1):
-        low = max(1, i - reach)
-        first = scratch[low]
-        second = scratch[max(low, i - size + 1)]
-        third = scratch[i]
-        fourth = scratch[max(i, min(rows, i + reach) - size + 1)]
-        there = value[i]
-        for j in range(1, cols + 1):
-            there[j] = max(max(first[j], second[j]), max(third[j], fourth[j]))
+    behind, ahead = now[low : end - reach * by], now[first + (reach - size + 1) * by : end + (reach - size + 1) * by]
+    there = after[first:end]
+    for j in range(there.size):
+        there[j] = max(behind[j], ahead[j])
+    return not swapped
 
 
 @njit(
-    types.void(TICKS, MASK, MASK, TICKS, types.int64, types.int64, types.int64, types.int64, types.int64, types.int64),
+    types.void(TICKS, MASK, MASK, TICKS, int64, int64, int64, int64, int64, int64, FLAT),
     cache=True,
     nogil=True,
 )
-def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col, last_col, reach, tick):
+def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col, last_col, reach, tick, scratch):
     """Recompute ``dilated`` over a box: the oldest last-seen tick within each passable point's window.
 
     Ages above 65534 ticks count as 65534.
 
     Args:
         last_seen: int32 (h, w), the tick at which each point was last seen, -1 for never.
-        source: uint8 (h, w), 1 for the points whose age counts.
-        passable: uint8 (h, w), 1 for the points over which staleness spreads.
+        source: uint8 (h, w), not 0 for the points whose age counts.
+        passable: uint8 (h, w), not 0 for the points over which staleness spreads.
         dilated: int32 (h, w), filled in at the passable points of the box; 2**31 - 1 where the window holds no source.
         first_row: First row of the box.
         last_row: Last row of the box, inclusive.
@@ -105,75 +137,58 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
         last_col: Last column of the box, inclusive.
         reach: Half-width of the window, in points.
         tick: Now.
+        scratch: uint16, overwritten; the kernel allocates its own where this is too small.
     """
     height, width = last_seen.shape
-    top = max(0, first_row - reach)
-    bottom = min(height - 1, last_row + reach)
-    left = max(0, first_col - reach)
-    right = min(width - 1, last_col + reach)
+    first_row, last_row = max(0, first_row), min(height - 1, last_row)
+    first_col, last_col = max(0, first_col), min(width - 1, last_col)
+    if first_row > last_row or first_col > last_col:
+        return
+    # The scratch goes beyond the edge of the ground, where nothing is, unless the window is wider than need be.
+    beyond = reach if reach <= LONG else 0
+    top = max(-beyond, first_row - reach)
+    bottom = min(height - 1 + beyond, last_row + reach)
+    left = max(-beyond, first_col - reach)
+    right = min(width - 1 + beyond, last_col + reach)
     rows = bottom - top + 1
     cols = right - left + 1
-    # Age plus one, so that 0 is "nothing here"; a frame of zeros spares the bounds checks.
-    age = np.zeros((rows + 2, cols + 2), dtype=np.uint16)
-    spread = np.zeros((rows + 2, cols + 2), dtype=np.uint16)
-    open_ = np.zeros((rows + 2, cols + 2), dtype=np.uint16)
-    walls = 0
-    for i in range(rows):
-        for j in range(cols):
-            r = top + i
-            c = left + j
-            if passable[r, c] != 0:
-                open_[i + 1, j + 1] = 65535
-                if source[r, c] != 0:
-                    age[i + 1, j + 1] = min(tick - max(last_seen[r, c], 0), 65534) + 1
-            else:
-                walls += 1
-    if walls == 0:
-        _slide(age, spread, rows, cols, reach)
-    else:
-        settled = np.zeros((1, 1), dtype=np.uint16) if reach <= LONG else age.copy()
-        for step in range(reach):
-            if step % 2 == 0:
-                _along_rows(age, open_, spread, rows, cols)
-                _along_cols(spread, open_, age, rows, cols)
-            else:
-                _along_cols(age, open_, spread, rows, cols)
-                _along_rows(spread, open_, age, rows, cols)
-            if reach > LONG and step % LONG == LONG - 1:
-                # A window wider than the ground soon changes nothing any more.
-                if np.array_equal(age, settled):
-                    break
-                settled[:, :] = age
-    for r in range(max(0, first_row), min(height - 1, last_row) + 1):
-        for c in range(max(0, first_col), min(width - 1, last_col) + 1):
-            if passable[r, c] != 0:
-                oldest = np.int64(age[r - top + 1, c - left + 1])
-                dilated[r, c] = 2147483647 if oldest == 0 else tick + 1 - oldest
-
-
-@njit(types.void(ROWS, TICKS, TICKS, BOX), cache=True, nogil=True)
-def carry(posts, last_seen, carried, box):
-    """Update the tick of each post: the oldest of its own and those of the points seen from it.
-
-    Args:
-        posts: int32 (n, 4), row and column of a point and of its post, all or a part of the entries of
-            `agent.belief.posts.Posts`; entries of the same post are adjacent.
-        last_seen: int32 (h, w), the tick at which each point was last seen.
-        carried: int32 (h, w), the ticks with those of the posts; changed in place.
-        box: int64 (4,), first and last row, first and last column (inclusive) of what has changed; extended in place to
-            hold the posts that changed.
-    """
-    index = 0
-    while index < posts.shape[0]:
-        row = posts[index, 2]
-        col = posts[index, 3]
-        oldest = last_seen[row, col]
-        while index < posts.shape[0] and posts[index, 2] == row and posts[index, 3] == col:
-            oldest = min(oldest, last_seen[posts[index, 0], posts[index, 1]])
-            index += 1
-        if carried[row, col] != oldest:
-            carried[row, col] = oldest
-            box[0] = min(box[0], row)
-            box[1] = max(box[1], row)
-            box[2] = min(box[2], col)
-            box[3] = max(box[3], col)
+    # Age plus one, so that 0 is "nothing here".
+    shape = (rows + 2 * FRAME, cols + 2 * FRAME)
+    size = shape[0] * shape[1]
+    if scratch.size < 3 * size:
+        scratch = np.empty(3 * size, dtype=np.uint16)
+    scratch[: 3 * size] = 0
+    age = scratch[:size].reshape(shape)
+    spare = scratch[size : 2 * size].reshape(shape)
+    open_ = scratch[2 * size : 3 * size].reshape(shape)
+    now = np.int32(tick)
+    low_row, end_row, low_col, end_col = max(0, top), min(height, bottom + 1), max(0, left), min(width, right + 1)
+    passed = 0
+    for r in range(low_row, end_row):
+        when, counts, may = last_seen[r, low_col:end_col], source[r, low_col:end_col], passable[r, low_col:end_col]
+        ages, mask = age[r - top + FRAME, low_col - left + FRAME :], open_[r - top + FRAME, low_col - left + FRAME :]
+        for j in range(when.size):
+            mask[j] = 65535 if may[j] != 0 else 0
+            passed += may[j] != 0
+            old = min(now - max(when[j], np.int32(0)), np.int32(65534)) + np.int32(1)
+            ages[j] = old if may[j] != 0 and counts[j] != 0 else 0
+    first, end = first_row - top + FRAME, last_row - top + FRAME + 1
+    if passed == (end_row - low_row) * (end_col - low_col) and 0 < reach <= LONG:
+        stride = cols + 2 * FRAME
+        begin, stop = FRAME * stride + FRAME + reach, (FRAME + rows) * stride - FRAME - reach
+        flat, other = age.ravel(), spare.ravel()
+        if _largest_along(flat, other, begin, stop, 1, reach):
+            age, flat, other = spare, other, flat
+        if _largest_along(flat, other, first * stride, end * stride, stride, reach):
+            age = other.reshape(age.shape)
+    elif reach > 0 and _spread(age, open_, spare, first, end, reach):
+        age = spare
+    span = last_col - first_col + 1
+    begin = first_col - left + FRAME
+    for r in range(first_row, last_row + 1):
+        ages, may = age[r - top + FRAME, begin : begin + span], passable[r, first_col : last_col + 1]
+        there = dilated[r, first_col : last_col + 1]
+        for j in range(span):
+            oldest = np.int32(ages[j])
+            since = np.int32(2147483647) if oldest == 0 else now + np.int32(1) - oldest
+            there[j] = since if may[j] != 0 else there[j]

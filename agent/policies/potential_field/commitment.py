@@ -15,13 +15,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.policies.potential_field.force import PAPER_POINT, law_reach, log_distance_force, log_fow_force
-from agent.policies.potential_field.kernels.hardest import hardest, own_reach
+from agent.policies.potential_field.kernels.hardest import hardest, reaches
+from agent.policies.potential_field.search import NO_RIVALS, Law, least_way, part_within
 from agent.ports import Bearing, Intent, Place
 from agent.routes.ground import eroded
 from agent.routes.kernels.wave import BLOCKED, SETTLED, STATUS
@@ -103,15 +103,6 @@ class Target:
     close: tuple[int, int]
     age: int
     away: bool
-
-
-class _Law(NamedTuple):
-    """How hard points pull: see `agent.policies.potential_field.kernels.hardest.hardest`."""
-
-    pull: NDArray[np.float64]
-    decay: NDArray[np.float64]
-    rival: NDArray[np.int32]
-    beyond: float
 
 
 class Commitment:
@@ -285,7 +276,7 @@ class Commitment:
         """What has been given up and is left out now."""
         return [one for one in self._shunned if tick < one[2]]
 
-    def _law(self, view: View, paths: PathWindow, start: Element, rivals: Sequence[Element], limit: int) -> _Law:
+    def _law(self, view: View, paths: PathWindow, start: Element, rivals: Sequence[Element], limit: int) -> Law:
         """How hard points pull, up to a path length; lays the paths from where the robot stands.
 
         Args:
@@ -295,7 +286,9 @@ class Commitment:
             rivals: Those on which other robots stand.
             limit: In hundredths of a point.
         """
-        rival = np.full(paths.length.shape, FAR, dtype=np.int32)
+        # Who is farther away than both ways together meets the robot nowhere.
+        rivals = [rival for rival in rivals if least_way(start, rival) <= 2 * limit]
+        rival = NO_RIVALS
         if self._width > 0.0 and rivals:
             rival = paths.lengths_from(view.ground.static, *start, rivals, limit)
         if self._paths is None:
@@ -303,9 +296,11 @@ class Commitment:
         else:
             paths.begin(view.ground, *start)
             paths.extend(limit)
-        longest = int(paths.length[paths.state & STATUS == SETTLED].max(initial=1))
+        part, lengths = part_within(paths, start, limit), np.zeros(2, dtype=np.int64)
+        reaches(paths.state, paths.length, rival, *part, lengths)
+        longest, claimed = max(1, int(lengths[0])), int(lengths[1])
         if not self._reach_known(view.tick):
-            own = int(own_reach(paths.state, paths.length, rival)) or longest
+            own = claimed or longest
             self._stretch = max(1.0, own / self._reach)
             self._stretched_until = view.tick + round(STRETCHED_S / self._step)
         unit = self._point / PAPER_POINT / 100.0 / self._stretch
@@ -314,7 +309,7 @@ class Commitment:
         fow = np.arange(view.mfow + 1).clip(1) / view.mfow
         beyond = log_distance_force(patrol.distance, np.array([limit * unit]), patrol.beta, patrol.length)
         pull = log_fow_force(patrol.fow, fow, patrol.alpha)
-        return _Law(pull, decay, rival, float(pull[-1] + beyond[0]))
+        return Law(pull, decay, rival, float(pull[-1] + beyond[0]), part)
 
     def _target_at(
         self, view: View, paths: PathWindow, found: tuple[tuple[int, int], tuple[int, int]], away: bool
@@ -333,10 +328,7 @@ class Commitment:
         # Others head for the point, so that they do not stop short of it.
         # Who has to leave a circle must not stop within it, as soon as the point is in sight.
         if not away and (self._slack or self._paths is not None):
-            standing = paths.state & STATUS == SETTLED
-            if self._paths is not None:
-                standing &= view.ground.state & STATUS != BLOCKED
-            stand = self._nearest_in_sight(paths, point, standing) or close
+            stand = self._nearest_in_sight(view, paths, point) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
@@ -352,7 +344,7 @@ class Commitment:
         self,
         view: View,
         paths: PathWindow,
-        law: _Law,
+        law: Law,
         home: Spot | None,
         shunned: Sequence[tuple[int, int, int, int]],
         *,
@@ -371,14 +363,15 @@ class Commitment:
             near: Whether the window is a small one: what is found has to pull harder than anything outside could.
         """
         fog = view.fog
-        grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
+        grids = (paths.state, paths.length, paths.row0, paths.col0, *law.part, fog.last_seen, fog.looked)
+        posts = self._posts.between(paths.row0 + law.part[0], paths.row0 + law.part[1] - 1)
         left_out = np.array([(row, col, self._around) for row, col, _, _ in shunned], dtype=np.int64).reshape(-1, 3)
         circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
         stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
         rounds = ((self._hand_over, stale), (FAR, stale), (FAR, 1))
         for hand_over, least in rounds[:1] if near else rounds:
             best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
-            for points in (None, self._posts.rows):
+            for points in (None, posts):
                 forces = (view.tick, least, law.pull, law.decay, law.rival, self._width, hand_over)
                 hardest(points, *grids, *forces, left_out, *circle, best, place)
             if best[0] > (law.beyond if near else -np.inf):
@@ -386,15 +379,13 @@ class Commitment:
                 return (row, col), (stand_row, stand_col)
         return None
 
-    def _nearest_in_sight(
-        self, paths: PathWindow, point: tuple[int, int], standing: NDArray[np.bool_]
-    ) -> tuple[int, int] | None:
+    def _nearest_in_sight(self, view: View, paths: PathWindow, point: tuple[int, int]) -> tuple[int, int] | None:
         """The point with the shortest way from which the sensor shows a point; None if it is not known.
 
         Args:
+            view: Of this tick.
             paths: From where the robot stands.
             point: Row and column in the terrain of what is to be seen.
-            standing: bool, the elements of the window on which the robot may stand and to which a path is known.
         """
         if self._sight is None:
             return None
@@ -405,9 +396,11 @@ class Commitment:
             if inner[0].size:
                 rows, cols = inner
         rows, cols = rows + seen.row0 - paths.row0, cols + seen.col0 - paths.col0
-        inside = (rows >= 0) & (rows < standing.shape[0]) & (cols >= 0) & (cols < standing.shape[1])
+        inside = (rows >= 0) & (rows < paths.state.shape[0]) & (cols >= 0) & (cols < paths.state.shape[1])
         rows, cols = rows[inside], cols[inside]
-        known = standing[rows, cols]
+        known = paths.state[rows, cols] & STATUS == SETTLED
+        if self._paths is not None:
+            known &= view.ground.state[rows, cols] & STATUS != BLOCKED
         rows, cols = rows[known], cols[known]
         if not rows.size:
             return None

@@ -109,7 +109,7 @@ class Field:
         row: int,
         col: int,
         seen: NDArray[np.int32],
-        dilated: NDArray[np.int32],
+        dilated: Callable[[int], NDArray[np.int32]],
         tick: int,
         mfow: int,
         rivals: Sequence[Place] = (),
@@ -126,7 +126,8 @@ class Field:
             row: Row of the robot's open element in `Ground.state`.
             col: Column of the same element.
             seen: int32 (h, w), last-seen ticks before dilatation.
-            dilated: int32 (h, w), last-seen ticks after dilatation.
+            dilated: Gives last-seen ticks after dilatation, int32 (h, w), up to date for so many rows and columns
+                around the robot.
             tick: Now.
             mfow: Age of the stalest point, ticks.
             rivals: The elements of the static ground where other robots stand; used with claims only.
@@ -143,14 +144,18 @@ class Field:
         self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
         forces = self._forces()
         first = min(self.law.limit, round(100.0 * FIRST_LOOK / self._point))
-        self._gather(0, first, dilated, seen, tick, by_age, forces)
+        self._gather(0, first, dilated(self._span(first)), seen, tick, by_age, forces)
         exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
         horizon = self.law.horizon(exerted, float(by_age[-1]))
         self._expected = max(first, horizon)
         if horizon > first:
-            self._gather(first, horizon, dilated, seen, tick, by_age, forces)
+            self._gather(first, horizon, dilated(self._span(horizon)), seen, tick, by_age, forces)
         close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
         return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces))
+
+    def _span(self, length: int) -> int:
+        """How many rows and columns a path reaches at most, by its length in hundredths of a point."""
+        return min(self.paths.span, -(-length // 100))
 
     def _bend(self, forces: _Forces) -> tuple[int, int] | None:
         """The element of the ground where the path to the strongest of some forces first bends."""
@@ -200,7 +205,7 @@ class Field:
         if last > self._settled:
             paths.extend(last)
             self._settled = last
-        span = min(paths.span, -(-last // 100))
+        span = self._span(last)
         grids = (paths.state, paths.length, paths.bend)
         place = (paths.start_row, paths.start_col, paths.row0, paths.col0)
         law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)

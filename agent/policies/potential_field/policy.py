@@ -6,6 +6,8 @@ Except for belief and goal, this is the paper's "Final algorithm": forces along 
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from agent.policies.potential_field.commitment import Commitment
@@ -123,9 +125,8 @@ class PotentialField:
         rivals = self._rivals(view)
         fog = view.fog
         assert self._field is not None
-        pull = self._field.pull(
-            view.ground, *start, fog.last_seen, fog.dilated, view.tick, view.mfow, rivals, fog.looked
-        )
+        dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
+        pull = self._field.pull(view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
         if "repulsion" in self._separations:

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.belief.believed import AGELESS, Belief
+from agent.belief.believed import Belief
+from agent.belief.dilated import AGELESS
 from agent.belief.kernels.dilate import dilate
 from agent.belief.posts import Posts
 from patrol.ground.fields import StaticFields
@@ -52,7 +53,7 @@ def test_the_dilated_fog_is_always_what_dilating_all_of_it_would_give(seed: int,
         belief.update(k, Pose(x, y, 0.0), heard, STEP)
         whole = np.empty_like(belief.fog.last_seen)
         grid = passable.view(np.uint8)
-        dilate(belief.fog.last_seen, grid, grid, whole, 0, 39, 0, 49, dilatation, k)
+        dilate(belief.fog.last_seen, grid, grid, whole, 0, 39, 0, 49, dilatation, k, np.zeros(0, dtype=np.uint16))
         known = np.where(passable, np.maximum(belief.dilated, 0), 0)
         assert np.array_equal(known, np.where(passable, whole, 0))
 

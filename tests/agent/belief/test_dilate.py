@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from agent.belief.kernels.dilate import dilate
 
 NOTHING = 2**31 - 1
+NO_SCRATCH = np.zeros(0, dtype=np.uint16)
 
 
 def window(passable: NDArray[np.bool_], row: int, col: int, reach: int) -> set[tuple[int, int]]:
@@ -47,7 +48,7 @@ def test_each_point_takes_the_oldest_tick_of_its_window(seed: int, reach: int, w
     if boxed:
         rows, cols = np.sort(rng.integers(-3, height + 3, 2)), np.sort(rng.integers(-3, width + 3, 2))
         box = (int(rows[0]), int(rows[1]), int(cols[0]), int(cols[1]))
-    dilate(last_seen, source.view(np.uint8), passable.view(np.uint8), dilated, *box, reach, tick)
+    dilate(last_seen, source.view(np.uint8), passable.view(np.uint8), dilated, *box, reach, tick, NO_SCRATCH)
     for r, c in np.ndindex(height, width):
         if not (box[0] <= r <= box[1] and box[2] <= c <= box[3]) or not passable[r, c]:
             assert dilated[r, c] == -5
@@ -62,7 +63,7 @@ def test_without_obstacles_the_window_is_the_papers_square(reach: int) -> None:
     last_seen = np.full((40, 50), 90, dtype=np.int32)
     last_seen[20, 30] = 10
     dilated = np.empty_like(last_seen)
-    dilate(last_seen, passable.view(np.uint8), passable.view(np.uint8), dilated, 0, 39, 0, 49, reach, 100)
+    dilate(last_seen, passable.view(np.uint8), passable.view(np.uint8), dilated, 0, 39, 0, 49, reach, 100, NO_SCRATCH)
     rows, cols = np.mgrid[0:40, 0:50]
     near = (abs(rows - 20) <= reach) & (abs(cols - 30) <= reach)
     assert np.array_equal(dilated, np.where(near, 10, 90))
@@ -75,11 +76,11 @@ def test_staleness_does_not_cross_a_wall_but_goes_round_it() -> None:
     last_seen[7, 9] = 10
     dilated = np.empty_like(last_seen)
     grid = passable.view(np.uint8)
-    dilate(last_seen, grid, grid, dilated, 0, 20, 0, 20, 8, 100)
+    dilate(last_seen, grid, grid, dilated, 0, 20, 0, 20, 8, 100, NO_SCRATCH)
     assert dilated[7, 11] == 10
     assert dilated[12, 11] == 90
     assert dilated[12, 9] == 10
-    dilate(last_seen, grid, grid, dilated, 0, 20, 0, 20, 2, 100)
+    dilate(last_seen, grid, grid, dilated, 0, 20, 0, 20, 2, 100, NO_SCRATCH)
     assert dilated[7, 11] == 90
 
 
@@ -87,7 +88,7 @@ def test_very_old_points_stay_the_oldest() -> None:
     passable = np.ones((3, 3), dtype=np.uint8)
     last_seen = np.array([[0, 70_000, 99_000]] * 3, dtype=np.int32)
     dilated = np.empty_like(last_seen)
-    dilate(last_seen, passable, passable, dilated, 0, 2, 0, 2, 1, 100_000)
+    dilate(last_seen, passable, passable, dilated, 0, 2, 0, 2, 1, 100_000, NO_SCRATCH)
     assert (dilated[:, 0] == 100_000 - 65_534).all()
     assert (dilated[:, 2] == 70_000).all()
 
@@ -100,6 +101,6 @@ def test_a_window_wider_than_the_ground_reaches_all_that_is_connected() -> None:
     last_seen[29, 0] = 10
     dilated = np.full_like(last_seen, -5)
     grid = passable.view(np.uint8)
-    dilate(last_seen, grid, grid, dilated, 0, 29, 0, 199, 10_000, 100)
+    dilate(last_seen, grid, grid, dilated, 0, 29, 0, 199, 10_000, 100, NO_SCRATCH)
     assert (dilated[passable & (np.arange(200) < 150)] == 10).all()
     assert (dilated[passable & (np.arange(200) > 150)] == 90).all()

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.belief.kernels.dilate import carry
+from agent.belief.kernels.changes import NOTHING, SIDE, carry
 from agent.belief.posts import Posts
 
 
@@ -23,16 +23,18 @@ def test_a_post_carries_the_oldest_of_what_it_sees(seed: int) -> None:
     proxy[hidden] = rng.choice(places, np.count_nonzero(hidden))
     posts = Posts(proxy)
     last_seen = rng.integers(-1, 100, shape).astype(np.int32)
-    carried = last_seen.copy()
-    box = np.array([4, 3, 4, 3], dtype=np.int64)
-    carry(posts.rows, last_seen, carried, box)
+    before = np.maximum(last_seen, 0)
+    carried = before.copy()
+    outdated, newest = np.full((1, 1), NOTHING, dtype=np.int32), np.full((1, 1), -1, dtype=np.int32)
+    assert max(shape) <= SIDE
+    carry(posts.rows, last_seen, carried, outdated, newest, 0, shape[1] - 1)
     for place in places:
         row, col = divmod(int(place), shape[1])
         seen = [int(last_seen[row, col]), *(int(v) for v in last_seen[proxy == place])]
-        assert carried[row, col] == min(seen)
-    for row, col in np.argwhere(carried != last_seen):
-        assert box[0] <= row <= box[1]
-        assert box[2] <= col <= box[3]
+        assert carried[row, col] == max(min(seen), 0)
+    moved = carried != before
+    assert outdated[0, 0] == (before[moved].min() if moved.any() else NOTHING)
+    assert newest[0, 0] == (carried[moved].max() if moved.any() else -1)
 
 
 def test_entries_are_found_by_their_posts_rows() -> None:

@@ -157,6 +157,22 @@ def test_a_way_bends_where_the_waves_path_does(seed: int) -> None:
         assert routes.way((row + 1, col + 1), target, expected=LONGEST) == way
 
 
+@settings(max_examples=30)
+@given(seed=seeds, density=st.sampled_from([1.0, 0.97, 0.8]))
+def test_an_expected_length_saves_work_and_changes_no_way(seed: int, density: float) -> None:
+    rng = np.random.default_rng(seed)
+    is_open = rng.random((90, 70)) < density
+    row, col = int(rng.integers(90)), int(rng.integers(70))
+    is_open[row, col] = True
+    _, routes = routes_of(is_open)
+    for r, c in rng.permutation(np.argwhere(is_open))[:12]:
+        start, target = (row + 1, col + 1), (int(r) + 1, int(c) + 1)
+        way = routes.way(start, target)
+        exact = round(100.0 * way.length / POINT)
+        for expected in (exact, exact + 130, exact + 2000):
+            assert routes.way(start, target, expected=expected) == way
+
+
 @settings(max_examples=60)
 @given(seed=seeds)
 def test_a_way_to_what_cannot_be_reached_leads_to_the_nearest_that_can(seed: int) -> None:

@@ -16,34 +16,41 @@ ROWS = types.Array(types.int32, 2, "C", readonly=True)
 int64 = types.int64
 float64 = types.float64
 
+UNKNOWN = 2**31 - 1
+"""The length of an unknown path."""
 
-@njit(types.int64(STATE, GRID, GRID), cache=True, nogil=True)
-def own_reach(state, length, rival):
-    """The longest path to a point that no rival is nearer to.
+
+@njit(types.void(STATE, GRID, GRID, int64, int64, int64, int64, PLACES), cache=True, nogil=True)
+def reaches(state, length, rival, top, bottom, left, right, longest):
+    """The longest path of all, and the longest to a point that no rival is nearer to.
 
     Args:
         state: uint8 (m, n), the wave's grid over its window; only settled points count.
         length: int32 (m, n), path lengths in hundredths of a point.
-        rival: int32 (m, n), path lengths from the nearest rival.
-
-    Returns:
-        The length in hundredths of a point; 0 without such a point.
+        rival: int32 (m, n), path lengths from the nearest rival; size 0 without rivals.
+        top: First row of the window's part that holds all settled points.
+        bottom: End row of that part, exclusive.
+        left: First column of it.
+        right: End column of it, exclusive.
+        longest: int64 (2,), filled in with both lengths in hundredths of a point; 0 without such a point.
     """
-    rows, cols = state.shape
-    longest = 0
-    for row in range(rows):
-        for col in range(cols):
-            if state[row, col] & 3 == 3 and length[row, col] <= rival[row, col]:
-                longest = max(longest, length[row, col])
-    return longest
+    most, own = 0, 0
+    for row in range(top, bottom):
+        known, far = state[row, left:right], length[row, left:right]
+        other = rival[row, left:right] if rival.size > 0 else far
+        for col in range(known.size):
+            settled = known[col] & 3 == 3
+            most = max(most, far[col] if settled else 0)
+            own = max(own, far[col] if settled and far[col] <= other[col] else 0)
+    longest[0], longest[1] = most, own
 
 
 # fmt: off
 @njit(
     [
         types.void(
-            posts, STATE, GRID, int64, int64, GRID, GRID, int64, int64, TABLE, TABLE, GRID, float64, int64, SHUNNED,
-            int64, int64, int64, BEST, PLACES,
+            posts, STATE, GRID, int64, int64, int64, int64, int64, int64, GRID, GRID, int64, int64, TABLE, TABLE, GRID,
+            float64, int64, SHUNNED, int64, int64, int64, BEST, PLACES,
         )
         for posts in (types.none, ROWS)
     ],
@@ -51,8 +58,8 @@ def own_reach(state, length, rival):
     nogil=True,
 )
 def hardest(
-    posts, state, length, row0, col0, seen, looked, tick, least, log_pull, log_decay, rival, width, hand_over, shunned,
-    home_row, home_col, home_squared, best, place,
+    posts, state, length, row0, col0, top, bottom, left, right, seen, looked, tick, least, log_pull, log_decay, rival,
+    width, hand_over, shunned, home_row, home_col, home_squared, best, place,
 ):
     """Find the point with the greatest force, as logarithms: f and g may be too small for a float.
 
@@ -63,6 +70,10 @@ def hardest(
         length: int32 (m, n), path lengths in hundredths of a point.
         row0: Row of the terrain's point under element (0, 0) of the window.
         col0: Column of the same point.
+        top: First row of the window's part that holds all settled points.
+        bottom: End row of that part, exclusive.
+        left: First column of it.
+        right: End column of it, exclusive.
         seen: int32 (h, w), the tick at which each point was last seen; -1 counts as 0, and a value above ``tick`` means
             that the point has no age.
         looked: int32 (h, w), the tick at which each point was last in view.
@@ -70,7 +81,7 @@ def hardest(
         least: Points younger than this are left out, ticks; 1 or more.
         log_pull: float64 (mfow + 1,), log f by age in ticks.
         log_decay: float64, log g by length in hundredths of a point, at least up to the longest settled path.
-        rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point.
+        rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point; size 0 without rivals.
         width: Of the claims, in hundredths of a point; 0 without claims.
         hand_over: Points that a rival has a way to that is shorter by more than this are left out, in hundredths of a
             point.
@@ -83,15 +94,15 @@ def hardest(
         place: int64 (4,), row and column in the terrain of the point that exerts it and of the place to stand on;
             updated in place.
     """
-    rows, cols = state.shape
-    count = rows * cols if posts is None else posts.shape[0]
+    cols = right - left
+    count = (bottom - top) * cols if posts is None else posts.shape[0]
     for i in range(count):
         if posts is None:
-            row, col = i // cols, i % cols
+            row, col = top + i // cols, left + i % cols
             seen_row, seen_col = row0 + row, col0 + col
         else:
             row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
-            if row < 0 or row >= rows or col < 0 or col >= cols:
+            if row < top or row >= bottom or col < left or col >= right:
                 continue
         if state[row, col] & 3 != 3:
             continue
@@ -99,13 +110,14 @@ def hardest(
         if tick - when < least or looked[seen_row, seen_col] >= tick:
             continue
         far = max(length[row, col], 1)
-        if far - rival[row, col] > hand_over:
+        nearest = rival[row, col] if rival.size > 0 else UNKNOWN
+        if far - nearest > hand_over:
             continue
         force = log_pull[min(tick - when, log_pull.size - 1)] + log_decay[far]
         if force <= best[0]:
             continue
         if width > 0.0:
-            behind = (far - rival[row, col]) / width
+            behind = (far - nearest) / width
             force -= behind if behind > 40.0 else math.log1p(math.exp(max(behind, -40.0)))
             if force <= best[0]:
                 continue

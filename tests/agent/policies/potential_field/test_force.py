@@ -150,7 +150,7 @@ def pull_of(patrol: PatrolSpec, seed: int, density: float = 0.1) -> Pull:
     terrain, fields, ground, start = room(seed, 60, 70, density)
     seen = np.random.default_rng(seed + 1).integers(0, 200, terrain.shape).astype(np.int32)
     field = Field(patrol, fields, Posts(fields.proxy), terrain.point, {})
-    return field.pull(ground, *start, seen, seen, 200, 200 - int(seen[fields.patrolled].min()))
+    return field.pull(ground, *start, seen, lambda _: seen, 200, 200 - int(seen[fields.patrolled].min()))
 
 
 @settings(max_examples=25)
@@ -182,7 +182,9 @@ def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
         expected[sector] += force
         if force > strongest:
             strongest, place = force, (r, c)
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, *start, seen, seen, 100, mfow)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+        ground, *start, seen, lambda _: seen, 100, mfow
+    )
     assert pull.sums == pytest.approx(expected, rel=1e-9)
     assert pull.near is None or pull.near == (place[0] + 1, place[1] + 1)
 
@@ -191,9 +193,9 @@ def test_the_robots_own_point_exerts_no_force() -> None:
     terrain, fields, ground, start = room(3, 21, 21, 0.0)
     seen = np.full(terrain.shape, 100, dtype=np.int32)
     field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
-    before = field.pull(ground, *start, seen, seen, 100, 100)
+    before = field.pull(ground, *start, seen, lambda _: seen, 100, 100)
     seen[start[0] - 1, start[1] - 1] = 0
-    after = field.pull(ground, *start, seen, seen, 100, 100)
+    after = field.pull(ground, *start, seen, lambda _: seen, 100, 100)
     assert np.array_equal(before.sums, after.sums)
 
 
@@ -209,10 +211,10 @@ def test_a_point_where_no_body_fits_pulls_through_the_pose_that_sees_it() -> Non
     seen = np.full(reach.shape, 100, dtype=np.int32)
     seen[12, 35] = 0
     field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
-    far = field.pull(Ground(terrain, reach), 13, 16, seen, seen, 100, 100)
+    far = field.pull(Ground(terrain, reach), 13, 16, seen, lambda _: seen, 100, 100)
     assert bearings_by_force(far.sums)[0] == 0.0
     assert far.near is None
-    close = field.pull(Ground(terrain, reach), 15, 25, seen, seen, 100, 100)
+    close = field.pull(Ground(terrain, reach), 15, 25, seen, lambda _: seen, 100, 100)
     assert close.near == (13, 30)
     assert close.bend == (13, 30)
 
@@ -223,10 +225,14 @@ def test_a_place_close_by_counts_without_its_dilatation() -> None:
     seen[20, 24] = 0
     dilated = np.full(terrain.shape, 100, dtype=np.int32)
     dilated[14:27, 18:31] = 0
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, 21, 21, seen, dilated, 100, 100)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+        ground, 21, 21, seen, lambda _: dilated, 100, 100
+    )
     assert pull.near == (21, 25)
     fresh = np.full(terrain.shape, 100, dtype=np.int32)
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(ground, 21, 21, fresh, dilated, 100, 100)
+    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+        ground, 21, 21, fresh, lambda _: dilated, 100, 100
+    )
     assert pull.near is None
 
 
@@ -265,7 +271,7 @@ def test_straight_paths_lead_to_no_obstacle(direction: str, mfow: int) -> None:
     patrol = PatrolSpec.model_validate({"paths": "straight", "direction": direction})
     field = Field(patrol, fields, Posts(np.full_like(fields.proxy, -1)), terrain.point, {})
     tick = 100
-    pull = field.pull(Ground(terrain, passable), 31, 31, seen, seen, tick, mfow)
+    pull = field.pull(Ground(terrain, passable), 31, 31, seen, lambda _: seen, tick, mfow)
     law = ForceLaw(patrol, terrain.point, int(passable.sum()), 10**5)
     by_age = law.pull(mfow)
     expected = np.zeros(3 if direction == "vector" else 8)
@@ -288,6 +294,6 @@ def test_a_place_in_view_is_no_reason_to_stop_where_a_look_leaves_some_age() -> 
     seen[20, 24] = 0
     looked = np.full(terrain.shape, 100, dtype=np.int32)
     field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
-    assert field.pull(ground, 21, 21, seen, seen, 100, 100, (), looked).near is None
+    assert field.pull(ground, 21, 21, seen, lambda _: seen, 100, 100, (), looked).near is None
     looked[20, 24] = 99
-    assert field.pull(ground, 21, 21, seen, seen, 100, 100, (), looked).near == (21, 25)
+    assert field.pull(ground, 21, 21, seen, lambda _: seen, 100, 100, (), looked).near == (21, 25)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from agent.policies.potential_field.kernels.hardest import hardest, own_reach
+from agent.policies.potential_field.kernels.hardest import hardest, reaches
+from agent.policies.potential_field.search import NO_RIVALS
 from agent.routes.kernels.wave import SETTLED
 from agent.routes.path_window import FAR
 
@@ -28,6 +30,12 @@ class Situation:
         self.length = dice.integers(0, 2000, self.state.shape).astype(np.int32)
         self.rival = np.where(dice.random(self.state.shape) < 0.4, FAR, dice.integers(0, 2000, self.state.shape))
         self.rival = self.rival.astype(np.int32)
+        rivals = bool(dice.random() < 0.8)
+        self.rival = self.rival if rivals else np.full_like(self.rival, FAR)
+        self.known = self.rival if rivals else NO_RIVALS
+        ends = [np.sort(dice.choice(size + 3, 2, replace=False)) for size in self.shape]
+        (top, bottom), (left, right) = (map(int, pair) for pair in ends)
+        self.part = top, bottom, left, right
         self.seen = dice.integers(-1, TICK + 3, self.shape).astype(np.int32)
         self.looked = np.maximum(self.seen, np.where(dice.random(self.shape) < 0.2, TICK, -1)).astype(np.int32)
         self.pull = np.log(np.arange(TICK + 1).clip(1) / TICK) * dice.uniform(0.5, 3.0)
@@ -55,6 +63,8 @@ class Situation:
         if self.state[at] & 3 != SETTLED or TICK - when < self.least or self.looked[row, col] >= TICK:
             return None
         far = max(int(self.length[at]), 1)
+        if not self.within[at]:
+            return None
         behind = far - int(self.rival[at])
         if behind > self.hand_over:
             return None
@@ -68,12 +78,21 @@ class Situation:
             share = float(np.logaddexp(0.0, behind / self.width))
         return float(self.pull[TICK - when] + self.decay[far] - share)
 
+    @property
+    def within(self) -> NDArray[np.bool_]:
+        """The elements of the part that is searched."""
+        top, bottom, left, right = self.part
+        inside = np.zeros(self.state.shape, dtype=np.bool_)
+        inside[top:bottom, left:right] = True
+        return inside
+
     def found(self) -> tuple[float, tuple[int, ...]]:
         best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
         for points in (None, self.posts):
-            grids = self.state, self.length, -1, -1, self.seen, self.looked
-            law = TICK, self.least, self.pull, self.decay, self.rival, self.width, self.hand_over
-            hardest(points, *grids, *law, self.shunned, *self.circle, best, place)
+            grids = self.state, self.length, -1, -1, *self.part, self.seen, self.looked
+            what = self.shunned, *self.circle
+            law = TICK, self.least, self.pull, self.decay, self.known, self.width, self.hand_over
+            hardest(points, *grids, *law, *what, best, place)
         return float(best[0]), tuple(int(number) for number in place)
 
 
@@ -93,7 +112,11 @@ def test_the_hardest_point_is_the_one_that_plain_loops_find(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_own_reach_is_the_longest_way_that_no_rival_has_a_shorter_one_of(seed: int) -> None:
+def test_the_longest_ways_are_that_of_all_and_that_of_the_claimed_ground(seed: int) -> None:
     situation = Situation(seed)
-    own = (situation.state & 3 == SETTLED) & (situation.length <= situation.rival)
-    assert own_reach(situation.state, situation.length, situation.rival) == situation.length[own].max(initial=0)
+    settled = situation.within & (situation.state & 3 == SETTLED)
+    own = settled & (situation.length <= situation.rival)
+    longest = np.full(2, -1, dtype=np.int64)
+    grids = situation.state, situation.length, situation.known
+    reaches(*grids, *situation.part, longest)
+    assert longest.tolist() == [situation.length[points].max(initial=0) for points in (settled, own)]

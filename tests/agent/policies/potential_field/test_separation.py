@@ -83,7 +83,7 @@ def test_with_claims_a_point_pulls_the_robot_that_is_nearest_to_it(direction: st
     for separation in ("none", "claims"):
         patrol = PatrolSpec.model_validate({"direction": direction, "separation": separation})
         field = Field(patrol, fields, Posts(fields.proxy), 0.5, {})
-        pull = field.pull(ground, 41, 41, seen, seen, 100, 100, rival)
+        pull = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100, rival)
         chosen[separation] = pull.sums[0] > 0 if direction == "vector" else int(np.argmax(pull.sums)) in (0, 1, 7)
     assert chosen["none"]
     assert not chosen["claims"]
@@ -95,7 +95,7 @@ def test_without_rivals_claims_change_nothing() -> None:
     seen = np.random.default_rng(3).integers(0, 100, terrain.shape).astype(np.int32)
     sums = [
         Field(PatrolSpec.model_validate({"separation": separation}), fields, Posts(fields.proxy), 0.5, {})
-        .pull(ground, 30, 50, seen, seen, 100, 100)
+        .pull(ground, 30, 50, seen, lambda _: seen, 100, 100)
         .sums
         for separation in ("none", "claims")
     ]
@@ -197,7 +197,7 @@ def test_a_rival_claims_what_is_near_it_although_it_is_closed_to_others(separati
     rival = ground.static.join(*terrain.centre(40, 65))
     assert rival == (41, 66)
     field = Field(PatrolSpec.model_validate({"separation": separation}), fields, Posts(fields.proxy), 0.5, {})
-    alone = field.pull(ground, 41, 41, seen, seen, 100, 100)
-    contested = field.pull(ground, 41, 41, seen, seen, 100, 100, [rival])
+    alone = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100)
+    contested = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100, [rival])
     assert int(np.argmax(alone.sums)) in (0, 1, 7)
     assert int(np.argmax(contested.sums)) not in (0, 1, 7)

@@ -1,0 +1,124 @@
+"""The believed fog after dilatation, brought up to date where it is read (paper, "dilatation")."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.belief.kernels.changes import LARGEST, NOTHING, POST, SIDE, boxes_due, carry, fall_due, note, note_freshest
+from agent.belief.kernels.dilate import dilate
+from agent.belief.posts import Posts
+from patrol.ground.fog import Box, Fog
+from patrol.ground.terrain import BoolGrid
+
+AGELESS = NOTHING
+"""Dilated last-seen tick of points that are not ground; such points have no age."""
+
+
+class Dilated:
+    """Staleness, spread over the ground of one robot.
+
+    A tick's looks only note which blocks of points they may change. What is read is then computed once, for all looks
+    since it was last read; what nobody reads costs nothing.
+    """
+
+    def __init__(self, fog: Fog, ground: BoolGrid, posts: Posts, reach: int) -> None:
+        """Start with a fog in which nothing has been seen.
+
+        Args:
+            fog: The fog before dilatation.
+            ground: bool (h, w), the points over which staleness spreads.
+            posts: The points on which no body fits, and where to see them from.
+            reach: Half-width of the window, in points.
+        """
+        self._fog = fog
+        self._posts = posts
+        self._reach = reach
+        self._reach_in_blocks = -(-reach // SIDE)
+        self._ground = np.ascontiguousarray(ground).astype(np.uint8)
+        self._ground[posts.rows[:, 2], posts.rows[:, 3]] *= POST
+        self._carried = np.zeros(ground.shape, dtype=np.int32)
+        self._grid: NDArray[np.int32] = np.where(ground, np.int32(0), np.int32(AGELESS))
+        rows, cols = (-(-size // SIDE) for size in ground.shape)
+        whole = np.zeros((rows * SIDE, cols * SIDE), dtype=np.bool_)
+        whole[: ground.shape[0], : ground.shape[1]] = ground
+        any_ground = whole.reshape(rows, SIDE, cols, SIDE).any(axis=(1, 3))
+        self._outdated = np.full((rows, cols), NOTHING, dtype=np.int32)
+        self._oldest = np.where(any_ground, np.int32(0), np.int32(NOTHING))
+        self._newest = np.where(any_ground, np.int32(0), np.int32(-1))
+        self._freshest = self._newest.copy()
+        self._due = np.zeros((rows, cols), dtype=np.uint8)
+        self._hemmed = np.zeros((rows + 1, cols + 1), dtype=np.int32)
+        self._hemmed[1:, 1:] = self._hemmed_blocks(whole).cumsum(axis=0).cumsum(axis=1)
+        self._boxes = np.zeros((rows * cols, 4), dtype=np.int64)
+        height, width = (min(size, LARGEST) + 2 * min(reach, LARGEST) + 4 for size in ground.shape)
+        self._scratch = np.zeros(3 * height * width, dtype=np.uint16)
+
+    def changed(self, looks: list[Box]) -> None:
+        """Take in what a tick's looks have changed in the fog.
+
+        Args:
+            looks: The boxes that hold the points changed.
+        """
+        if not looks:
+            return
+        book = (self._outdated, self._oldest, self._newest)
+        gap = self._posts.gap
+        for top, bottom, left, right in looks:
+            note(self._fog.last_seen, self._ground, self._carried, *book, top, bottom, left, right)
+            posts = self._posts.between(top - gap, bottom + gap)
+            carry(posts, self._fog.last_seen, self._carried, self._outdated, self._newest, left - gap, right + gap)
+        for top, bottom, left, right in looks:
+            rows, cols = self._blocks((top - gap, bottom + gap, left - gap, right + gap))
+            fall_due(self._outdated, self._freshest, self._due, *rows, *cols, self._reach_in_blocks)
+
+    def within(self, box: Box, tick: int) -> NDArray[np.int32]:
+        """The dilated ticks, up to date in a box.
+
+        Args:
+            box: The points that are going to be read; it may reach beyond the ground.
+            tick: Now.
+
+        Returns:
+            int32 (h, w), the tick at which each point was last seen, after dilatation; the same array at each call.
+            Points outside the box may be out of date, unless they are not ground and `AGELESS`.
+        """
+        rows, cols = self._blocks(box)
+        if rows[0] <= rows[1] and cols[0] <= cols[1]:
+            book = (self._oldest, self._newest, self._freshest, self._due)
+            part = (*rows, *cols, self._reach, self._reach_in_blocks)
+            count = boxes_due(self._ground, self._hemmed, self._grid, *book, *part, self._boxes)
+            boxes = self._boxes[:count]
+            grids = (self._carried, self._ground, self._ground, self._grid)
+            for top, bottom, left, right in boxes.tolist():
+                dilate(*grids, top, bottom, left, right, self._reach, tick, self._scratch)
+            note_freshest(self._ground, self._grid, self._freshest, boxes)
+        return self._grid
+
+    def _hemmed_blocks(self, ground: BoolGrid) -> BoolGrid:
+        """The blocks that have a point in whose window something is not ground, beyond the last block included.
+
+        Args:
+            ground: bool, in whole blocks, False beyond the terrain.
+        """
+        rows, cols = self._due.shape
+        height, width = self._ground.shape
+        walls = ~ground
+        # The window ends at the edge of the terrain, so what is beyond hems nothing.
+        walls[height:], walls[:, width:] = False, False
+        found: BoolGrid = np.logical_or.reduce(walls.reshape(rows, SIDE, cols, SIDE), axis=(1, 3))
+        for axis in (0, 1):
+            most = min(self._reach_in_blocks, found.shape[axis])
+            wide = np.pad(found, [(most, most) if axis == other else (0, 0) for other in (0, 1)])
+            windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * most + 1, axis=axis)
+            found = np.logical_or.reduce(windows, axis=-1)
+        return found
+
+    def _blocks(self, box: Box) -> tuple[tuple[int, int], tuple[int, int]]:
+        """First and last row and first and last column of the blocks that a box of points touches."""
+        rows, cols = self._due.shape
+        top, bottom, left, right = box
+        return (
+            (max(0, top // SIDE), min(rows - 1, bottom // SIDE)),
+            (max(0, left // SIDE), min(cols - 1, right // SIDE)),
+        )

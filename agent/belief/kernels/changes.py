@@ -1,0 +1,277 @@
+"""Kernels that find out what the dilatation has to compute anew.
+
+They keep book by blocks of `SIDE` x `SIDE` points. Last-seen ticks only grow, so the dilated tick of a point, the least
+in its window, stays as it is unless a point of the window that had this very tick has changed.
+"""
+
+from __future__ import annotations
+
+from numba import njit, types
+
+MASK = types.Array(types.uint8, 2, "C", readonly=True)
+TICKS = types.Array(types.int32, 2, "C")
+FLAGS = types.Array(types.uint8, 2, "C")
+ROWS = types.Array(types.int32, 2, "C", readonly=True)
+BOXES = types.Array(types.int64, 2, "C")
+int64 = types.int64
+
+SIDE = 16
+"""Of a block, in points."""
+
+NOTHING = 2**31 - 1
+"""The oldest tick where there is none."""
+
+POST = 2
+"""Marks a point of the ground that is a post; 1 marks every other point of the ground."""
+
+OPEN_PASSES = 30
+"""Cost of an element of the scratch where the window is the plain square, in passes of one step."""
+
+HEMMED_PASSES = 15
+"""Cost of the same where it is not, besides its two passes a round."""
+
+LARGEST = 512
+"""No box to be computed is longer or wider than this, in points."""
+
+
+# fmt: off
+@njit(
+    types.void(TICKS, MASK, TICKS, TICKS, TICKS, TICKS, int64, int64, int64, int64), cache=True, nogil=True
+)
+def note(last_seen, ground, carried, outdated, oldest, newest, first_row, last_row, first_col, last_col):
+    """Carry over what has changed in a box of the fog, all but the posts.
+
+    Args:
+        last_seen: int32 (h, w), the tick at which each point was last seen, -1 for never.
+        ground: uint8 (h, w), 0 for points without dilatation, `POST` for posts, 1 for all others.
+        carried: int32 (h, w), the same ticks as far as they were taken over, those of posts carried; changed in place.
+        outdated: int32 by block, the oldest tick that a point had before it changed; lowered in place.
+        oldest: int32 by block, the least tick of its ground; filled in for the blocks of the box.
+        newest: int32 by block, the greatest tick of its ground; filled in likewise.
+        first_row: First row of the box.
+        last_row: Last row of the box, inclusive.
+        first_col: First column of the box.
+        last_col: Last column of the box, inclusive.
+    """
+    height, width = last_seen.shape
+    for up in range(first_row // SIDE, last_row // SIDE + 1):
+        for across in range(first_col // SIDE, last_col // SIDE + 1):
+            least, most, before = NOTHING, -1, outdated[up, across]
+            left, right = across * SIDE, min((across + 1) * SIDE, width)
+            for row in range(up * SIDE, min((up + 1) * SIDE, height)):
+                seen, kind, known = last_seen[row, left:right], ground[row, left:right], carried[row, left:right]
+                for col in range(seen.size):
+                    had = known[col]
+                    has = max(seen[col], 0) if kind[col] == 1 else had
+                    before = min(before, had if has != had else NOTHING)
+                    known[col] = has
+                    least = min(least, has if kind[col] != 0 else NOTHING)
+                    most = max(most, has if kind[col] != 0 else -1)
+            outdated[up, across], oldest[up, across], newest[up, across] = before, least, most
+
+
+@njit(
+    types.void(ROWS, TICKS, TICKS, TICKS, TICKS, int64, int64), cache=True, nogil=True
+)
+def carry(posts, last_seen, carried, outdated, newest, first_col, last_col):
+    """Update the tick of posts: the oldest of their own and those of the points seen from them.
+
+    Args:
+        posts: int32 (n, 4), row and column of a point and of its post, all or a part of the entries of
+            `agent.belief.posts.Posts`; entries of the same post are adjacent.
+        last_seen: int32 (h, w), the tick at which each point was last seen.
+        carried: int32 (h, w), the ticks with those of the posts; changed in place.
+        outdated: As in `note`.
+        newest: As in `note`; raised in place.
+        first_col: Posts left of this column stay as they are.
+        last_col: Posts right of this column stay as they are.
+    """
+    index = 0
+    while index < posts.shape[0]:
+        row, col = posts[index, 2], posts[index, 3]
+        if col < first_col or col > last_col:
+            index += 1
+            continue
+        when = last_seen[row, col]
+        while index < posts.shape[0] and posts[index, 2] == row and posts[index, 3] == col:
+            when = min(when, last_seen[posts[index, 0], posts[index, 1]])
+            index += 1
+        when = max(when, 0)
+        had = carried[row, col]
+        if had != when:
+            carried[row, col] = when
+            up, across = row // SIDE, col // SIDE
+            outdated[up, across] = min(outdated[up, across], had)
+            newest[up, across] = max(newest[up, across], when)
+
+
+@njit(
+    types.void(TICKS, TICKS, FLAGS, int64, int64, int64, int64, int64), cache=True, nogil=True
+)
+def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, reach):
+    """Mark the blocks in which a dilated tick may have changed, and forget what has changed.
+
+    Args:
+        outdated: As in `note`; all of it is `NOTHING` afterwards.
+        freshest: int32 by block, the greatest dilated tick of its ground; -1 where there is none.
+        due: uint8 by block, set to 1 for those blocks.
+        first_row: First row of blocks in which something has changed.
+        last_row: Last row of them, inclusive.
+        first_col: First column of them.
+        last_col: Last column of them, inclusive.
+        reach: Half-width of the dilatation's window in blocks, rounded up.
+    """
+    rows, cols = due.shape
+    for row in range(first_row, last_row + 1):
+        for col in range(first_col, last_col + 1):
+            when = outdated[row, col]
+            if when == NOTHING:
+                continue
+            outdated[row, col] = NOTHING
+            for up in range(max(0, row - reach), min(rows, row + reach + 1)):
+                for across in range(max(0, col - reach), min(cols, col + reach + 1)):
+                    if when <= freshest[up, across]:
+                        due[up, across] = 1
+
+
+@njit(int64(TICKS, int64, int64, int64, int64), cache=True, nogil=True)
+def _hemmed_in(hemmed, top, bottom, left, right):
+    """How many blocks of a box have a point in whose window something is not ground."""
+    return (
+        hemmed[bottom + 1, right + 1] - hemmed[top, right + 1] - hemmed[bottom + 1, left] + hemmed[top, left]
+    )
+
+
+@njit(int64(TICKS, int64, int64, int64, int64, int64), cache=True, nogil=True)
+def _cost(hemmed, top, bottom, left, right, reach):
+    """What a box of blocks costs to compute: elements of the scratch times passes over them."""
+    height, width = (bottom - top + 1) * SIDE, (right - left + 1) * SIDE
+    if _hemmed_in(hemmed, top, bottom, left, right) == 0:
+        return OPEN_PASSES * (height + 2 * reach) * (width + 2 * reach)
+    return (2 * reach + HEMMED_PASSES) * (height + reach) * (width + 2 * reach)
+
+
+@njit(
+    int64(MASK, TICKS, TICKS, TICKS, TICKS, TICKS, FLAGS, int64, int64, int64, int64, int64, int64, BOXES),
+    cache=True,
+    nogil=True,
+)
+def boxes_due(
+    ground, hemmed, dilated, oldest, newest, freshest, due, first_row, last_row, first_col, last_col, reach,
+    blocks_reach, boxes,
+):
+    """Settle what is plain, and put the other blocks that are due into boxes that are cheap to compute.
+
+    Args:
+        ground: As in `note`.
+        hemmed: int32 (m + 1, n + 1), how many of the blocks before each row and column of blocks have a point in whose
+            window something is not ground.
+        dilated: int32 (h, w), filled in where all points in the window of a whole block have the same tick.
+        oldest: As in `note`.
+        newest: As in `note`.
+        freshest: As in `fall_due`; changed in place for what is settled.
+        due: uint8 by block; 0 for the blocks of the range afterwards.
+        first_row: First row of the range of blocks.
+        last_row: Last row of the range, inclusive.
+        first_col: First column of the range.
+        last_col: Last column of the range, inclusive.
+        reach: Half-width of the dilatation's window, in points.
+        blocks_reach: The same in blocks, rounded up.
+        boxes: int64 (n, 4), filled in: first row, last row, first column, last column of points; n at least the number
+            of blocks of the range.
+
+    Returns:
+        The number of boxes.
+    """
+    height, width = ground.shape
+    rows, cols = due.shape
+    longest = LARGEST // SIDE
+    count = 0
+    for row in range(first_row, last_row + 1):
+        run = -1  # the box of the block to the left, which may go on
+        for col in range(first_col, last_col + 1):
+            if due[row, col] == 0:
+                run = -1
+                continue
+            due[row, col] = 0
+            when = newest[row, col]
+            plain = oldest[row, col] == when
+            for up in range(max(0, row - blocks_reach), min(rows, row + blocks_reach + 1)):
+                if not plain:
+                    break
+                for across in range(max(0, col - blocks_reach), min(cols, col + blocks_reach + 1)):
+                    plain = plain and oldest[up, across] >= when
+            if plain:
+                for r in range(row * SIDE, min((row + 1) * SIDE, height)):
+                    for c in range(col * SIDE, min((col + 1) * SIDE, width)):
+                        if ground[r, c] != 0:
+                            dilated[r, c] = when
+                freshest[row, col] = when
+                run = -1
+            elif (
+                run >= 0
+                and col - boxes[run, 2] < longest
+                and (_hemmed_in(hemmed, row, row, boxes[run, 2], col - 1) > 0)
+                == (_hemmed_in(hemmed, row, row, col, col) > 0)
+            ):
+                boxes[run, 3] = col
+            else:
+                run = count
+                boxes[run, 0], boxes[run, 1], boxes[run, 2], boxes[run, 3] = row, row, col, col
+                count += 1
+    merged = True
+    while merged:
+        merged = False
+        one = 0
+        while one < count:
+            other = one + 1
+            while other < count:
+                top, bottom = min(boxes[one, 0], boxes[other, 0]), max(boxes[one, 1], boxes[other, 1])
+                left, right = min(boxes[one, 2], boxes[other, 2]), max(boxes[one, 3], boxes[other, 3])
+                together = _cost(hemmed, top, bottom, left, right, reach)
+                apart = 0
+                for box in (one, other):
+                    apart += _cost(hemmed, boxes[box, 0], boxes[box, 1], boxes[box, 2], boxes[box, 3], reach)
+                if together <= apart and bottom - top < longest and right - left < longest:
+                    boxes[one, 0], boxes[one, 1], boxes[one, 2], boxes[one, 3] = top, bottom, left, right
+                    count -= 1
+                    boxes[other, 0], boxes[other, 1] = boxes[count, 0], boxes[count, 1]
+                    boxes[other, 2], boxes[other, 3] = boxes[count, 2], boxes[count, 3]
+                    merged = True
+                else:
+                    other += 1
+            one += 1
+    for box in range(count):
+        boxes[box, 0] *= SIDE
+        boxes[box, 1] = min((boxes[box, 1] + 1) * SIDE, height) - 1
+        boxes[box, 2] *= SIDE
+        boxes[box, 3] = min((boxes[box, 3] + 1) * SIDE, width) - 1
+    return count
+
+
+@njit(
+    types.void(MASK, TICKS, TICKS, BOXES), cache=True, nogil=True
+)
+def note_freshest(ground, dilated, freshest, boxes):
+    """Note the greatest dilated tick of each block in some boxes.
+
+    Args:
+        ground: As in `note`.
+        dilated: int32 (h, w), the dilated ticks.
+        freshest: As in `fall_due`; filled in.
+        boxes: int64 (n, 4), as `boxes_due` gives them.
+    """
+    height, width = ground.shape
+    for box in range(boxes.shape[0]):
+        for up in range(boxes[box, 0] // SIDE, boxes[box, 1] // SIDE + 1):
+            for across in range(boxes[box, 2] // SIDE, boxes[box, 3] // SIDE + 1):
+                most = -1
+                left, right = across * SIDE, min((across + 1) * SIDE, width)
+                for row in range(up * SIDE, min((up + 1) * SIDE, height)):
+                    kind, when = ground[row, left:right], dilated[row, left:right]
+                    for col in range(when.size):
+                        most = max(most, when[col] if kind[col] != 0 else -1)
+                freshest[up, across] = most
+
+
+# fmt: on

@@ -1,0 +1,80 @@
+"""Dilatation where it is read and where something changed, against dilating all of the fog anew."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from agent.belief.dilated import AGELESS, Dilated
+from agent.belief.kernels.dilate import dilate
+from agent.belief.posts import Posts
+from patrol.ground.fog import Box, Fog
+
+SHAPE = (70, 90)
+
+
+def anew(fog: Fog, ground: NDArray[np.bool_], proxy: NDArray[np.int32], reach: int, tick: int) -> NDArray[np.int32]:
+    """The dilated ticks of all points, with the staleness of hidden points carried to their posts first."""
+    carried = np.maximum(fog.last_seen, 0)
+    hidden = np.flatnonzero(proxy >= 0)
+    np.minimum.at(carried.reshape(-1), proxy.reshape(-1)[hidden], np.maximum(fog.last_seen.reshape(-1)[hidden], 0))
+    whole, passable = np.full(SHAPE, AGELESS, dtype=np.int32), ground.view(np.uint8)
+    box = 0, SHAPE[0] - 1, 0, SHAPE[1] - 1
+    dilate(carried, passable, passable, whole, *box, reach, tick, np.zeros(0, dtype=np.uint16))
+    return whole
+
+
+def look(fog: Fog, dice: np.random.Generator, tick: int) -> Box | None:
+    """A rectangle of points is seen; the box of what changed."""
+    top, left = (int(dice.integers(0, size)) for size in SHAPE)
+    part = slice(top, top + int(dice.integers(1, 25))), slice(left, left + int(dice.integers(1, 25)))
+    changed = np.argwhere((fog.last_seen[part] < tick) & (fog.patrolled[part] != 0)) + np.array([top, left])
+    fog.last_seen[part] = np.where(fog.patrolled[part] != 0, tick, fog.last_seen[part])
+    if not len(changed):
+        return None
+    (low, first), (high, last) = changed.min(axis=0), changed.max(axis=0)
+    return int(low), int(high), int(first), int(last)
+
+
+@settings(max_examples=40)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    reach=st.sampled_from([0, 1, 5, 16, 17, 70]),
+    walls=st.sampled_from([0.0, 0.02, 0.3]),
+    hidden=st.booleans(),
+)
+def test_what_is_read_is_what_dilating_everything_anew_gives(seed: int, reach: int, walls: float, hidden: bool) -> None:
+    dice = np.random.default_rng(seed)
+    ground = dice.random(SHAPE) >= walls
+    ground[:3, :3] = True
+    proxy = np.full(SHAPE, -1, dtype=np.int32)
+    if hidden:
+        beside = np.argwhere(~ground)
+        for row, col in beside[dice.random(len(beside)) < 0.5]:
+            near = np.argwhere(ground[max(0, row - 4) : row + 5, max(0, col - 4) : col + 5])
+            if len(near):
+                up, across = dice.choice(near)
+                proxy[row, col] = (max(0, row - 4) + up) * SHAPE[1] + max(0, col - 4) + across
+    fog = Fog(ground | (proxy >= 0))
+    dilated = Dilated(fog, ground, Posts(proxy), reach)
+    for tick in range(12):
+        looks = [look(fog, dice, tick) for _ in range(int(dice.integers(0, 4)))]
+        dilated.changed([box for box in looks if box is not None])
+        rows, cols = (np.sort(dice.integers(-10, size + 10, 2)) for size in SHAPE)
+        box = int(rows[0]), int(rows[1]), int(cols[0]), int(cols[1])
+        part = slice(max(0, box[0]), max(0, box[1] + 1)), slice(max(0, box[2]), max(0, box[3] + 1))
+        found = dilated.within(box, tick)
+        assert np.array_equal(found[part], anew(fog, ground, proxy, reach, tick)[part])
+    whole = 0, SHAPE[0] - 1, 0, SHAPE[1] - 1
+    assert np.array_equal(dilated.within(whole, 12), anew(fog, ground, proxy, reach, 12))
+
+
+@pytest.mark.parametrize("box", [(-50, -20, 0, 9), (0, 9, 200, 300), (5, 4, 0, 9)])
+def test_a_box_without_ground_changes_nothing(box: Box) -> None:
+    ground = np.ones(SHAPE, dtype=np.bool_)
+    fog = Fog(ground)
+    dilated = Dilated(fog, ground, Posts(np.full(SHAPE, -1, dtype=np.int32)), 3)
+    assert (dilated.within(box, 0) == 0).all()
