@@ -17,6 +17,7 @@ from patrol.random import Purpose
 if TYPE_CHECKING:
     from agent.belief.believed import Belief
     from agent.belief.posts import Posts
+    from agent.belief.shared import SharedBelief
     from agent.routes.ground import Ground, Spot
     from agent.routes.routes import Routes, Way
     from patrol.pose import Pose
@@ -41,13 +42,33 @@ class FogView:
         posts: Where to stand to see patrolled points on which the body does not fit.
     """
 
-    def __init__(self, belief: Belief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
+    def __init__(self, belief: Belief | SharedBelief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
         self._belief = belief
-        self.last_seen = _read_only(belief.fog.last_seen)
-        self.dilated = _read_only(belief.dilated)
-        self.looked = _read_only(belief.looked)
+        self._shown: dict[int, NDArray[np.int32]] = {}
         self.patrolled = _read_only(patrolled)
         self.posts = posts
+
+    @property
+    def last_seen(self) -> NDArray[np.int32]:
+        """The tick at which each point was last seen."""
+        return self._show(0, self._belief.fog.last_seen)
+
+    @property
+    def dilated(self) -> NDArray[np.int32]:
+        """The same after dilatation."""
+        return self._show(1, self._belief.dilated)
+
+    @property
+    def looked(self) -> NDArray[np.int32]:
+        """The tick at which each point was last in view."""
+        return self._show(2, self._belief.looked)
+
+    def _show(self, which: int, grid: NDArray[np.int32]) -> NDArray[np.int32]:
+        """A read-only view of a grid, which is another one once a belief is no longer shared."""
+        shown = self._shown.get(which)
+        if shown is None or shown.base is not grid:
+            self._shown[which] = shown = _read_only(grid)
+        return shown
 
     def mfow(self, tick: int) -> int:
         """The believed age of the stalest point, ticks."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
@@ -19,6 +20,19 @@ from patrol.radio.inbox import Inbox
 from patrol.radio.message import CONTACT
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
+
+
+def spreads(posts: Posts, dilatation: int) -> bool:
+    """Whether a belief has dilated ticks of its own.
+
+    Without posts, paths lead over every point, so points that are not ground must not pull.
+
+    Args:
+        posts: The points on which no body fits.
+        dilatation: Half-width of the window in points.
+    """
+    return dilatation > 0 or not len(posts.rows)
+
 
 AGELESS = 2**31 - 1
 """Dilated last-seen tick of points that are not ground; such points have no age."""
@@ -42,7 +56,14 @@ class Belief:
     """
 
     def __init__(
-        self, patrolled: BoolGrid, ground: BoolGrid, posts: Posts, footprint: Footprint, inbox: Inbox, dilatation: int
+        self,
+        patrolled: BoolGrid,
+        ground: BoolGrid,
+        posts: Posts,
+        footprint: Footprint,
+        inbox: Inbox,
+        dilatation: int,
+        fog: Fog | None = None,
     ) -> None:
         """Start with nothing seen and no peer heard.
 
@@ -53,8 +74,9 @@ class Belief:
             footprint: What the sensor sees from a pose.
             inbox: Judges the frames heard.
             dilatation: Half-width of the window in points; 0 for no dilatation.
+            fog: Nothing seen of the same points; made unless given.
         """
-        self.fog = Fog(patrolled)
+        self.fog = fog or Fog(patrolled)
         self.inbox = inbox
         self._tracker = PeerTracker(inbox.trail_every)
         self.peers = self._tracker.peers
@@ -64,11 +86,10 @@ class Belief:
         self.looked = self.fog.last_seen.copy() if footprint.leaves_age else self.fog.last_seen
         self._ground = np.ascontiguousarray(ground).view(np.uint8)
         self._dilatation = dilatation
-        self._carried = self.fog.last_seen.copy()
-        self.dilated = self.fog.last_seen
-        # Without posts, paths lead over every point, so points that are not ground must not pull.
-        self._spreads = dilatation > 0 or not len(posts.rows)
-        if self._spreads:
+        self._carried = self.dilated = self.fog.last_seen
+        self.spreads = spreads(posts, dilatation)
+        if self.spreads:
+            self._carried = self.fog.last_seen.copy()
             self.dilated = np.full_like(self.fog.last_seen, AGELESS)
             height, width = self.dilated.shape
             self._refresh((0, height - 1, 0, width - 1), 0)
@@ -92,8 +113,39 @@ class Belief:
             elif position is not None:
                 looks = self._tracker.hear(position, tick)
                 boxes += [self._look(pose, at) for at, pose in looks]
+        self._spread(boxes, tick)
+
+    def see(self, looks: Iterable[tuple[int, Pose]], tick: int) -> None:
+        """Take in looks that are new.
+
+        Args:
+            looks: Tick and pose of each.
+            tick: Now.
+        """
+        self._spread([self._look(pose, at) for at, pose in looks], tick)
+
+    def fork(self) -> Belief:
+        """Another belief in the same fog, with its own grids; inbox, peers and contacts stay the same ones."""
+        other = copy.copy(self)
+        other.fog = self.fog.fork()
+        other.looked = self.looked.copy() if self._footprint.leaves_age else other.fog.last_seen
+        other._carried = other.dilated = other.fog.last_seen
+        if self.spreads:
+            other._carried, other.dilated = self._carried.copy(), self.dilated.copy()
+        return other
+
+    def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
+        """Those of some peers that were heard at a tick or later.
+
+        Args:
+            peers: From `peers_at`.
+            since: The tick.
+        """
+        return {number: peer for number, peer in peers.items() if peer.tick >= since}
+
+    def _spread(self, boxes: Iterable[Box | None], tick: int) -> None:
         for box in boxes:
-            if box is not None and self._spreads:
+            if box is not None and self.spreads:
                 self._refresh(box, tick)
 
     def _look(self, pose: Pose, tick: int) -> Box | None:
@@ -102,7 +154,7 @@ class Belief:
             view.mark(self.looked, tick)
         return self.fog.observe(view, tick)
 
-    def peers_at(self, tick: int, predictor: Predictor | None) -> dict[int, Peer]:
+    def peers_at(self, tick: int, predictor: Predictor | None) -> Mapping[int, Peer]:
         """The peers where they should be by now.
 
         Args:

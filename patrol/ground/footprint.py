@@ -14,7 +14,7 @@ from patrol.ground.kernels.footprint import cast, disc, keep_sector
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 
-REMEMBERED = 64
+REMEMBERED = 4096
 """Footprints kept by a `Footprint`: in one tick every robot, and in one process every belief, asks for the same few."""
 
 Quality = float | Sequence[tuple[float, float]]

@@ -45,6 +45,29 @@ class PeerTracker:
         self._trail_every = trail_every
         self._looks: dict[int, ReplayWindow] = {}
 
+    def release(self, robot: int) -> tuple[Peer, Position, ReplayWindow] | None:
+        """Forget a robot.
+
+        Args:
+            robot: its number.
+
+        Returns:
+            what was known of it and which of its observations are counted; None where it had not been heard.
+        """
+        if robot not in self.peers:
+            return None
+        return self.peers.pop(robot), self.said.pop(robot), self._looks.pop(robot)
+
+    def resume(self, peer: Peer, said: Position, looks: ReplayWindow) -> None:
+        """Go on from what was known of a robot.
+
+        Args:
+            peer: from `release`.
+            said: from `release`.
+            looks: from `release`.
+        """
+        self.peers[said.robot], self.said[said.robot], self._looks[said.robot] = peer, said, looks
+
     def hear(self, position: Position, tick: int) -> Iterator[tuple[int, Pose]]:
         """The observations that an accepted position makes known.
 
