@@ -26,6 +26,7 @@ from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
+from patrol.radio.units import all_to_m
 
 _Looks = tuple[bytes, frozenset[tuple[int, Pose]]]
 """What a mind has learnt in a tick: which of the tick's looks, and which others."""
@@ -60,10 +61,10 @@ class HeardPeers(Mapping[int, Peer]):
         return int(np.count_nonzero(self._known))
 
     @property
-    def places(self) -> NDArray[np.int64]:
-        """int64 (len, 2), x and y of each in cm, by number."""
+    def places(self) -> NDArray[np.float64]:
+        """float64 (len, 2), x and y of each in m, by number."""
         known, row = self._known, self._row
-        return np.stack((self._ears.x[row, known], self._ears.y[row, known]), axis=1)
+        return all_to_m(np.stack((self._ears.x[row, known], self._ears.y[row, known]), axis=1))
 
     @property
     def _known(self) -> NDArray[np.bool_]:

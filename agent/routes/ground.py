@@ -153,6 +153,26 @@ class Ground:
         beside = anchor(self.terrain, self._is_open[1:-1, 1:-1], x, y)
         return None if beside is None else (beside[0] + 1, beside[1] + 1)
 
+    def join_each(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """The open elements through which several bodies join the reachable points, as `join` finds them.
+
+        Args:
+            places: float64 (n, 2), x and y of the bodies' centres in m.
+
+        Returns:
+            int64 (k, 2), row and column for each body that joins them, in their order.
+        """
+        self._apply()
+        ox, oy = self.terrain.origin
+        cells = np.floor((places[:, ::-1] - (oy, ox)) / self.terrain.point).astype(np.int64) + 1
+        # The frame is never open, and stands for everything beyond it.
+        framed = np.clip(cells, 0, np.array(self._is_open.shape) - 1)
+        off = np.flatnonzero(~self._is_open[framed[:, 0], framed[:, 1]])
+        for index in off:
+            beside = self.join(*places[index].tolist())
+            framed[index] = (-1, -1) if beside is None else beside
+        return framed if not off.size else framed[framed[:, 0] >= 0]
+
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """The centre (x, y) in m of element (row, col) of `state`."""
         return self.terrain.centre(row - 1, col - 1)

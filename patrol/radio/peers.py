@@ -5,8 +5,11 @@ Every listener that hears the same positions comes to the same result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from patrol.pose import Pose
 from patrol.radio.message import Position
@@ -26,6 +29,22 @@ class Peer:
     sequence: int
     pose: Pose
     tick: int
+
+
+def places_of(peers: Mapping[int, Peer]) -> NDArray[np.float64]:
+    """Where some robots are, by number.
+
+    Args:
+        peers: a mapping that has them as columns, `places`, or any other.
+
+    Returns:
+        float64 (n, 2), x and y in m.
+    """
+    columns: NDArray[np.float64] | None = getattr(peers, "places", None)
+    if columns is not None:
+        return columns
+    places = [(peer.pose.x, peer.pose.y) for _, peer in sorted(peers.items())]
+    return np.array(places, dtype=np.float64).reshape(-1, 2)
 
 
 class PeerTracker:

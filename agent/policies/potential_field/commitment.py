@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from agent.routes.routes import Element, Way
     from agent.view import View
 
-    Rivals = Callable[[View], Sequence[Element]]
+    Rivals = Callable[[View], NDArray[np.int64]]
 
 NO_NEARER_S = 15.0
 """A robot that has come no nearer to its target for so long gives it up, s."""
@@ -161,7 +161,8 @@ class Commitment:
         Args:
             view: Of this tick.
             start: The element of the ground on which the robot stands.
-            rivals: Gives the elements on which other robots stand, where claims are used; asked only for a choice.
+            rivals: Gives the elements on which other robots stand, int64 (n, 2), where claims are used; asked only for
+                a choice.
             wander: Direction of a random step, rad, or None.
 
         Returns:
@@ -254,7 +255,7 @@ class Commitment:
             self._give_up(tick, target.close)
         return None
 
-    def _best(self, view: View, start: Element, rivals: Sequence[Element], home: Spot | None) -> Target | None:
+    def _best(self, view: View, start: Element, rivals: NDArray[np.int64], home: Spot | None) -> Target | None:
         """The target that pulls hardest, outside of the circle around ``home`` if possible; None where nothing pulls.
 
         The paths' window may be shared, so it is used within this call only.
@@ -285,7 +286,7 @@ class Commitment:
         """What has been given up and is left out now."""
         return [one for one in self._shunned if tick < one[2]]
 
-    def _law(self, view: View, paths: PathWindow, start: Element, rivals: Sequence[Element], limit: int) -> _Law:
+    def _law(self, view: View, paths: PathWindow, start: Element, rivals: NDArray[np.int64], limit: int) -> _Law:
         """How hard points pull, up to a path length; lays the paths from where the robot stands.
 
         Args:
@@ -296,8 +297,11 @@ class Commitment:
             limit: In hundredths of a point.
         """
         rival = np.full(paths.length.shape, FAR, dtype=np.int32)
-        if self._width > 0.0 and rivals:
-            rival = paths.lengths_from(view.ground.static, *start, rivals, limit)
+        if self._width > 0.0 and rivals.size:
+            # A window at the terrain's border reaches twice as far to the other side.
+            near = (np.abs(rivals - start) <= 2 * paths.span + 2).all(axis=1)
+            others = [(row, col) for row, col in rivals[near].tolist()]
+            rival = paths.lengths_from(view.ground.static, *start, others, limit)
         if self._paths is None:
             paths.lengths_from(view.ground, *start, [start], limit)
         else:
