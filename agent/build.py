@@ -59,6 +59,7 @@ class Shared:
         scratch: Working memory, for minds that never think at the same time; each makes its own otherwise.
         company: Holds what they believe, as long as that is the same; None where each holds its own.
         posts: By the identity of a body's static fields, which live as long as the scenario.
+        grounds: By the same, with nothing closed.
     """
 
     footprint: Footprint
@@ -66,6 +67,13 @@ class Shared:
     scratch: dict[str, PathWindow] | None = field(default_factory=dict)
     company: Company | None = None
     posts: dict[int, Posts] = field(default_factory=dict)
+    grounds: dict[int, Ground] = field(default_factory=dict)
+
+    def ground_of(self, terrain: Terrain, fields: StaticFields) -> Ground:
+        """The ground of one kind of body, on which nothing is ever closed."""
+        if id(fields) not in self.grounds:
+            self.grounds[id(fields)] = Ground(terrain, fields.reach)
+        return self.grounds[id(fields)]
 
     def posts_of(self, fields: StaticFields, straight: bool) -> Posts:
         """The posts of one kind of body; on straight paths, which know no walls, each point pulls from where it is."""
@@ -183,7 +191,7 @@ def build_mind(
         return Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation, fog)
 
     belief = shared.company.join(number, inbox, blank, (id(fields), dilatation)) if shared.company else blank()
-    ground = Ground(terrain, fields.reach)
+    ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.company else None)
     setup = PolicySetup(
         spec=spec,
         radii=radii,

@@ -79,6 +79,12 @@ NEAR_RANGES = 2.5
 STRETCHED_S = 30.0
 """How often a robot measures how far its claimed ground reaches, s."""
 
+DECIDED = 40.0
+"""Number of widths beyond which a claim is decided, as `agent.policies.potential_field.kernels.hardest` has it."""
+
+LONGEST_STEP = 141
+"""Of a path from point to point, hundredths of a point."""
+
 WORTH_WHILE = 0.25
 """A point of the claimed ground is fresh below this share of the age of the stalest point."""
 
@@ -152,6 +158,8 @@ class Commitment:
         self._near = math.ceil(NEAR_RANGES * sensor.range / self._point)
         self._stretch = 1.0
         self._stretched_until = -1
+        # What a car heads for depends on points in sight of its target, which may lie outside a window.
+        self._widens = paths is None and not self._slack and width_m > 0.0
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
         self._shunned: list[tuple[int, int, int, int]] = []
 
@@ -267,6 +275,10 @@ class Commitment:
             found = self._hardest(view, near, law, None, self._left_out(view.tick), near=True)
             if found is not None:
                 return self._target_at(view, near, found, away=False)
+        if home is None and self._widens:
+            target = self._within_reach(view, start, rivals)
+            if target is not None:
+                return target
         paths = self._paths or view.routes.window()
         law = self._law(view, paths, start, rivals, LONGEST)
         found = None if home is None else self._hardest(view, paths, law, home, self._left_out(view.tick))
@@ -277,6 +289,30 @@ class Commitment:
             self._shunned.clear()
             found = self._hardest(view, paths, law, None, ())
         return None if found is None else self._target_at(view, paths, found, away)
+
+    def _within_reach(self, view: View, start: Element, rivals: NDArray[np.int64]) -> Target | None:
+        """The target that the whole terrain would give, from a window that is known to decide it; None if none does.
+
+        Claimed ground is closed: what lies on the way to a claimed point is claimed too. So where none of a window's
+        longest ways ends on claimed ground, all of it is in the window, which shows how far it reaches and whether
+        anything on it is stale. A rival's way to a point matters up to the length at which the claim is decided, and
+        lies within that length of the point.
+        """
+        reach, decided = 2 * self._near, math.ceil(DECIDED * self._width / 100.0)
+        while 2 * (2 * reach + decided) < max(view.ground.terrain.shape):
+            window = view.routes.window(2 * reach + decided)
+            rival = self._lay(view, window, start, rivals, 100 * reach, 100 * (reach + decided))
+            own = int(own_reach(window.state, window.length, rival))
+            handed = np.minimum(rival, FAR - self._hand_over) + np.int32(self._hand_over)
+            farthest = int(own_reach(window.state, window.length, handed))
+            if own > 0 and farthest <= 100 * reach - LONGEST_STEP:
+                self._measure(view.tick, own)
+                law = self._forces(view, window, rival, 100 * reach)
+                found = self._hardest(view, window, law, None, self._left_out(view.tick), decides=True)
+                if found is not None:
+                    return self._target_at(view, window, found, away=False)
+            reach *= 2
+        return None
 
     def _reach_known(self, tick: int) -> bool:
         """Whether it is known how far the claimed ground reaches, from not long ago."""
@@ -296,22 +332,36 @@ class Commitment:
             rivals: Those on which other robots stand.
             limit: In hundredths of a point.
         """
+        rival = self._lay(view, paths, start, rivals, limit, limit)
+        self._measure(view.tick, int(own_reach(paths.state, paths.length, rival)) or _longest(paths))
+        return self._forces(view, paths, rival, limit)
+
+    def _lay(
+        self, view: View, paths: PathWindow, start: Element, rivals: NDArray[np.int64], limit: int, of_rivals: int
+    ) -> NDArray[np.int32]:
+        """Lay the paths from where the robot stands, up to a limit; the lengths of the rivals' paths up to another."""
         rival = np.full(paths.length.shape, FAR, dtype=np.int32)
         if self._width > 0.0 and rivals.size:
             # A window at the terrain's border reaches twice as far to the other side.
             near = (np.abs(rivals - start) <= 2 * paths.span + 2).all(axis=1)
             others = [(row, col) for row, col in rivals[near].tolist()]
-            rival = paths.lengths_from(view.ground.static, *start, others, limit)
+            rival = paths.lengths_from(view.ground.static, *start, others, of_rivals)
         if self._paths is None:
             paths.lengths_from(view.ground, *start, [start], limit)
         else:
             paths.begin(view.ground, *start)
             paths.extend(limit)
-        longest = int(paths.length[paths.state & STATUS == SETTLED].max(initial=1))
-        if not self._reach_known(view.tick):
-            own = int(own_reach(paths.state, paths.length, rival)) or longest
+        return rival
+
+    def _measure(self, tick: int, own: int) -> None:
+        """Stretch the law's unit to the reach of the claimed ground, in hundredths of a point, now and then."""
+        if not self._reach_known(tick):
             self._stretch = max(1.0, own / self._reach)
-            self._stretched_until = view.tick + round(STRETCHED_S / self._step)
+            self._stretched_until = tick + round(STRETCHED_S / self._step)
+
+    def _forces(self, view: View, paths: PathWindow, rival: NDArray[np.int32], limit: int) -> _Law:
+        """How hard the points of a window pull whose paths are laid up to a limit."""
+        longest = _longest(paths)
         unit = self._point / PAPER_POINT / 100.0 / self._stretch
         patrol = self._patrol
         decay = log_distance_force(patrol.distance, np.arange(longest + 1).clip(1) * unit, patrol.beta, patrol.length)
@@ -361,6 +411,7 @@ class Commitment:
         shunned: Sequence[tuple[int, int, int, int]],
         *,
         near: bool = False,
+        decides: bool = False,
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
 
@@ -373,6 +424,7 @@ class Commitment:
             home: x and y in m, the centre of the circle in which the robot must not stand; None for no circle.
             shunned: Row and column of the places to stand on whose surroundings are left out.
             near: Whether the window is a small one: what is found has to pull harder than anything outside could.
+            decides: The same of a window that holds all of the claimed ground, where that need not pull harder.
         """
         fog = view.fog
         grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
@@ -380,12 +432,12 @@ class Commitment:
         circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
         stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
         rounds = ((self._hand_over, stale), (FAR, stale), (FAR, 1))
-        for hand_over, least in rounds[:1] if near else rounds:
+        for hand_over, least in rounds[:1] if near else rounds[:2] if decides else rounds:
             best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
             for points in (None, self._posts.rows):
                 forces = (view.tick, least, law.pull, law.decay, law.rival, self._width, hand_over)
                 hardest(points, *grids, *forces, left_out, *circle, best, place)
-            if best[0] > (law.beyond if near else -np.inf):
+            if best[0] > (law.beyond if near or (decides and hand_over == FAR) else -np.inf):
                 row, col, stand_row, stand_col = (int(number) for number in place)
                 return (row, col), (stand_row, stand_col)
         return None
@@ -421,3 +473,8 @@ class Commitment:
     @staticmethod
     def _age(view: View, point: tuple[int, int]) -> int:
         return view.tick - max(int(view.fog.last_seen[point]), 0)
+
+
+def _longest(paths: PathWindow) -> int:
+    """The longest path that is known, in hundredths of a point, at least 1."""
+    return int(paths.length[paths.state & STATUS == SETTLED].max(initial=1))
