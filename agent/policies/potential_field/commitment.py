@@ -342,8 +342,8 @@ class Commitment:
         """Lay the paths from where the robot stands, up to a limit; the lengths of the rivals' paths up to another."""
         rival = np.full(paths.length.shape, FAR, dtype=np.int32)
         if self._width > 0.0 and rivals.size:
-            # A window at the terrain's border reaches twice as far to the other side.
-            near = (np.abs(rivals - start) <= 2 * paths.span + 2).all(axis=1)
+            # What is farther away reaches no point that the robot itself reaches.
+            near = (np.abs(rivals - start) <= (limit + of_rivals) // 100 + 1).all(axis=1)
             others = [(row, col) for row, col in rivals[near].tolist()]
             rival = paths.lengths_from(view.ground.static, *start, others, of_rivals)
         if self._paths is None:
