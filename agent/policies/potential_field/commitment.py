@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 
 from agent.policies.potential_field.force import PAPER_POINT, law_reach, log_distance_force, log_fow_force
 from agent.policies.potential_field.kernels.hardest import hardest, own_reach
+from agent.policies.potential_field.shunned import Shunned
+from agent.policies.potential_field.stands import nearest_in_sight
 from agent.ports import Bearing, Intent, Place
-from agent.routes.ground import eroded
 from agent.routes.kernels.wave import BLOCKED, SETTLED, STATUS
-from agent.routes.path_window import FAR
+from agent.routes.path_window import DIAGONAL, FAR
 from agent.routes.routes import LONGEST
 from patrol.ground.footprint import Footprint
-from patrol.pose import Pose
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from agent.ports import PolicySetup
     from agent.routes.ground import Spot
@@ -51,15 +51,6 @@ AT_HAND_STEPS = 3
 
 TRIES = 3
 """Number of targets that are tried in one tick, where no way leads to the first ones."""
-
-SHUNNED_S = 60.0
-"""How long a robot then leaves out the target's surroundings, s; doubled each time that it gives them up again."""
-
-LONGEST_SHUNNED_S = 960.0
-"""Upper bound of the same, s; also how long a robot remembers that it left them out."""
-
-MOST_SHUNNED = 64
-"""Places that are left out at a time, or remembered."""
 
 NEARER = 0.1
 """Least share of a stride by which a way must get shorter to count as progress."""
@@ -81,9 +72,6 @@ STRETCHED_S = 30.0
 
 DECIDED = 40.0
 """Number of widths beyond which a claim is decided, as `agent.policies.potential_field.kernels.hardest` has it."""
-
-LONGEST_STEP = 141
-"""Of a path from point to point, hundredths of a point."""
 
 WORTH_WHILE = 0.25
 """A point of the claimed ground is fresh below this share of the age of the stalest point."""
@@ -148,7 +136,6 @@ class Commitment:
         self._often = max(1, round(1.0 / setup.step))
         self._been: deque[Spot] = deque(maxlen=math.ceil(ROAM_S / (self._often * setup.step)))
         self._hand_over = round(100.0 * HAND_OVER * stride / self._point)
-        self._around = math.ceil((2.0 * max(spec.radius, self._point) / self._point) ** 2)
         self._reach = law_reach(setup.patrol, self._point, 4 * sum(terrain.shape))
         self._target: Target | None = None
         self._expected = 0
@@ -161,7 +148,7 @@ class Commitment:
         # What a car heads for depends on points in sight of its target, which may lie outside a window.
         self._widens = paths is None and not self._slack and width_m > 0.0
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
-        self._shunned: list[tuple[int, int, int, int]] = []
+        self._shunned = Shunned(math.ceil((2.0 * max(spec.radius, self._point) / self._point) ** 2), setup.step)
 
     def decide(self, view: View, start: Element, rivals: Rivals, wander: float | None) -> Intent | None:
         """The way to the target, or to a new one.
@@ -200,7 +187,7 @@ class Commitment:
         age = self._age(view, target.point)
         seen = age < STILL_STALE * target.age
         if seen and not (target.away and self._home() is not None):
-            self._shunned = [one for one in self._shunned if not self._is_beside(one, target.close)]
+            self._shunned.forgive(target.close)
             return None
         way = self._way_to(view, start, target.stand)
         if way is None or (seen and way.length <= view.stride):
@@ -216,21 +203,9 @@ class Commitment:
             self._least, self._least_at = math.inf, view.tick
             return self._way_to(view, start, target.stand)
         if stood_s > (self._at_hand_s if at_hand else NO_NEARER_S):
-            self._give_up(view.tick, target.close)
+            self._shunned.add(view.tick, target.close)
             return None
         return way
-
-    def _give_up(self, tick: int, point: tuple[int, int]) -> None:
-        """Leave a point and its surroundings out for a while, for longer each time in a row."""
-        least, most = (round(bound / self._step) for bound in (SHUNNED_S, LONGEST_SHUNNED_S))
-        before = max((one[3] for one in self._shunned if self._is_beside(one, point)), default=0)
-        spell = min(max(2 * before, least), most)
-        others = [one for one in self._shunned if not self._is_beside(one, point)]
-        self._shunned = [*others, (*point, tick + spell, spell)][-MOST_SHUNNED:]
-
-    def _is_beside(self, shunned: tuple[int, int, int, int], point: tuple[int, int]) -> bool:
-        """Whether a point belongs to the surroundings of one that was given up."""
-        return (shunned[0] - point[0]) ** 2 + (shunned[1] - point[1]) ** 2 <= self._around
 
     def _way_to(self, view: View, start: Element, stand: tuple[int, int]) -> Way | None:
         """The shortest way to a point of the terrain; None if no way leads there now."""
@@ -244,9 +219,7 @@ class Commitment:
         """Commit to the point that pulls hardest, and return the way there; None where nothing pulls."""
         self._target = None
         tick = view.tick
-        # Who gives a place up again before long is to leave it out for longer.
-        memory = round(LONGEST_SHUNNED_S / self._step)
-        self._shunned = [one for one in self._shunned if tick < one[2] + memory]
+        self._shunned.forget(tick)
         if view.mfow == 0:
             return None
         home, others = self._home(), rivals(view)
@@ -260,7 +233,7 @@ class Commitment:
                 self._least, self._least_age, self._least_at = math.inf, target.age, tick
                 return way
             # Only straight paths and paths through regions lead where no way does.
-            self._give_up(tick, target.close)
+            self._shunned.add(tick, target.close)
         return None
 
     def _best(self, view: View, start: Element, rivals: NDArray[np.int64], home: Spot | None) -> Target | None:
@@ -272,7 +245,7 @@ class Commitment:
             # Whoever is nearer to a point this near is within the window too.
             near = view.routes.window(2 * self._near)
             law = self._law(view, near, start, rivals, 100 * self._near)
-            found = self._hardest(view, near, law, None, self._left_out(view.tick), near=True)
+            found = self._hardest(view, near, law, None, near=True)
             if found is not None:
                 return self._target_at(view, near, found, away=False)
         if home is None and self._widens:
@@ -281,13 +254,13 @@ class Commitment:
                 return target
         paths = self._paths or view.routes.window()
         law = self._law(view, paths, start, rivals, LONGEST)
-        found = None if home is None else self._hardest(view, paths, law, home, self._left_out(view.tick))
+        found = None if home is None else self._hardest(view, paths, law, home)
         away = found is not None
         if found is None:
-            found = self._hardest(view, paths, law, None, self._left_out(view.tick))
-        if found is None and self._shunned:
-            self._shunned.clear()
-            found = self._hardest(view, paths, law, None, ())
+            found = self._hardest(view, paths, law, None)
+        if found is None and self._shunned.places:
+            self._shunned.places.clear()
+            found = self._hardest(view, paths, law, None)
         return None if found is None else self._target_at(view, paths, found, away)
 
     def _within_reach(self, view: View, start: Element, rivals: NDArray[np.int64]) -> Target | None:
@@ -305,10 +278,10 @@ class Commitment:
             own = int(own_reach(window.state, window.length, rival))
             handed = np.minimum(rival, FAR - self._hand_over) + np.int32(self._hand_over)
             farthest = int(own_reach(window.state, window.length, handed))
-            if own > 0 and farthest <= 100 * reach - LONGEST_STEP:
+            if own > 0 and farthest <= 100 * reach - DIAGONAL:
                 self._measure(view.tick, own)
                 law = self._forces(view, window, rival, 100 * reach)
-                found = self._hardest(view, window, law, None, self._left_out(view.tick), decides=True)
+                found = self._hardest(view, window, law, None, decides=True)
                 if found is not None:
                     return self._target_at(view, window, found, away=False)
             reach *= 2
@@ -317,10 +290,6 @@ class Commitment:
     def _reach_known(self, tick: int) -> bool:
         """Whether it is known how far the claimed ground reaches, from not long ago."""
         return tick < self._stretched_until
-
-    def _left_out(self, tick: int) -> list[tuple[int, int, int, int]]:
-        """What has been given up and is left out now."""
-        return [one for one in self._shunned if tick < one[2]]
 
     def _law(self, view: View, paths: PathWindow, start: Element, rivals: NDArray[np.int64], limit: int) -> _Law:
         """How hard points pull, up to a path length; lays the paths from where the robot stands.
@@ -390,7 +359,8 @@ class Commitment:
             standing = paths.state & STATUS == SETTLED
             if self._paths is not None:
                 standing &= view.ground.state & STATUS != BLOCKED
-            stand = self._nearest_in_sight(paths, point, standing) or close
+            if self._sight is not None:
+                stand = nearest_in_sight(self._sight, self._slack, paths, point, standing) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
@@ -408,7 +378,6 @@ class Commitment:
         paths: PathWindow,
         law: _Law,
         home: Spot | None,
-        shunned: Sequence[tuple[int, int, int, int]],
         *,
         near: bool = False,
         decides: bool = False,
@@ -422,13 +391,12 @@ class Commitment:
             paths: From where the robot stands.
             law: How hard points pull.
             home: x and y in m, the centre of the circle in which the robot must not stand; None for no circle.
-            shunned: Row and column of the places to stand on whose surroundings are left out.
             near: Whether the window is a small one: what is found has to pull harder than anything outside could.
             decides: The same of a window that holds all of the claimed ground, where that need not pull harder.
         """
         fog = view.fog
         grids = (paths.state, paths.length, paths.row0, paths.col0, fog.last_seen, fog.looked)
-        left_out = np.array([(row, col, self._around) for row, col, _, _ in shunned], dtype=np.int64).reshape(-1, 3)
+        left_out = self._shunned.now(view.tick)
         circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
         stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
         rounds = ((self._hand_over, stale), (FAR, stale), (FAR, 1))
@@ -441,34 +409,6 @@ class Commitment:
                 row, col, stand_row, stand_col = (int(number) for number in place)
                 return (row, col), (stand_row, stand_col)
         return None
-
-    def _nearest_in_sight(
-        self, paths: PathWindow, point: tuple[int, int], standing: NDArray[np.bool_]
-    ) -> tuple[int, int] | None:
-        """The point with the shortest way from which the sensor shows a point; None if it is not known.
-
-        Args:
-            paths: From where the robot stands.
-            point: Row and column in the terrain of what is to be seen.
-            standing: bool, the elements of the window on which the robot may stand and to which a path is known.
-        """
-        if self._sight is None:
-            return None
-        seen = self._sight.visible(Pose(*self._sight.terrain.centre(*point), 0.0))
-        rows, cols = np.nonzero(seen.mask)
-        if self._slack:
-            inner = np.nonzero(eroded(seen.mask, self._slack))
-            if inner[0].size:
-                rows, cols = inner
-        rows, cols = rows + seen.row0 - paths.row0, cols + seen.col0 - paths.col0
-        inside = (rows >= 0) & (rows < standing.shape[0]) & (cols >= 0) & (cols < standing.shape[1])
-        rows, cols = rows[inside], cols[inside]
-        known = standing[rows, cols]
-        rows, cols = rows[known], cols[known]
-        if not rows.size:
-            return None
-        nearest = int(np.argmin(paths.length[rows, cols]))
-        return int(rows[nearest]) + paths.row0, int(cols[nearest]) + paths.col0
 
     @staticmethod
     def _age(view: View, point: tuple[int, int]) -> int:
