@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.kernels.hear import stalest
+from agent.belief.kernels.look import stalest
 from patrol.ground.fog import NEVER, Box, Fog
 from patrol.ground.footprint import View
 

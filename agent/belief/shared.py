@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from agent.belief.believed import Belief
 from agent.belief.contacts import Contacts
-from agent.belief.ears import NOTHING, Ear, Ears, Learnt
-from agent.belief.kernels.hear import look, show
+from agent.belief.kernels.look import look, show
 from agent.belief.marked_fog import MarkedFog
 from agent.routes.ground import Disc
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
+from patrol.radio.ears import NOTHING, Ear, Ears, Learnt
 from patrol.radio.inbox import Inbox
+from patrol.radio.message import CONTACT
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
 from patrol.radio.units import all_to_m
@@ -85,7 +86,7 @@ class SharedBelief:
         self._ears = ears
         self.ear = ear
         self.group = group
-        self.contacts = ear.contacts
+        self.contacts = Contacts()
         self.inbox = ear.inbox
         self.peers = HeardPeers(ears, ear.row)
 
@@ -160,7 +161,7 @@ class Company:
         self.leave(number)
         row = self._ears.row_of(number)
         self._ears.clear(row)
-        ear = Ear(row, inbox, PeerTracker(inbox.trail_every), Contacts())
+        ear = Ear(row, inbox, PeerTracker(inbox.trail_every))
         if kind not in self._blank:
             self._blank[kind] = _Group(blank())
         group = self._blank[kind]
@@ -189,6 +190,10 @@ class Company:
         self._blank.clear()
         minds = {number: self._minds[number] for number in heard}
         learnt = self._ears.listen(tick, {number: mind.ear for number, mind in minds.items()}, heard)
+        for number, accepted in learnt.accepted.items():
+            for position in accepted:
+                if position.robot == CONTACT:
+                    minds[number].contacts.report(position, tick)
         looks = _Tick(tick, learnt, {number: own[number] for number in minds}, self._footprint)
         groups = {id(mind.group): mind.group for mind in minds.values()}
         for group in groups.values():
@@ -226,8 +231,8 @@ class _Tick:
     def __init__(self, tick: int, learnt: Learnt, own: Mapping[int, Pose], footprint: Footprint) -> None:
         self._tick = tick
         self._footprint = footprint
-        poses, knows = [*learnt.poses], learnt.knows
-        place = dict(zip(learnt.robots, range(len(poses)), strict=True))
+        poses, knows = [said.pose for said in learnt.said], learnt.knows
+        place = {said.robot: at for at, said in enumerate(learnt.said)}
         own_place: list[int] = []
         for number, pose in own.items():
             at = place.get(number)
@@ -251,9 +256,10 @@ class _Tick:
             belief.see(more, self._tick)
         else:
             belief.see([*((self._tick, self._poses[at]) for at in np.flatnonzero(chosen)), *more], self._tick)
+        belief.fog.mfow(self._tick)  # found now, so that minds that decide at once in several threads only read
 
     def _shown(self, fog: MarkedFog) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
-        """What the looks show of the points of a fog, as `agent.belief.kernels.hear.look` takes them."""
+        """What the looks show of the points of a fog, as `agent.belief.kernels.look.look` takes them."""
         found = self._masks.get(id(fog.patrolled))
         if found is None:
             views = [self._footprint.visible(pose) for pose in self._poses]

@@ -19,8 +19,10 @@ Disc = tuple[float, float, float]
 """x, y and radius in m."""
 
 
-_REMEMBERED = 4096
-"""Places off the open points whose elements a ground remembers."""
+_REMEMBERED = 65536
+"""Places off the open points whose elements a ground remembers, at most."""
+
+_UNKNOWN = (-1, -1)
 
 
 class Area:
@@ -191,11 +193,11 @@ class Ground:
         off = np.flatnonzero(~self._is_open[framed[:, 0], framed[:, 1]])
         for index in off:
             x, y = places[index].tolist()
-            if (x, y) not in self._beside or self._closed != ((), ()):
-                if len(self._beside) >= _REMEMBERED:
-                    self._beside.clear()
-                self._beside[x, y] = self.join(x, y)
-            beside = self._beside[x, y]
+            beside = self._beside.get((x, y), _UNKNOWN) if self._closed == ((), ()) else self.join(x, y)
+            if beside == _UNKNOWN:
+                beside = self.join(x, y)
+                if len(self._beside) < _REMEMBERED:
+                    self._beside[x, y] = beside
             framed[index] = (-1, -1) if beside is None else beside
         return framed if not off.size else framed[framed[:, 0] >= 0]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agent.belief.kernels.hear import look, show
+from agent.belief.kernels.look import look, show
 from agent.belief.marked_fog import MarkedFog
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint
@@ -21,7 +21,7 @@ def test_it_answers_as_a_fog_that_counts() -> None:
     footprint = Footprint(terrain, 6.0)
     counted, marked, at_once = Fog(PASSABLE), MarkedFog(PASSABLE), MarkedFog(PASSABLE)
     for tick in range(60):
-        poses = [Pose(*rng.uniform((0.0, 0.0), (40.0, 30.0)).tolist(), 0.0) for _ in range(3)]
+        poses = [Pose(x, y, 0.0) for x, y in rng.uniform((0.0, 0.0), (40.0, 30.0), (3, 2)).tolist()]
         views = [footprint.visible(pose) for pose in poses]
         for view in views:
             counted.observe(view, tick)

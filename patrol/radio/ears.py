@@ -1,4 +1,4 @@
-"""What the minds of one process have heard of each other: a row for each listener, a column for each sender.
+"""What the listeners of one process have heard of each other: a row for each listener, a column for each sender.
 
 A frame is decoded and checked once, however many hear it. Most frames follow from the last one of their sender without
 any doubt and are taken in for all listeners at once. For the rest a listener's own inbox and tracker decide as they
@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.kernels.hear import ODD, PLAIN, hear
 from patrol.radio.heard import Heard
 from patrol.radio.inbox import ROUNDING, History, Inbox
+from patrol.radio.kernels.hear import ODD, PLAIN, hear
 from patrol.radio.message import CONTACT, Position
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.replay_window import SPAN, ReplayWindow
 
 if TYPE_CHECKING:
-    from agent.belief.contacts import Contacts
     from patrol.pose import Pose
 
 NOTHING = -1
@@ -37,29 +36,27 @@ class Ear:
         row: In the tables.
         inbox: Decides on frames in doubt, and counts what it refuses.
         tracker: Finds the looks of what it accepts.
-        contacts: Takes the intruders reported.
     """
 
     row: int
     inbox: Inbox
     tracker: PeerTracker
-    contacts: Contacts
 
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """The looks that listeners have learnt of in one tick.
+    """What listeners have learnt in one tick.
 
     Attributes:
-        poses: Of the looks of this tick.
-        robots: Number of the robot that each pose is of.
-        knows: uint8 (listeners, poses), 1 where a listener has learnt of the look.
-        more: Other looks, as tick and pose, by listener.
+        said: Positions that were taken in without any doubt; each is a look of this tick, and of another robot.
+        knows: uint8 (listeners, positions), 1 where a listener has taken in the position.
+        accepted: Other positions and contacts, in their order, by listener.
+        more: The looks that these make known, as tick and pose, by listener.
     """
 
-    poses: list[Pose]
-    robots: list[int]
+    said: list[Position]
     knows: NDArray[np.uint8]
+    accepted: dict[int, list[Position]] = field(default_factory=dict)
     more: dict[int, list[tuple[int, Pose]]] = field(default_factory=dict)
 
 
@@ -122,7 +119,7 @@ class Ears:
             What they learn.
         """
         if not ears:
-            return Learnt([], [], np.zeros((0, 0), dtype=np.uint8))
+            return Learnt([], np.zeros((0, 0), dtype=np.uint8))
         frames, reaches, uneven = _as_table(heard, list(ears))
         positions = self._plain(frames, next(iter(ears.values())).inbox, tick)
         columns = np.array(list(positions), dtype=np.int64)
@@ -130,16 +127,18 @@ class Ears:
         knows = np.ascontiguousarray(reaches[:, columns])
         rows = np.array([ear.row for ear in ears.values()], dtype=np.int64)
         self._hear(tick, rows, said, knows)
-        more: dict[int, list[tuple[int, Pose]]] = {}
+        learnt = Learnt(said, knows)
         others = np.ones(len(frames), dtype=np.bool_)
         others[columns] = False
         in_doubt = (knows == ODD).any(axis=1) | reaches[:, others].any(axis=1)
         for place, (number, ear) in enumerate(ears.items()):
             if in_doubt[place] or number in uneven:
                 taken = {frames[columns[at]] for at in np.flatnonzero(knows[place] == PLAIN)}
-                more[number] = self._decide(ear, _left(heard[number], taken), tick)
+                found, looks = self.decide(ear, _left(heard[number], taken), tick)
+                learnt.accepted[number] = [position for position in found if position is not None]
+                learnt.more[number] = looks
         knows[knows == ODD] = 0
-        return Learnt([position.pose for position in said], [position.robot for position in said], knows, more)
+        return learnt
 
     def _plain(self, frames: Sequence[bytes], inbox: Inbox, tick: int) -> dict[int, Position]:
         """The positions in frames of which each sender has one, by their place; none where a contact has to be judged.
@@ -172,8 +171,19 @@ class Ears:
         windows = (self._newest, self._used, self._looked, self._looks)
         hear(knows, rows, senders, sequences, xs, ys, headings, times, *now, self._odd, *last, *windows)
 
-    def _decide(self, ear: Ear, frames: Sequence[bytes], tick: int) -> list[tuple[int, Pose]]:
-        """Let a listener take frames in one by one; the looks that it learns of."""
+    def decide(
+        self, ear: Ear, frames: Sequence[bytes], tick: int
+    ) -> tuple[list[Position | None], list[tuple[int, Pose]]]:
+        """Let a listener's own inbox decide on frames, one by one.
+
+        Args:
+            ear: The listener's.
+            frames: In their order.
+            tick: Now.
+
+        Returns:
+            What each frame says, None where it was refused; and the looks that the positions make known.
+        """
         claimed = {_claimed(frame, ear.inbox) for frame in frames}
         everybody = range(len(self.numbers))
         concerned = (
@@ -184,17 +194,15 @@ class Ears:
         for column in touched:
             self._lend(ear, column)
         looks: list[tuple[int, Pose]] = []
+        accepted: list[Position | None] = []
         for frame in frames:
             position = ear.inbox.accept(frame, tick * self._step)
-            if position is None:
-                continue
-            if position.robot == CONTACT:
-                ear.contacts.report(position, tick)
-            else:
+            accepted.append(position)
+            if position is not None and position.robot != CONTACT:
                 looks += ear.tracker.hear(position, tick)
         for column in touched:
             self._take_back(ear, column)
-        return looks
+        return accepted, looks
 
     def _lend(self, ear: Ear, column: int) -> None:
         """Give a listener's inbox and tracker what the tables say of a sender."""
