@@ -139,6 +139,7 @@ def test_a_frame_that_is_not_too_long_and_counts_as_that_fails(
 def test_a_link_that_a_loss_is_not_about_and_that_loses_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(RadioRules, "only_drop", False)
     monkeypatch.setattr("worldsim.radio.rules._on_link", lambda *_: True)
     found = failures(run(LOSS))
     assert list(found) == ["drops"]
