@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.believed import Belief
+from agent.belief.believed import Belief, spreads
+from agent.belief.marked_fog import MarkedFog
 from agent.belief.posts import Posts
+from agent.belief.shared import Company
 from agent.bodies import BODIES
 from agent.bodies.refine import psi_field
 from agent.bodies.setup import BodySetup
@@ -28,6 +30,7 @@ from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
+from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.prediction import Predictor
@@ -36,6 +39,7 @@ from patrol.scenario import lengths_by_robot, lengths_of, share_of
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
+    from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
@@ -47,17 +51,35 @@ Psi = Mapping[float, NDArray[np.float32]]
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What the minds of one process share, to save time and memory. None of it holds what one of them believes.
+    """What the minds of one process share, to save time and memory.
 
     Attributes:
         footprint: The scenario's sensor on its terrain.
         psi: Of `psi_of`.
         scratch: Working memory, for minds that never think at the same time; each makes its own otherwise.
+        company: Holds what they believe, as long as that is the same; None where each holds its own.
+        posts: By the identity of a body's static fields, which live as long as the scenario.
+        grounds: By the same, with nothing closed.
     """
 
     footprint: Footprint
     psi: Psi
     scratch: dict[str, PathWindow] | None = field(default_factory=dict)
+    company: Company | None = None
+    posts: dict[int, Posts] = field(default_factory=dict)
+    grounds: dict[int, Ground] = field(default_factory=dict)
+
+    def ground_of(self, terrain: Terrain, fields: StaticFields) -> Ground:
+        """The ground of one kind of body, on which nothing is ever closed."""
+        if id(fields) not in self.grounds:
+            self.grounds[id(fields)] = Ground(terrain, fields.reach)
+        return self.grounds[id(fields)]
+
+    def posts_of(self, fields: StaticFields, straight: bool) -> Posts:
+        """The posts of one kind of body; on straight paths, which know no walls, each point pulls from where it is."""
+        if id(fields) not in self.posts:
+            self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
+        return self.posts[id(fields)]
 
 
 def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
@@ -106,16 +128,25 @@ def _psi_file(number: int) -> str:
     return f"psi-{number}.npy"
 
 
-def shared_by(prepared: Prepared, footprint: Footprint | None = None, *, together: bool = True) -> Shared:
+def shared_by(
+    prepared: Prepared, footprint: Footprint | None = None, *, together: bool = True, believe: bool = False
+) -> Shared:
     """What the minds of a scenario can share.
 
     Args:
         prepared: The scenario.
         footprint: Its sensor, when somebody else holds one that remembers.
         together: Whether the minds think one at a time, so that they can share working memory too.
+        believe: Whether they share beliefs, where the scenario lets them; then whoever calls them lets their company
+            hear, and then each decide.
     """
-    sensor = footprint or sensor_footprint(prepared.scenario, prepared.terrain)
-    return Shared(sensor, psi_of(prepared.scenario, prepared.terrain), {} if together else None)
+    scenario = prepared.scenario
+    sensor = footprint or sensor_footprint(scenario, prepared.terrain)
+    company = None
+    if believe and not sensor.leaves_age and scenario.radio.adaptive is None:
+        speed = max(spec.speed for spec in scenario.roster)
+        company = Company([spec.number for spec in scenario.roster], scenario.step, speed, sensor, at_once=not together)
+    return Shared(sensor, psi_of(scenario, prepared.terrain), {} if together else None, company)
 
 
 def build_mind(
@@ -144,9 +175,8 @@ def build_mind(
     def chance(tick: int, index: int, purpose: Purpose) -> float:
         return draw(scenario.seed, purpose, number, incarnation, tick, index)
 
-    # Straight paths know no walls: each point pulls from where it is, and not from a post.
     straight = patrol.paths == "straight"
-    posts = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
+    posts = shared.posts_of(fields, straight)
     # A window of half the terrain's points in every direction already holds all of it.
     dilatation = min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
     kind = policy_of(scenario)
@@ -154,8 +184,14 @@ def build_mind(
         dilatation = 0  # commitment asks for single points only
     spread = fields.patrolled if straight else fields.reach
     inbox = inbox_of(scenario, number, terrain.bounds, key)
-    belief = Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation)
-    ground = Ground(terrain, fields.reach)
+
+    def blank() -> Belief:
+        counted = shared.company is None or spreads(posts, dilatation)
+        fog = Fog(fields.patrolled) if counted else MarkedFog(fields.patrolled)
+        return Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation, fog)
+
+    belief = shared.company.join(number, inbox, blank, (id(fields), dilatation)) if shared.company else blank()
+    ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.company else None)
     setup = PolicySetup(
         spec=spec,
         radii=radii,

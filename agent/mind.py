@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from agent.answers import checked
 from agent.belief.believed import Belief
+from agent.belief.shared import SharedBelief
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Disc, Ground
 from agent.routes.routes import Routes
@@ -53,7 +54,7 @@ class Mind:
     def __init__(
         self,
         facts: Facts,
-        belief: Belief,
+        belief: Belief | SharedBelief,
         fog: FogView,
         ground: Ground,
         routes: Routes,
@@ -89,7 +90,22 @@ class Mind:
         Raises:
             PolicyFailed: The policy raised, or returned what is no intent. The mind cannot go on.
         """
-        view = self._look(sensed, heard)
+        self.belief.update(sensed.k, as_received(sensed.pose), heard, self.facts.step)
+        return self.decide(sensed)
+
+    def decide(self, sensed: Sensed) -> Decision:
+        """The second half of `step`, once the belief has taken in what was heard.
+
+        Args:
+            sensed: By the robot itself.
+
+        Returns:
+            As `step`.
+
+        Raises:
+            PolicyFailed: As of `step`.
+        """
+        view = self._look(sensed)
         try:
             intent = self.policy.decide(view)
         except PolicyFailed:
@@ -109,11 +125,10 @@ class Mind:
             figures=intent.figures,
         )
 
-    def _look(self, sensed: Sensed, heard: Sequence[bytes]) -> View:
-        """Take in what was sensed and heard, and see what the robot knows now."""
+    def _look(self, sensed: Sensed) -> View:
+        """See what the robot knows now."""
         facts, k, pose = self.facts, sensed.k, sensed.pose
         reported = as_received(pose)
-        self.belief.update(k, reported, heard, facts.step)
         for place in sensed.contacts[:MAX_CONTACTS]:
             self.belief.contacts.report(Position.of_contact(k, k * facts.step, *place), k)
         contacts = self.belief.contacts.known(k, facts.memory)
@@ -127,7 +142,7 @@ class Mind:
             bumped=sensed.bumped,
             spec=facts.spec,
             stride=facts.spec.speed * facts.step,
-            peers={number: peer for number, peer in peers.items() if k - peer.tick <= facts.patience},
+            peers=self.belief.lately(peers, k - facts.patience),
             radii=facts.radii,
             contacts=contacts,
             fog=self._fog,

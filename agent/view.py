@@ -17,6 +17,7 @@ from patrol.random import Purpose
 if TYPE_CHECKING:
     from agent.belief.believed import Belief
     from agent.belief.posts import Posts
+    from agent.belief.shared import SharedBelief
     from agent.routes.ground import Ground, Spot
     from agent.routes.routes import Routes, Way
     from patrol.pose import Pose
@@ -34,23 +35,25 @@ class FogView:
     """The fog as this robot believes it, read-only. Grids are (height, width) of the terrain, by row and column.
 
     Attributes:
-        last_seen: int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0.
-        looked: int32, the tick at which each point was last in somebody's view; `last_seen` unless a look leaves age.
         patrolled: bool, the points that this robot could see from somewhere: those that have an age.
         posts: Where to stand to see patrolled points on which the body does not fit.
     """
 
-    def __init__(self, belief: Belief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
+    def __init__(self, belief: Belief | SharedBelief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
         self._belief = belief
-        self.last_seen = _read_only(belief.fog.last_seen)
-        self.looked = _read_only(belief.looked)
+        self._shown: dict[int, NDArray[np.int32]] = {}
         self.patrolled = _read_only(patrolled)
         self.posts = posts
 
     @property
+    def last_seen(self) -> NDArray[np.int32]:
+        """int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0."""
+        return self._show(0, self._belief.fog.last_seen)
+
+    @property
     def dilated(self) -> NDArray[np.int32]:
-        """`last_seen` with staleness spread by `patrol.dilatation` (paper, "dilatation"), int32."""
-        return _read_only(self._belief.dilated)
+        """int32, `last_seen` with staleness spread by `patrol.dilatation` (paper, "dilatation")."""
+        return self._show(1, self._belief.dilated)
 
     def dilated_around(self, point: tuple[int, int], span: int) -> NDArray[np.int32]:
         """`dilated`, up to date only around a point, which costs less.
@@ -60,7 +63,19 @@ class FogView:
             span: Number of rows and of columns that are needed on each side.
         """
         row, col = point
-        return _read_only(self._belief.dilated_within((row - span, row + span, col - span, col + span)))
+        return self._show(1, self._belief.dilated_within((row - span, row + span, col - span, col + span)))
+
+    @property
+    def looked(self) -> NDArray[np.int32]:
+        """int32, the tick at which each point was last in somebody's view; `last_seen` unless a look leaves age."""
+        return self._show(2, self._belief.looked)
+
+    def _show(self, which: int, grid: NDArray[np.int32]) -> NDArray[np.int32]:
+        """A read-only view of a grid, which is another one once a belief is no longer shared."""
+        shown = self._shown.get(which)
+        if shown is None or shown.base is not grid:
+            self._shown[which] = shown = _read_only(grid)
+        return shown
 
     def mfow(self, tick: int) -> int:
         """The believed age of the stalest point, ticks."""

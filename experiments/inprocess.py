@@ -22,6 +22,7 @@ from patrol.net.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
 from patrol.radio.fleet_key import fleet_key
+from patrol.radio.message import as_received
 from worldsim.fleet.loop import run_ticks
 from worldsim.fleet.process_control import NotStarted
 from worldsim.output.record import Recorder, header_of
@@ -31,6 +32,7 @@ from worldsim.verdict.judge import Judge, Verdict, judge
 from worldsim.world import World
 
 if TYPE_CHECKING:
+    from agent.belief.shared import Company
     from patrol.scenario import Scenario
 
 
@@ -57,6 +59,7 @@ class InProcessFleet:
         make: MakeMind | None = None,
         threads: int = 1,
         limit_s: float | None = None,
+        company: Company | None = None,
     ) -> None:
         """Take minds in.
 
@@ -67,7 +70,9 @@ class InProcessFleet:
                 minds that share scratch memory allow one only.
             limit_s: Wall time, s, after which a decision counts as failed; None for no limit. It holds where minds
                 step in the main thread alone.
+            company: In which the minds hear, where they share beliefs.
         """
+        self._company = company
         self._minds = dict(minds)
         self._limit_s = limit_s if threads == 1 else None
         self._failed: dict[int, str] = {}
@@ -90,10 +95,13 @@ class InProcessFleet:
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """Every mind's command."""
         numbers = list(heard)
+        if self._company is not None:
+            own = {number: as_received(self._sensed[number].pose) for number in numbers}
+            self._company.hear(k, own, heard)
         if self._pool is None:
-            replies = [self._step(k, number, heard[number]) for number in numbers]
+            replies = [self._step(k, number, heard) for number in numbers]
         else:
-            replies = list(self._pool.map(lambda number: self._step(k, number, heard[number]), numbers))
+            replies = list(self._pool.map(lambda number: self._step(k, number, heard), numbers))
         return {number: reply for number, reply in zip(numbers, replies, strict=True) if reply is not None}
 
     def lost(self) -> Sequence[tuple[int, Status, str]]:
@@ -101,16 +109,16 @@ class InProcessFleet:
         lost = [(number, Status.LOST, reason) for number, reason in sorted(self._failed.items())]
         self._failed.clear()
         for number, _, _ in lost:
-            self._minds.pop(number, None)
+            self._drop(number)
         return lost
 
     def kill(self, number: int) -> None:
         """Drop a mind, with all that it knew."""
-        self._minds.pop(number, None)
+        self._drop(number)
 
     def leave(self, number: int) -> None:
         """Drop a mind; it has nothing to put in order."""
-        self._minds.pop(number, None)
+        self._drop(number)
 
     def pause(self, number: int) -> str:
         """Nothing: a mind that is not called stands still, and has no process to look at."""
@@ -146,11 +154,17 @@ class InProcessFleet:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
-    def _step(self, k: int, number: int, heard: Sequence[bytes]) -> Reply | None:
+    def _drop(self, number: int) -> None:
+        self._minds.pop(number, None)
+        if self._company is not None:
+            self._company.leave(number)
+
+    def _step(self, k: int, number: int, heard: Mapping[int, list[bytes]]) -> Reply | None:
         begun = time.perf_counter()
         try:
             with deadline(self._limit_s):
-                decision = self._minds[number].step(self._sensed[number], heard)
+                mind, sensed = self._minds[number], self._sensed[number]
+                decision = mind.step(sensed, heard[number]) if self._company is None else mind.decide(sensed)
         except (PolicyFailed, Late) as failed:
             self._failed[number] = policy_failure(k, failed)
             return None
@@ -178,6 +192,7 @@ def run_in_process(
     look: Callable[[World, Mapping[int, Mind]], None] | None = None,
     watch: Callable[[World], Callable[[TickRecord], None]] | None = None,
     baseline_s: float | None = None,
+    share: bool = True,
 ) -> Outcome:
     """Run a scenario to its end, or until `stop` (asked between ticks) says so.
 
@@ -189,7 +204,7 @@ def run_in_process(
     where there are records to read again. look: called after each tick with the world and the minds by robot number,
     to compare what is with what they believe; it must change nothing. watch: makes, from the world before its first
     tick, what takes each tick's record after `progress`. baseline_s: what `fault_free_mfow` gives, for the verdict to
-    judge recovery by.
+    judge recovery by. share: whether minds whose beliefs are equal share them, which changes no trace.
 
     Raises BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
     """
@@ -201,13 +216,13 @@ def run_in_process(
     kind = policy_of(prepared.scenario)
     if not kind.ours:
         threads = 1  # so that one which hangs can be stopped
-    shared = shared_by(prepared, footprint, together=threads == 1)
+    shared = shared_by(prepared, footprint, together=threads == 1, believe=share)
     make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared)
     try:
         minds = {number: make(number, FIRST_INCARNATION) for number in world.living}
     except PolicyFailed as failed:
         raise BadInput(str(failed)) from failed
-    fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S)
+    fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S, shared.company)
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]
     if watch is not None:

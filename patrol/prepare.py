@@ -16,7 +16,7 @@ import numpy as np
 
 from patrol.errors import BadInput
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
-from patrol.ground.footprint import Footprint
+from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
@@ -159,7 +159,8 @@ def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
         terrain: the ground.
     """
     sensor = scenario.sensor
-    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
+    remembered = max(REMEMBERED, 2 * len(scenario.roster))
+    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality, remembered)
 
 
 def inbox_of(

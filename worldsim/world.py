@@ -106,7 +106,7 @@ class World:
             for number, body in living.items()
         }
 
-    def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> dict[int, list[bytes]]:
+    def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> Mapping[int, list[bytes]]:
         """The ether carries the frames of the living robots.
 
         Args:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
@@ -22,6 +23,18 @@ from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
 
 
+def spreads(posts: Posts, dilatation: int) -> bool:
+    """Whether a belief has dilated ticks of its own.
+
+    Without posts, paths lead over every point, so points that are not ground must not pull.
+
+    Args:
+        posts: The points on which no body fits.
+        dilatation: Half-width of the window in points.
+    """
+    return dilatation > 0 or not len(posts.rows)
+
+
 class Belief:
     """The believed fog of the points this robot can see, with dilatation, and its peers.
 
@@ -38,7 +51,14 @@ class Belief:
     """
 
     def __init__(
-        self, patrolled: BoolGrid, ground: BoolGrid, posts: Posts, footprint: Footprint, inbox: Inbox, dilatation: int
+        self,
+        patrolled: BoolGrid,
+        ground: BoolGrid,
+        posts: Posts,
+        footprint: Footprint,
+        inbox: Inbox,
+        dilatation: int,
+        fog: Fog | None = None,
     ) -> None:
         """Start with nothing seen and no peer heard.
 
@@ -49,8 +69,9 @@ class Belief:
             footprint: What the sensor sees from a pose.
             inbox: Judges the frames heard.
             dilatation: Half-width of the window in points; 0 for no dilatation.
+            fog: Nothing seen of the same points; made unless given.
         """
-        self.fog = Fog(patrolled)
+        self.fog = fog or Fog(patrolled)
         self.inbox = inbox
         self._tracker = PeerTracker(inbox.trail_every)
         self.peers = self._tracker.peers
@@ -58,9 +79,7 @@ class Belief:
         self._footprint = footprint
         self.looked = self.fog.last_seen.copy() if footprint.leaves_age else self.fog.last_seen
         self._tick = 0
-        # Without posts, paths lead over every point, so points that are not ground must not pull.
-        spreads = dilatation > 0 or not len(posts.rows)
-        self._dilated = Dilated(self.fog, ground, posts, dilatation) if spreads else None
+        self._dilated = Dilated(self.fog, ground, posts, dilatation) if spreads(posts, dilatation) else None
 
     def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
         """Take in the robot's own pose and the frames heard.
@@ -82,12 +101,37 @@ class Belief:
             elif position is not None:
                 looks = self._tracker.hear(position, tick)
                 boxes += [self._look(pose, at) for at, pose in looks]
-        if self._dilated is not None:
-            self._dilated.changed([box for box in boxes if box is not None])
+        self._changed(boxes)
+
+    def see(self, looks: Iterable[tuple[int, Pose]], tick: int) -> None:
+        """Take in looks that are new.
+
+        Args:
+            looks: Tick and pose of each.
+            tick: Now.
+        """
+        self._tick = tick
+        self._changed([self._look(pose, at) for at, pose in looks])
+
+    def fork(self) -> Belief:
+        """Another belief in the same fog, with its own grids; inbox, peers and contacts stay the same ones."""
+        other = copy.copy(self)
+        other.fog = self.fog.fork()
+        other.looked = self.looked.copy() if self._footprint.leaves_age else other.fog.last_seen
+        other._dilated = None if self._dilated is None else self._dilated.fork(other.fog)
+        return other
 
     @property
     def dilated(self) -> NDArray[np.int32]:
         """int32 (h, w), the tick at which each point was last seen, after dilatation (`dilated_within`)."""
+        return self.refresh()
+
+    def refresh(self) -> NDArray[np.int32]:
+        """Bring all of `dilated` up to date; until the next look, several threads may then read it at once.
+
+        Returns:
+            int32 (h, w), as `dilated_within`.
+        """
         height, width = self.fog.last_seen.shape
         return self.dilated_within((0, height - 1, 0, width - 1))
 
@@ -103,13 +147,26 @@ class Belief:
         """
         return self.fog.last_seen if self._dilated is None else self._dilated.within(box, self._tick)
 
+    def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
+        """Those of some peers that were heard at a tick or later.
+
+        Args:
+            peers: From `peers_at`.
+            since: The tick.
+        """
+        return {number: peer for number, peer in peers.items() if peer.tick >= since}
+
+    def _changed(self, boxes: Iterable[Box | None]) -> None:
+        if self._dilated is not None:
+            self._dilated.changed([box for box in boxes if box is not None])
+
     def _look(self, pose: Pose, tick: int) -> Box | None:
         view = self._footprint.visible(pose)
         if self._footprint.leaves_age:
             view.mark(self.looked, tick)
         return self.fog.observe(view, tick)
 
-    def peers_at(self, tick: int, predictor: Predictor | None) -> dict[int, Peer]:
+    def peers_at(self, tick: int, predictor: Predictor | None) -> Mapping[int, Peer]:
         """The peers where they should be by now.
 
         Args:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,6 +55,22 @@ class Dilated:
         self._boxes = np.zeros((rows * cols, 4), dtype=np.int64)
         height, width = (min(size, LARGEST) + 2 * min(reach, LARGEST) + 4 for size in ground.shape)
         self._scratch = np.zeros(3 * height * width, dtype=np.uint16)
+
+    def fork(self, fog: Fog) -> Dilated:
+        """The same for a fog that is now as fresh as this one's, and from now on another.
+
+        Args:
+            fog: The other fog, before dilatation.
+        """
+        other = copy.copy(self)
+        other._fog = fog
+        other._carried, other._grid = self._carried.copy(), self._grid.copy()
+        other._outdated, other._due = self._outdated.copy(), self._due.copy()
+        other._oldest, other._newest = self._oldest.copy(), self._newest.copy()
+        other._freshest = self._freshest.copy()
+        # Both may compute at once, in several threads.
+        other._boxes, other._scratch = np.zeros_like(self._boxes), np.zeros_like(self._scratch)
+        return other
 
     def changed(self, looks: list[Box]) -> None:
         """Take in what a tick's looks have changed in the fog.

@@ -62,7 +62,7 @@ class GiveWay:
         self._until: dict[int, int] = {}
         self._bumps = 0
 
-    def update(self, tick: int, pose: Pose, bumped: bool, peers: dict[int, Peer], near: float) -> None:
+    def update(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer], near: float) -> None:
         """Take in whether the last move was cancelled.
 
         Args:
@@ -81,7 +81,7 @@ class GiveWay:
             spell = SHORTEST_S + (LONGEST_S - SHORTEST_S) * draw(*self._identity, tick)
             self._until[other] = tick + round(spell / self._step)
 
-    def discs(self, tick: int, pose: Pose, peers: dict[int, Peer], point: float) -> list[Disc]:
+    def discs(self, tick: int, pose: Pose, peers: Mapping[int, Peer], point: float) -> list[Disc]:
         """The peers that are obstacles now.
 
         Args:

@@ -82,9 +82,8 @@ class BodyBase:
         """The robots that this one gives way to (`agent.ports.Body.obstacles`)."""
         if self._give_way is None:
             return ()
-        known = dict(peers)
-        self._give_way.update(tick, pose, bumped, known, 2.0 * self.stride)
-        return self._give_way.discs(tick, pose, known, self._point)
+        self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
+        return self._give_way.discs(tick, pose, peers, self._point)
 
 
 def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:

@@ -19,6 +19,12 @@ Disc = tuple[float, float, float]
 """x, y and radius in m."""
 
 
+_REMEMBERED = 65536
+"""Places off the open points whose elements a ground remembers, at most."""
+
+_UNKNOWN = (-1, -1)
+
+
 class Area:
     """A part of the ground that can be closed as a whole.
 
@@ -47,24 +53,32 @@ class Ground:
     own routes and the body alike. Elements are numbered like those of `state`.
     """
 
-    def __init__(self, terrain: Terrain, reach: NDArray[np.bool_]) -> None:
+    def __init__(self, terrain: Terrain, reach: NDArray[np.bool_], base: Ground | None = None) -> None:
         """Start with nothing closed.
 
         Args:
             terrain: The map.
             reach: bool (h, w), the points on which the robot's centre may be.
+            base: The same ground, on which nothing is ever closed; then this one has grids of its own only while
+                something is closed on it.
         """
         self.terrain = terrain
+        self._borrows = base is not None
+        self._beside: dict[tuple[float, float], tuple[int, int] | None] = {}
+        self._static = base
         self._wanted: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
-        self._reach: NDArray[np.bool_] = np.pad(reach, 1)
-        self._is_open: NDArray[np.bool_] = self._reach.copy()
-        height, width = terrain.shape
-        self._state: NDArray[np.uint8] = np.zeros((height + 2, width + 2), dtype=np.uint8)
-        self._shown = self._state.view()
-        self._shown.flags.writeable = False  # kernels rely on its frame, and policies have access to it
-        self._encode((0, height + 2, 0, width + 2))
         self._closed: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
-        self._static: Ground | None = None
+        self._reach: NDArray[np.bool_] = np.pad(reach, 1) if base is None else base._reach
+        self._is_open: NDArray[np.bool_]
+        self._state: NDArray[np.uint8]
+        if base is not None:
+            self._borrow(base)
+            return
+        self._is_open = self._reach.copy()
+        height, width = terrain.shape
+        self._state = np.zeros((height + 2, width + 2), dtype=np.uint8)
+        self._shown = _read_only(self._state)  # kernels rely on its frame, and policies have access to it
+        self._encode((0, height + 2, 0, width + 2))
 
     @property
     def state(self) -> NDArray[np.uint8]:
@@ -123,6 +137,13 @@ class Ground:
             return
         before, self._closed = self._closed, self._wanted
         discs, areas = self._closed
+        if self._borrows and self._static is not None:
+            if not discs and not areas:
+                self._borrow(self._static)
+                return
+            if self._state is self._static._state:
+                self._is_open, self._state = self._is_open.copy(), self._state.copy()
+                self._shown = _read_only(self._state)
         boxes = [self._box(disc) for disc in (*before[0], *discs)]
         boxes += [area.box for area in (*before[1], *areas)]
         for top, bottom, left, right in boxes:
@@ -153,9 +174,39 @@ class Ground:
         beside = anchor(self.terrain, self._is_open[1:-1, 1:-1], x, y)
         return None if beside is None else (beside[0] + 1, beside[1] + 1)
 
+    def join_each(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """The open elements through which several bodies join the reachable points, as `join` finds them.
+
+        Args:
+            places: float64 (n, 2), x and y of the bodies' centres in m.
+
+        Returns:
+            int64 (k, 2), row and column for each body that joins them, in their order.
+        """
+        self._apply()
+        if self._static is not None and self._state is self._static._state:
+            return self._static.join_each(places)  # which remembers for all that borrow its grids
+        ox, oy = self.terrain.origin
+        cells = np.floor((places[:, ::-1] - (oy, ox)) / self.terrain.point).astype(np.int64) + 1
+        # The frame is never open, and stands for everything beyond it.
+        framed = np.clip(cells, 0, np.array(self._is_open.shape) - 1)
+        off = np.flatnonzero(~self._is_open[framed[:, 0], framed[:, 1]])
+        for index in off:
+            x, y = places[index].tolist()
+            beside = self._beside.get((x, y), _UNKNOWN) if self._closed == ((), ()) else self.join(x, y)
+            if beside == _UNKNOWN:
+                beside = self.join(x, y)
+                if len(self._beside) < _REMEMBERED:
+                    self._beside[x, y] = beside
+            framed[index] = (-1, -1) if beside is None else beside
+        return framed if not off.size else framed[framed[:, 0] >= 0]
+
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """The centre (x, y) in m of element (row, col) of `state`."""
         return self.terrain.centre(row - 1, col - 1)
+
+    def _borrow(self, base: Ground) -> None:
+        self._is_open, self._state, self._shown = base._is_open, base._state, base._shown
 
     def _place(self, disc: Disc) -> tuple[float, float, float]:
         """A disc's row, column and radius in points of `state`."""
@@ -192,6 +243,12 @@ class Ground:
             for across in (-1, 0, 1):
                 surrounded &= self._is_open[top + up : bottom + up, left + across : right + across]
         self._state[top:bottom, left:right] = np.where(surrounded, OPEN, np.where(is_open, OPEN | HEMMED, BLOCKED))
+
+
+def _read_only(grid: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    shown = grid.view()
+    shown.flags.writeable = False
+    return shown
 
 
 def _within(first: int, end: int, size: int) -> tuple[int, int]:

@@ -14,6 +14,9 @@ from agent.routes.kernels.wave import SETTLED, STATUS
 FAR = 2**31 - 1
 """The length of an unknown path."""
 
+DIAGONAL = 141
+"""The length of the longest step of a path from point to point."""
+
 Place = tuple[int, int]
 Lengths = NDArray[np.int32]
 

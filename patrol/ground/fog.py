@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,6 +59,14 @@ class Fog:
         fog._histogram = np.bincount(counted + 1, minlength=1024).astype(np.int64)
         fog._sum = int(np.maximum(counted, 0).sum(dtype=np.int64))
         return fog
+
+    def fork(self) -> Fog:
+        """An independent fog of the same points, now as fresh as this one."""
+        other = copy.copy(self)
+        other.last_seen = self.last_seen.copy()
+        other._histogram = self._histogram.copy()
+        other._box = self._box.copy()
+        return other
 
     def observe(self, view: View, tick: int) -> Box | None:
         """Take in one robot's footprint.

@@ -15,7 +15,7 @@ from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 
 REMEMBERED = 64
-"""Footprints kept by a `Footprint`: in one tick every robot, and in one process every belief, asks for the same few."""
+"""Footprints that a `Footprint` keeps unless told otherwise: in one tick every robot asks for the same few."""
 
 Quality = float | Sequence[tuple[float, float]]
 """Share of a point's age that an observation takes away: one number in (0, 1], or (distance in m, share) corners with
@@ -77,6 +77,7 @@ class Footprint:
         angle_deg: of the sector, degrees; 360 for the disc.
         line_of_sight: False for a sensor that sees through obstacles.
         quality: see `Quality`.
+        remembered: how many footprints to keep.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Footprint:
         angle_deg: float = 360.0,
         line_of_sight: bool = True,
         quality: Quality = 1.0,
+        remembered: int = REMEMBERED,
     ) -> None:
         self.terrain = terrain
         # No sensor reaches farther than across the terrain.
@@ -96,7 +98,7 @@ class Footprint:
         self._whole = angle_deg >= 360.0
         self._passable = np.ascontiguousarray(terrain.passable).view(np.uint8)
         self._quality = _quality_window(quality, self.reach, terrain.point)
-        self._remembered = lru_cache(maxsize=REMEMBERED)(self._look)
+        self._remembered = lru_cache(maxsize=remembered)(self._look)
 
     @property
     def leaves_age(self) -> bool:

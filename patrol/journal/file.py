@@ -22,9 +22,11 @@ from types import TracebackType
 from typing import Any, BinaryIO, NamedTuple, Self
 
 import msgpack
+import numpy as np
 
 from patrol.errors import BadInput
 from patrol.journal.decode import Malformed, decode, is_tick, longest_record
+from patrol.journal.links import Drops, Links, drops_of, links_of
 from patrol.journal.records import End, Event, Header, Record, RobotTick, TickRecord
 from patrol.untrusted import JOURNAL, open_untrusted
 
@@ -262,8 +264,8 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
         "k": record.k,
         "robots": [_row(robot) for robot in record.robots],
         "frames": record.frames,
-        "delivered": _grouped((*delivery, "") for delivery in record.deliveries),
-        "dropped": _grouped(record.dropped),
+        "delivered": _grouped_links(links_of(record.deliveries)),
+        "dropped": _grouped_links(drops_of(record.dropped)),
         "copies": _grouped(record.copies),
         "delayed": _grouped(record.delayed),
         "forged": record.forged,
@@ -276,6 +278,22 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
 def _row(r: RobotTick) -> tuple[Any, ...]:
     driven = (r.x, r.y, r.heading, r.c0, r.c1, r.bumped)
     return (r.number, r.status, *driven, r.state, r.goal, r.decision_ms, r.rejected, r.refused)
+
+
+def _grouped_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]]:
+    """The same as `_grouped` of columns."""
+    if not len(links):
+        return []
+    differs = (links.source[1:] != links.source[:-1]) | (links.sequence[1:] != links.sequence[:-1])
+    if isinstance(links, Drops):
+        differs |= links.cause[1:] != links.cause[:-1]
+    firsts = np.flatnonzero(np.concatenate(([True], differs)))
+    whys = [links.causes[cause] for cause in links.cause[firsts]] if isinstance(links, Drops) else [""] * firsts.size
+    destinations = links.destination.tolist()
+    ends = [*firsts[1:].tolist(), len(destinations)]
+    heads = zip(links.source[firsts].tolist(), links.sequence[firsts].tolist(), whys, strict=True)
+    spans = zip(firsts.tolist(), ends, strict=True)
+    return [(*head, destinations[first:end]) for head, (first, end) in zip(heads, spans, strict=True)]
 
 
 def _grouped(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, int, str, list[int]]]:

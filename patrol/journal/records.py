@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -113,7 +113,7 @@ class TickRecord:
         frames: (source, bytes) of what was sent, each source's position before its contacts; the source of forged ones
             is `FORGED`.
         deliveries: (source, destination, sequence) of the frames that arrived, with the sequence of `frame_sequence`,
-            once for each copy.
+            once for each copy; columns (`patrol.journal.links`) or tuples, which read alike.
         dropped: the same and the cause, which for a fault is ``kind:id``.
         mfow: of the true fog after this tick's observations, ticks.
         fog_mean: of the same fog, ticks.
@@ -126,8 +126,8 @@ class TickRecord:
     k: int
     robots: tuple[RobotTick, ...]
     frames: tuple[tuple[int, bytes], ...]
-    deliveries: tuple[tuple[int, int, int], ...]
-    dropped: tuple[tuple[int, int, int, str], ...]
+    deliveries: Sequence[tuple[int, int, int]]
+    dropped: Sequence[tuple[int, int, int, str]]
     mfow: int
     fog_mean: float
     seen: int

@@ -7,12 +7,15 @@ import struct
 from collections.abc import Collection, Iterable
 from itertools import chain
 
+import numpy as np
+
+from patrol.journal.links import MAX_SHORT, Links, links_of, places_of
 from patrol.journal.records import Status, TickRecord
 
 _COUNTED = struct.Struct("<qI")
 _ROBOT = struct.Struct("<HB5d")
 _LAST = struct.Struct("<Iq")
-_SHORT = 2**32 - 1
+_PLAIN = np.dtype([("source", "<u2"), ("destination", "<u2"), ("sequence", "<u4")])
 
 
 class TraceHash:
@@ -46,15 +49,29 @@ class TraceHash:
             _ROBOT.pack(robot.number, robot.status, robot.x, robot.y, robot.heading, robot.c0, robot.c1)
             for robot in robots
         ]
-        deliveries = sorted(record.deliveries)
-        shape = "".join("HHI" if sequence <= _SHORT else "HHQ" for _, _, sequence in deliveries)
-        parts.append(struct.Struct("<" + shape).pack(*chain.from_iterable(deliveries)))
+        parts.append(_packed(links_of(record.deliveries)))
         parts.append(_LAST.pack(len(record.deliveries), record.mfow))
         self._hash.update(b"".join(parts))
 
     def hexdigest(self) -> str:
         """The hash of the ticks so far, 64 hex digits."""
         return self._hash.hexdigest()
+
+
+def _packed(links: Links) -> bytes:
+    """The deliveries of a tick, sorted."""
+    source, destination, sequence = links.source, links.destination, links.sequence
+    places = places_of(links)
+    if places is None or (places[1:] < places[:-1]).any():
+        order = np.lexsort((sequence, destination, source))
+        source, destination, sequence = source[order], destination[order], sequence[order]
+    if places is not None:
+        packed = np.empty(len(links), dtype=_PLAIN)
+        packed["source"], packed["destination"], packed["sequence"] = source, destination, sequence
+        return packed.tobytes()
+    shape = "".join("HHI" if one <= MAX_SHORT else "HHQ" for one in sequence.tolist())
+    rows = zip(source.tolist(), destination.tolist(), sequence.tolist(), strict=True)
+    return struct.Struct("<" + shape).pack(*chain.from_iterable(rows))
 
 
 def trace_hash(ticks: Iterable[TickRecord], spares: Collection[int] = ()) -> str:

@@ -22,7 +22,7 @@ from patrol.radio.replay_window import SPAN, ReplayWindow
 from patrol.radio.units import cm_to_m, m_to_cm
 
 # Rounding to centimetres moves each of two positions by up to 0.5 cm along each axis.
-_ROUNDING = 0.02
+ROUNDING = 0.02
 # Frames in a row that agree with each other before a jump is believed: localisation jumps honestly, once.
 _STEADY = 3
 # Who does not know the ticks can only hold a sender's frames against each other: how much further than its clock
@@ -38,6 +38,23 @@ class _Heard:
 
     position: Position
     at: float
+
+
+@dataclass(slots=True)
+class History:
+    """What an inbox knows of one sender.
+
+    Attributes:
+        last: its newest accepted position.
+        at: when that came, by the receiver's clock, s.
+        window: which of its last sequences have come.
+        start: when its sequence 0 would have come, had it taken as long as its quickest frame, s.
+    """
+
+    last: Position
+    at: float
+    window: ReplayWindow
+    start: float
 
 
 class Inbox:
@@ -96,6 +113,72 @@ class Inbox:
         self._starts: dict[int, float] = {}
         self._jumped: dict[int, list[_Heard]] = {}
 
+    def plain(self, frame: bytes, now_s: float) -> Position | None:
+        """The position in a frame that passes every check which is the same for all receivers of a fleet.
+
+        What is left to check of it is whether it follows from what was heard of its sender, and is not the receiver's
+        own.
+
+        Args:
+            frame: any bytes.
+            now_s: when it came by the receivers' clocks, s.
+
+        Returns:
+            the position of a robot without a trail; None for any other frame.
+        """
+        try:
+            position = decode(frame, self._key)
+            self._check_place(position)
+            self._check_tick(position, now_s)
+        except Rejected:
+            return None
+        return None if position.trail or position.robot not in self._roster else position
+
+    def decoded(self, frame: bytes) -> Position | None:
+        """What a frame says, whether or not it can be true; None where it cannot be decoded.
+
+        Args:
+            frame: any bytes.
+        """
+        try:
+            return decode(frame, self._key)
+        except Rejected:
+            return None
+
+    def doubts(self, robot: int) -> bool:
+        """Whether the last frames of a sender did not follow from those before.
+
+        Args:
+            robot: its number.
+        """
+        return robot in self._jumped
+
+    def release(self, robot: int) -> History | None:
+        """Forget what was heard of a sender, but for its frames that are in doubt.
+
+        Args:
+            robot: its number.
+
+        Returns:
+            what was forgotten, None where there was nothing.
+        """
+        heard = self._last.pop(robot, None)
+        window = self._windows.pop(robot, None)
+        if heard is None or window is None:
+            return None
+        return History(heard.position, heard.at, window, self._starts.pop(robot))
+
+    def resume(self, history: History) -> None:
+        """Go on from what was heard of a sender.
+
+        Args:
+            history: from `release`.
+        """
+        robot = history.last.robot
+        self._last[robot] = _Heard(history.last, history.at)
+        self._windows[robot] = history.window
+        self._starts[robot] = history.start
+
     @property
     def rejected(self) -> int:
         """Frames dropped so far, for any reason."""
@@ -150,8 +233,8 @@ class Inbox:
         x_min, y_min, x_max, y_max = self._bounds
         pose = position.pose
         for x, y in ((pose.x, pose.y), *position.past):
-            inside_x = x_min - _ROUNDING <= x <= x_max + _ROUNDING
-            if not (inside_x and y_min - _ROUNDING <= y <= y_max + _ROUNDING):
+            inside_x = x_min - ROUNDING <= x <= x_max + ROUNDING
+            if not (inside_x and y_min - ROUNDING <= y <= y_max + ROUNDING):
                 raise Rejected(RejectReason.OUTSIDE, f"({x}, {y}) is off the terrain")
 
     def _check_tick(self, position: Position, now_s: float) -> None:
@@ -190,12 +273,12 @@ class Inbox:
     def _check_late(self, late: Position, newest: Position) -> None:
         """A late frame is judged by how many steps it lies before the newest: only its place is new."""
         steps = newest.sequence - late.sequence
-        if _apart(late, newest) > self._max_speed * (steps + 1) * self._step + _ROUNDING:
+        if _apart(late, newest) > self._max_speed * (steps + 1) * self._step + ROUNDING:
             raise Rejected(RejectReason.TOO_FAST, "does not lead to the newest one")
 
     def _plausible_trail(self, position: Position) -> Position:
         """The position with as much of its trail as a robot can have driven."""
-        limit = m_to_cm(self._max_speed * self._step * self.trail_every + _ROUNDING)
+        limit = m_to_cm(self._max_speed * self._step * self.trail_every + ROUNDING)
         for place, (dx, dy) in enumerate(position.trail):
             if math.hypot(dx, dy) > limit:
                 return replace(position, trail=position.trail[:place])
@@ -223,7 +306,7 @@ class Inbox:
         if self._ahead is None and steps > 2.0 * elapsed / self._step + _AHEAD:
             return RejectReason.AHEAD
         held_up = min(max(steps * self._step - elapsed, 0.0), self._delay(before))
-        if _apart(before.position, after.position) > self._max_speed * (elapsed + held_up + self._step) + _ROUNDING:
+        if _apart(before.position, after.position) > self._max_speed * (elapsed + held_up + self._step) + ROUNDING:
             return RejectReason.TOO_FAST
         return None
 

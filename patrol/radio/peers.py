@@ -5,8 +5,11 @@ Every listener that hears the same positions comes to the same result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from patrol.pose import Pose
 from patrol.radio.message import Position
@@ -28,6 +31,22 @@ class Peer:
     tick: int
 
 
+def places_of(peers: Mapping[int, Peer]) -> NDArray[np.float64]:
+    """Where some robots are, by number.
+
+    Args:
+        peers: a mapping that has them as columns, `places`, or any other.
+
+    Returns:
+        float64 (n, 2), x and y in m.
+    """
+    columns: NDArray[np.float64] | None = getattr(peers, "places", None)
+    if columns is not None:
+        return columns
+    places = [(peer.pose.x, peer.pose.y) for _, peer in sorted(peers.items())]
+    return np.array(places, dtype=np.float64).reshape(-1, 2)
+
+
 class PeerTracker:
     """Follows the other robots through accepted positions, and counts each of their observations once.
 
@@ -44,6 +63,29 @@ class PeerTracker:
         self.said: dict[int, Position] = {}
         self._trail_every = trail_every
         self._looks: dict[int, ReplayWindow] = {}
+
+    def release(self, robot: int) -> tuple[Peer, Position, ReplayWindow] | None:
+        """Forget a robot.
+
+        Args:
+            robot: its number.
+
+        Returns:
+            what was known of it and which of its observations are counted; None where it had not been heard.
+        """
+        if robot not in self.peers:
+            return None
+        return self.peers.pop(robot), self.said.pop(robot), self._looks.pop(robot)
+
+    def resume(self, peer: Peer, said: Position, looks: ReplayWindow) -> None:
+        """Go on from what was known of a robot.
+
+        Args:
+            peer: from `release`.
+            said: from `release`.
+            looks: from `release`.
+        """
+        self.peers[said.robot], self.said[said.robot], self._looks[said.robot] = peer, said, looks
 
     def hear(self, position: Position, tick: int) -> Iterator[tuple[int, Pose]]:
         """The observations that an accepted position makes known.

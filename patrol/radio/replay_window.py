@@ -20,6 +20,23 @@ class ReplayWindow:
         self.newest = -1
         self._used = 0
 
+    @classmethod
+    def resumed(cls, newest: int, used: int) -> ReplayWindow:
+        """A window that goes on from where another one was.
+
+        Args:
+            newest: of the other one.
+            used: of the other one.
+        """
+        window = cls()
+        window.newest, window._used = newest, used & _MASK
+        return window
+
+    @property
+    def used(self) -> int:
+        """Bit i says whether the sequence i before the newest was used."""
+        return self._used
+
     def fresh(self, sequence: int) -> bool:
         """Whether a sequence has not been used yet; one that is older than the window counts as used.
 

@@ -6,6 +6,9 @@ functions scale and do not round: `patrol.radio.message` rounds when it makes a 
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 _CM_PER_M = 100.0
 _MRAD_PER_RAD = 1000.0
 _MS_PER_S = 1000.0
@@ -19,6 +22,11 @@ def m_to_cm(length: float) -> float:
 def cm_to_m(length: float) -> float:
     """A length in cm as m."""
     return length / _CM_PER_M
+
+
+def all_to_m(lengths: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Lengths in cm as m, each as `cm_to_m` has it."""
+    return lengths / _CM_PER_M
 
 
 def rad_to_mrad(angle: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -109,14 +108,14 @@ def test_a_run_can_be_stopped() -> None:
 def test_a_mind_that_fails_ends_the_run_and_the_journal_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    step = Mind.step
+    decide = Mind.decide
 
-    def failing(mind: Mind, sensed: Sensed, heard: Sequence[bytes]) -> Any:
+    def failing(mind: Mind, sensed: Sensed) -> Any:
         if sensed.k == 4:
             raise RuntimeError("no idea")
-        return step(mind, sensed, heard)
+        return decide(mind, sensed)
 
-    monkeypatch.setattr(Mind, "step", failing)
+    monkeypatch.setattr(Mind, "decide", failing)
     events: list[Event] = []
     prepared = prepare(scenario())
     with pytest.raises(RuntimeError, match="no idea"):

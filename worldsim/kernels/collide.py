@@ -53,11 +53,20 @@ def cancel_meeting(paths, radii, stands):
             dx, dy = paths[i, k, 0] - paths[i, 0, 0], paths[i, k, 1] - paths[i, 0, 1]
             farthest = max(farthest, dx * dx + dy * dy)
         spread[i] = math.sqrt(farthest) + radii[i]
+    widest = 0.0
+    for i in range(count):
+        widest = max(widest, spread[i])
+    # Sorted along x, the bodies that can meet one lie near it: none farther away than two of the widest.
+    order = np.argsort(paths[:, 0, 0])
     stopped = np.zeros(count, dtype=np.uint8)
     while True:
         changed = False
-        for i in range(count):
-            for j in range(i + 1, count):
+        for place in range(count):
+            i = order[place]
+            for other in range(place + 1, count):
+                j = order[other]
+                if paths[j, 0, 0] - paths[i, 0, 0] > spread[i] + widest:
+                    break
                 if stands[i] != 0 and stands[j] != 0:
                     continue
                 x, y = paths[i, 0, 0] - paths[j, 0, 0], paths[i, 0, 1] - paths[j, 0, 1]

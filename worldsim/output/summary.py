@@ -11,12 +11,13 @@ import numpy as np
 
 from patrol.best_tour import best_tour
 from patrol.journal import Event, Header, RobotTick, Status, TickRecord
+from patrol.journal.links import links_of
 from patrol.journal.records import DEAD_END, FORGED, standing_after
 from patrol.pose import command_of
 from worldsim.motion import length
 from worldsim.output.direct_radio import as_measured
 from worldsim.output.intruder_facts import IntruderFacts
-from worldsim.output.traffic import Traffic
+from worldsim.output.traffic import Traffic, dropped_by_source
 from worldsim.radio.ether import there
 
 if TYPE_CHECKING:
@@ -276,12 +277,12 @@ def _take(robots: dict[int, _Robot], record: TickRecord, step: float) -> None:
     for source, _, _, _ in record.copies:
         if source != FORGED:
             robots[source].sent += 1
-    for source, _, _ in record.deliveries:
+    for source, count in enumerate(np.bincount(links_of(record.deliveries).source).tolist()):
+        if source != FORGED and count:
+            robots[source].delivered += count
+    for source, cause, count in dropped_by_source(record):
         if source != FORGED:
-            robots[source].delivered += 1
-    for source, _, _, cause in record.dropped:
-        if source != FORGED:
-            robots[source].dropped[cause.partition(":")[0]] += 1
+            robots[source].dropped[cause.partition(":")[0]] += count
 
 
 def _messages(robots: list[_Robot], step: float) -> dict[str, Any]:

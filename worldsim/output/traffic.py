@@ -6,6 +6,9 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
@@ -76,6 +79,8 @@ class Traffic:
             self._links = defaultdict(_Link)
         self._timeline: Timeline | None = None
         self._faults: dict[str, _Fault] = {}
+        self._here: frozenset[int] = frozenset()
+        self._reach: dict[tuple[str, int], int] = {}
         if header.scenario.get("faults") or any(event.kind == OPERATOR for event in events):
             self._timeline = Timeline(operated(load_scenario(header.scenario), events))
             self._faults = {entry.id: _Fault(entry) for entry in self._timeline.entries}
@@ -114,6 +119,16 @@ class Traffic:
         for source, to, _, cause in record.dropped:
             links[source, to].dropped[cause.partition(":")[0]] += 1
 
+    def _reached(self, entry: Entry, origin: int, here: frozenset[int]) -> int:
+        """How many others a sender's frames reach over the links that a fault acts on."""
+        if here is not self._here and here != self._here:
+            self._here = here
+            self._reach.clear()
+        key = entry.id, origin
+        if key not in self._reach:
+            self._reach[key] = len(receivers(entry, origin, here) - {origin})
+        return self._reach[key]
+
     def _count_faults(self, timeline: Timeline, record: TickRecord, here: frozenset[int], sent: Counter[int]) -> None:
         senders = Counter({source: frames for source, frames in sent.items() if source != FORGED})
         for fault in record.forged:
@@ -123,12 +138,30 @@ class Traffic:
         for entry in timeline.at(record.k):
             if not isinstance(entry.fault, Spoof):
                 self._faults[entry.id].frames += sum(
-                    frames * len(receivers(entry, origin, here) - {origin}) for origin, frames in senders.items()
+                    frames * self._reached(entry, origin, here) for origin, frames in senders.items()
                 )
-        for *_, cause in record.dropped:
+        for _, cause, count in dropped_by_source(record):
             if (fault := cause.partition(":")[2]) in self._faults:
-                self._faults[fault].dropped += 1
+                self._faults[fault].dropped += count
         for *_, fault in record.delayed:
             self._faults[fault].delayed += 1
         for *_, fault in record.copies:
             self._faults[fault].duplicated += 1
+
+
+def dropped_by_source(record: TickRecord) -> list[tuple[int, str, int]]:
+    """How many frames of each source were dropped in a tick for each cause.
+
+    Args:
+        record: The tick's record.
+
+    Returns:
+        (source, cause, frames), without zeros.
+    """
+    drops = drops_of(record.dropped)
+    if not len(drops):
+        return []
+    kinds = len(drops.causes)
+    pairs, counts = np.unique(drops.source * kinds + drops.cause, return_counts=True)
+    rows = zip(pairs.tolist(), counts.tolist(), strict=True)
+    return [(pair // kinds, drops.causes[pair % kinds], count) for pair, count in rows]

@@ -7,9 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from patrol.errors import BadInput
+from patrol.journal.links import NO_DROPS, NO_LINKS, Drops, Links
 from patrol.journal.records import FORGED, Status, frame_sequence
 from patrol.radio.fleet_key import fleet_key
+from patrol.radio.heard import Heard
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario.faults.kinds import Spoof
 from worldsim.radio.forging import MEMORY, Forged, Forger
@@ -55,9 +59,9 @@ class Delivery:
         delayed: As in `patrol.journal.records.TickRecord`.
     """
 
-    heard: dict[int, list[bytes]]
-    arrived: tuple[Link, ...]
-    dropped: tuple[tuple[int, int, int, str], ...]
+    heard: Mapping[int, list[bytes]]
+    arrived: Sequence[Link]
+    dropped: Sequence[tuple[int, int, int, str]]
     forged: tuple[Forged, ...] = ()
     copies: tuple[tuple[int, int, int, str], ...] = ()
     delayed: tuple[tuple[int, int, int, str], ...] = ()
@@ -135,25 +139,48 @@ class Ether:
         """
         forged = self._forger.forge(tick, frames, statuses, poses) if self._forger is not None else []
         troubled = self._rules is not None and self._rules.begin(tick, poses)
-        if troubled or forged or self._flying:
-            return self._carry_through(tick, frames, statuses, forged, self._rules if troubled else None)
-        receivers = [(number, _DEAF.get(statuses[number])) for number in sorted(statuses) if there(statuses[number])]
-        heard: dict[int, list[bytes]] = {number: [] for number, deaf in receivers if deaf is None}
-        arrived, dropped = [], []
-        for source in sorted(frames):
-            for place, frame in enumerate(frames[source]):
-                sequence = frame_sequence(tick, place)
-                oversized = OVERSIZED if len(frame) > MAX_FRAME else None
-                for destination, deaf in receivers:
-                    if destination == source:
-                        continue
-                    cause = oversized or deaf
-                    if cause is None:
-                        heard[destination].append(frame)
-                        arrived.append((source, destination, sequence))
-                    else:
-                        dropped.append((source, destination, sequence, cause))
-        return Delivery(heard, tuple(arrived), tuple(dropped))
+        rules = self._rules if troubled else None
+        if forged or self._flying or (rules is not None and not rules.only_drop):
+            return self._carry_through(tick, frames, statuses, forged, rules)
+        return self._carry_at_once(tick, frames, statuses, rules)
+
+    def _carry_at_once(
+        self,
+        tick: int,
+        frames: Mapping[int, Sequence[bytes]],
+        statuses: Mapping[int, Status],
+        rules: RadioRules | None,
+    ) -> Delivery:
+        """The same where each frame is heard in its own tick or never: all pairs at once."""
+        sent = [(source, place, frame) for source in sorted(frames) for place, frame in enumerate(frames[source])]
+        receivers = [number for number in sorted(statuses) if there(statuses[number])]
+        hearing = [number for number in receivers if statuses[number] is Status.ALIVE]
+        if not sent or not receivers:
+            return Delivery({number: [] for number in hearing}, NO_LINKS, NO_DROPS)
+        causes = [OVERSIZED, RECEIVER_PAUSED, RECEIVER_ABSENT, RECEIVER_DEAD]
+        deaf = [causes.index(_DEAF[statuses[number]]) if statuses[number] in _DEAF else -1 for number in receivers]
+        sources = np.array([source for source, _, _ in sent], dtype=np.int64)
+        sequences = np.array([frame_sequence(tick, place) for _, place, _ in sent], dtype=np.int64)
+        numbers = np.array(receivers, dtype=np.int64)
+        cause = np.repeat(np.array([deaf], dtype=np.int64), len(sent), axis=0)
+        if rules is not None:
+            stopped, faults = rules.stopped(sources, numbers, sequences)
+            cause = np.where(stopped >= 0, stopped + len(causes), cause)
+            causes += faults
+        cause[[len(frame) > MAX_FRAME for _, _, frame in sent]] = 0
+        others = sources[:, None] != numbers[None, :]
+        arrives = others & (cause < 0)
+        frame_of, receiver_of = np.nonzero(arrives)
+        links = Links(sources[frame_of], numbers[receiver_of], sequences[frame_of])
+        alive = np.isin(numbers, hearing)
+        heard = Heard([frame for _, _, frame in sent], hearing, np.ascontiguousarray(arrives[:, alive].T))
+        if len(links) == np.count_nonzero(others):
+            return Delivery(heard, links, NO_DROPS)
+        frame_of, receiver_of = np.nonzero(others & (cause >= 0))
+        dropped = Drops(
+            sources[frame_of], numbers[receiver_of], sequences[frame_of], cause[frame_of, receiver_of], tuple(causes)
+        )
+        return Delivery(heard, links, dropped if rules is None else dropped.sorted())
 
     def _carry_through(
         self,

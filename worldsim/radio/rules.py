@@ -16,10 +16,13 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from patrol.ground.kernels import swept_path as sweep
 from patrol.net.phases import PHASE_B_SHARE
 from patrol.pose import Pose
-from patrol.random import Purpose, draw, gauss
+from patrol.random import Purpose, draw, gauss, mix
 from patrol.scenario.faults.kinds import (
     Bandwidth,
     Delay,
@@ -33,6 +36,7 @@ from patrol.scenario.faults.kinds import (
     Silence,
     Wait,
 )
+from worldsim.kernels.draws import below
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -52,6 +56,9 @@ DROPS: tuple[type[Fault], ...] = (Silence, Partition, Range, Bandwidth, Loss)
 """The kinds of faults that drop frames, in the order in which they apply."""
 
 _ON_FRAMES: tuple[type[Fault], ...] = (*DROPS, Delay, Reorder, Duplicate)
+
+_BY_NUMBERS: tuple[type[Fault], ...] = (Silence, Partition, Loss)
+"""The kinds that look at nothing but the numbers of a frame: its origin, its receiver and its sequence."""
 
 
 def arrival(k: int, delay_s: float, step: float) -> int:
@@ -197,6 +204,51 @@ class RadioRules:
             self._dropping = [(entry, self._drops.get(kind)) for kind in DROPS for entry in self._active[kind]]
         return any(self._active.values())
 
+    @property
+    def only_drop(self) -> bool:
+        """Whether `stopped` knows all that the active faults do to robots' own frames."""
+        if any(entries for kind, entries in self._active.items() if kind not in _BY_NUMBERS):
+            return False
+        return all(isinstance(e.fault, Loss) and e.fault.mean_burst is None for e in self._active.get(Loss, ()))
+
+    def stopped(
+        self, sources: NDArray[np.int64], destinations: NDArray[np.int64], sequences: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], list[str]]:
+        """What `lost` says of many frames at once on the links to many receivers, where the faults `only_drop`.
+
+        Args:
+            sources: int64 (f,), the robots that sent the frames.
+            destinations: int64 (r,), the receivers.
+            sequences: int64 (f,), of the frames.
+
+        Returns:
+            int64 (f, r), for each frame and receiver -1 or which of the causes stops it; and the causes.
+        """
+        found = np.full((sources.size, destinations.size), -1, dtype=np.int64)
+        for number, (entry, _) in enumerate(self._dropping):
+            hit = self._hit(entry, sources, destinations, sequences)
+            found[(found < 0) & hit] = number
+        return found, [cause(entry) for entry, _ in self._dropping]
+
+    def _hit(
+        self, entry: Entry, sources: NDArray[np.int64], destinations: NDArray[np.int64], sequences: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """Whether a fault drops frames, bool (f, r)."""
+        fault = entry.fault
+        if isinstance(fault, Loss):
+            states = [mix(self._seed, Purpose.ETHER, entry.index, int(source)) for source in sources]
+            lost = below(np.array(states, dtype=np.uint64), destinations, sequences, fault.rate).view(np.bool_)
+            hit: NDArray[np.bool_] = (
+                lost & _those(sources, entry.sources)[:, None] & _those(destinations, entry.targets)
+            )
+            return hit
+        if isinstance(fault, Silence):
+            out = _those(sources, entry.who) & (fault.direction in ("out", "both"))
+            return out[:, None] | (_those(destinations, entry.who) & (fault.direction in ("in", "both")))
+        here, there = (np.array([_group(entry.groups, int(n)) for n in side]) for side in (sources, destinations))
+        one_way = isinstance(fault, Partition) and fault.direction == "one-way"
+        return here[:, None] < there if one_way else here[:, None] != there
+
     def jammed(self, origin: int, size: int) -> str | None:
         """Charge a frame to its sender's bandwidth. A sender that is silenced sends nothing.
 
@@ -327,6 +379,11 @@ def _silences(entry: Entry, number: int, way: str) -> bool:
 
 def _on_link(entry: Entry, origin: int, destination: int) -> bool:
     return origin in entry.sources and destination in entry.targets
+
+
+def _those(numbers: NDArray[np.int64], some: Collection[int]) -> NDArray[np.bool_]:
+    """Which of some numbers belong to a collection."""
+    return np.isin(numbers, np.array(sorted(some), dtype=np.int64))
 
 
 def _group(groups: Sequence[Collection[int]], number: int) -> int:

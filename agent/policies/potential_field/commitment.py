@@ -18,20 +18,20 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.policies.potential_field.force import PAPER_POINT, law_reach, log_distance_force, log_fow_force
 from agent.policies.potential_field.kernels.hardest import hardest, reaches
-from agent.policies.potential_field.search import NO_RIVALS, Law, least_way, part_within
+from agent.policies.potential_field.search import NO_RIVALS, Laid, Law, least_ways, part_within
+from agent.policies.potential_field.shunned import Shunned
+from agent.policies.potential_field.stands import nearest_in_sight
 from agent.ports import Bearing, Intent, Place
-from agent.routes.ground import eroded
-from agent.routes.kernels.wave import BLOCKED, SETTLED, STATUS
-from agent.routes.path_window import FAR
+from agent.routes.path_window import DIAGONAL, FAR
 from agent.routes.routes import LONGEST
 from patrol.ground.footprint import Footprint
-from patrol.pose import Pose
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from agent.ports import PolicySetup
     from agent.routes.ground import Spot
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from agent.routes.routes import Element, Way
     from agent.view import View
 
-    Rivals = Callable[[View], Sequence[Element]]
+    Rivals = Callable[[View], NDArray[np.int64]]
 
 NO_NEARER_S = 15.0
 """A robot that has come no nearer to its target for so long gives it up, s."""
@@ -51,15 +51,6 @@ AT_HAND_STEPS = 3
 
 TRIES = 3
 """Number of targets that are tried in one tick, where no way leads to the first ones."""
-
-SHUNNED_S = 60.0
-"""How long a robot then leaves out the target's surroundings, s; doubled each time that it gives them up again."""
-
-LONGEST_SHUNNED_S = 960.0
-"""Upper bound of the same, s; also how long a robot remembers that it left them out."""
-
-MOST_SHUNNED = 64
-"""Places that are left out at a time, or remembered."""
 
 NEARER = 0.1
 """Least share of a stride by which a way must get shorter to count as progress."""
@@ -78,6 +69,9 @@ NEAR_RANGES = 2.5
 
 STRETCHED_S = 30.0
 """How often a robot measures how far its claimed ground reaches, s."""
+
+DECIDED = 40.0
+"""Number of widths beyond which a claim is decided, as `agent.policies.potential_field.kernels.hardest` has it."""
 
 WORTH_WHILE = 0.25
 """A point of the claimed ground is fresh below this share of the age of the stalest point."""
@@ -133,7 +127,6 @@ class Commitment:
         self._often = max(1, round(1.0 / setup.step))
         self._been: deque[Spot] = deque(maxlen=math.ceil(ROAM_S / (self._often * setup.step)))
         self._hand_over = round(100.0 * HAND_OVER * stride / self._point)
-        self._around = math.ceil((2.0 * max(spec.radius, self._point) / self._point) ** 2)
         self._reach = law_reach(setup.patrol, self._point, 4 * sum(terrain.shape))
         self._target: Target | None = None
         self._expected = 0
@@ -143,8 +136,10 @@ class Commitment:
         self._near = math.ceil(NEAR_RANGES * sensor.range / self._point)
         self._stretch = 1.0
         self._stretched_until = -1
+        # What a car heads for depends on points in sight of its target, which may lie outside a window.
+        self._widens = paths is None and not self._slack and width_m > 0.0
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
-        self._shunned: list[tuple[int, int, int, int]] = []
+        self._shunned = Shunned(math.ceil((2.0 * max(spec.radius, self._point) / self._point) ** 2), setup.step)
 
     def decide(self, view: View, start: Element, rivals: Rivals, wander: float | None) -> Intent | None:
         """The way to the target, or to a new one.
@@ -152,7 +147,8 @@ class Commitment:
         Args:
             view: Of this tick.
             start: The element of the ground on which the robot stands.
-            rivals: Gives the elements on which other robots stand, where claims are used; asked only for a choice.
+            rivals: Gives the elements on which other robots stand, int64 (n, 2), where claims are used; asked only for
+                a choice.
             wander: Direction of a random step, rad, or None.
 
         Returns:
@@ -182,7 +178,7 @@ class Commitment:
         age = self._age(view, target.point)
         seen = age < STILL_STALE * target.age
         if seen and not (target.away and self._home() is not None):
-            self._shunned = [one for one in self._shunned if not self._is_beside(one, target.close)]
+            self._shunned.forgive(target.close)
             return None
         way = self._way_to(view, start, target.stand)
         if way is None or (seen and way.length <= view.stride):
@@ -198,21 +194,9 @@ class Commitment:
             self._least, self._least_at = math.inf, view.tick
             return self._way_to(view, start, target.stand)
         if stood_s > (self._at_hand_s if at_hand else NO_NEARER_S):
-            self._give_up(view.tick, target.close)
+            self._shunned.add(view.tick, target.close)
             return None
         return way
-
-    def _give_up(self, tick: int, point: tuple[int, int]) -> None:
-        """Leave a point and its surroundings out for a while, for longer each time in a row."""
-        least, most = (round(bound / self._step) for bound in (SHUNNED_S, LONGEST_SHUNNED_S))
-        before = max((one[3] for one in self._shunned if self._is_beside(one, point)), default=0)
-        spell = min(max(2 * before, least), most)
-        others = [one for one in self._shunned if not self._is_beside(one, point)]
-        self._shunned = [*others, (*point, tick + spell, spell)][-MOST_SHUNNED:]
-
-    def _is_beside(self, shunned: tuple[int, int, int, int], point: tuple[int, int]) -> bool:
-        """Whether a point belongs to the surroundings of one that was given up."""
-        return (shunned[0] - point[0]) ** 2 + (shunned[1] - point[1]) ** 2 <= self._around
 
     def _way_to(self, view: View, start: Element, stand: tuple[int, int]) -> Way | None:
         """The shortest way to a point of the terrain; None if no way leads there now."""
@@ -226,9 +210,7 @@ class Commitment:
         """Commit to the point that pulls hardest, and return the way there; None where nothing pulls."""
         self._target = None
         tick = view.tick
-        # Who gives a place up again before long is to leave it out for longer.
-        memory = round(LONGEST_SHUNNED_S / self._step)
-        self._shunned = [one for one in self._shunned if tick < one[2] + memory]
+        self._shunned.forget(tick)
         if view.mfow == 0:
             return None
         home, others = self._home(), rivals(view)
@@ -242,10 +224,10 @@ class Commitment:
                 self._least, self._least_age, self._least_at = math.inf, target.age, tick
                 return way
             # Only straight paths and paths through regions lead where no way does.
-            self._give_up(tick, target.close)
+            self._shunned.add(tick, target.close)
         return None
 
-    def _best(self, view: View, start: Element, rivals: Sequence[Element], home: Spot | None) -> Target | None:
+    def _best(self, view: View, start: Element, rivals: NDArray[np.int64], home: Spot | None) -> Target | None:
         """The target that pulls hardest, outside of the circle around ``home`` if possible; None where nothing pulls.
 
         The paths' window may be shared, so it is used within this call only.
@@ -253,63 +235,97 @@ class Commitment:
         if self._paths is None and home is None and self._reach_known(view.tick):
             # Whoever is nearer to a point this near is within the window too.
             near = view.routes.window(2 * self._near)
-            law = self._law(view, near, start, rivals, 100 * self._near)
-            found = self._hardest(view, near, law, None, self._left_out(view.tick), near=True)
+            laid = self._lay(view, near, start, rivals, 100 * self._near)
+            law = self._law(view, laid, 100 * self._near)
+            found = self._hardest(view, near, laid, law, None, near=True)
             if found is not None:
                 return self._target_at(view, near, found, away=False)
+        if home is None and self._widens:
+            target = self._within_reach(view, start, rivals)
+            if target is not None:
+                return target
         paths = self._paths or view.routes.window()
-        law = self._law(view, paths, start, rivals, LONGEST)
-        found = None if home is None else self._hardest(view, paths, law, home, self._left_out(view.tick))
+        laid = self._lay(view, paths, start, rivals, LONGEST)
+        self._measure(view.tick, laid)
+        law = self._law(view, laid, LONGEST)
+        found = None if home is None else self._hardest(view, paths, laid, law, home)
         away = found is not None
         if found is None:
-            found = self._hardest(view, paths, law, None, self._left_out(view.tick))
-        if found is None and self._shunned:
-            self._shunned.clear()
-            found = self._hardest(view, paths, law, None, ())
+            found = self._hardest(view, paths, laid, law, None)
+        if found is None and self._shunned.places:
+            self._shunned.places.clear()
+            found = self._hardest(view, paths, laid, law, None)
         return None if found is None else self._target_at(view, paths, found, away)
+
+    def _within_reach(self, view: View, start: Element, rivals: NDArray[np.int64]) -> Target | None:
+        """The target that the whole terrain would give, from a window that is known to decide it; None if none does.
+
+        Claimed ground is closed: what lies on the way to a claimed point is claimed too. So where none of a window's
+        longest ways ends on claimed ground, all of it is in the window, which shows how far it reaches and whether
+        anything on it is stale. A rival's way to a point matters up to the length at which the claim is decided, and
+        lies within that length of the point.
+        """
+        reach, decided = 2 * self._near, math.ceil(DECIDED * self._width / 100.0)
+        while 2 * (2 * reach + decided) < max(view.ground.terrain.shape):
+            window = view.routes.window(2 * reach + decided)
+            laid = self._lay(view, window, start, rivals, 100 * reach, 100 * decided)
+            if laid.claimed > 0 and laid.handed <= 100 * reach - DIAGONAL:
+                self._measure(view.tick, laid)
+                law = self._law(view, laid, 100 * reach)
+                found = self._hardest(view, window, laid, law, None, decides=True)
+                if found is not None:
+                    return self._target_at(view, window, found, away=False)
+            reach *= 2
+        return None
 
     def _reach_known(self, tick: int) -> bool:
         """Whether it is known how far the claimed ground reaches, from not long ago."""
         return tick < self._stretched_until
 
-    def _left_out(self, tick: int) -> list[tuple[int, int, int, int]]:
-        """What has been given up and is left out now."""
-        return [one for one in self._shunned if tick < one[2]]
-
-    def _law(self, view: View, paths: PathWindow, start: Element, rivals: Sequence[Element], limit: int) -> Law:
-        """How hard points pull, up to a path length; lays the paths from where the robot stands.
+    def _lay(
+        self, view: View, paths: PathWindow, start: Element, rivals: NDArray[np.int64], limit: int, more: int = 0
+    ) -> Laid:
+        """Lay the paths from where the robot stands, and those from where its rivals stand.
 
         Args:
             view: Of this tick.
             paths: The window to use.
             start: The element of the ground on which the robot stands.
-            rivals: Those on which other robots stand.
-            limit: In hundredths of a point.
+            rivals: Those on which other robots stand, int64 (n, 2).
+            limit: The longest path, in hundredths of a point.
+            more: How much longer a rival's path may be, in hundredths of a point.
         """
-        # Who is farther away than both ways together meets the robot nowhere.
-        rivals = [rival for rival in rivals if least_way(start, rival) <= 2 * limit]
         rival = NO_RIVALS
-        if self._width > 0.0 and rivals:
-            rival = paths.lengths_from(view.ground.static, *start, rivals, limit)
+        # Who is farther away than both ways together meets the robot nowhere.
+        rivals = rivals[least_ways(start, rivals) <= 2 * limit + more]
+        if self._width > 0.0 and rivals.size:
+            others = [(row, col) for row, col in rivals.tolist()]
+            rival = paths.lengths_from(view.ground.static, *start, others, limit + more)
         if self._paths is None:
             paths.lengths_from(view.ground, *start, [start], limit)
         else:
             paths.begin(view.ground, *start)
             paths.extend(limit)
-        part, lengths = part_within(paths, start, limit), np.zeros(2, dtype=np.int64)
-        reaches(paths.state, paths.length, rival, *part, lengths)
-        longest, claimed = max(1, int(lengths[0])), int(lengths[1])
-        if not self._reach_known(view.tick):
-            own = claimed or longest
-            self._stretch = max(1.0, own / self._reach)
-            self._stretched_until = view.tick + round(STRETCHED_S / self._step)
+        part, lengths = part_within(paths, start, limit), np.zeros(3, dtype=np.int64)
+        reaches(paths.state, paths.length, rival, self._hand_over, *part, lengths)
+        longest, claimed, handed = lengths.tolist()
+        return Laid(rival, part, max(1, longest), claimed, handed)
+
+    def _measure(self, tick: int, laid: Laid) -> None:
+        """Stretch the law's unit to the reach of the claimed ground, now and then."""
+        if not self._reach_known(tick):
+            self._stretch = max(1.0, (laid.claimed or laid.longest) / self._reach)
+            self._stretched_until = tick + round(STRETCHED_S / self._step)
+
+    def _law(self, view: View, laid: Laid, limit: int) -> Law:
+        """How hard the points pull to which paths are laid, up to a length in hundredths of a point."""
         unit = self._point / PAPER_POINT / 100.0 / self._stretch
-        patrol = self._patrol
-        decay = log_distance_force(patrol.distance, np.arange(longest + 1).clip(1) * unit, patrol.beta, patrol.length)
+        patrol, lengths = self._patrol, np.arange(laid.longest + 1).clip(1)
+        decay = log_distance_force(patrol.distance, lengths * unit, patrol.beta, patrol.length)
         fow = np.arange(view.mfow + 1).clip(1) / view.mfow
         beyond = log_distance_force(patrol.distance, np.array([limit * unit]), patrol.beta, patrol.length)
         pull = log_fow_force(patrol.fow, fow, patrol.alpha)
-        return Law(pull, decay, rival, float(pull[-1] + beyond[0]), part)
+        return Law(pull, decay, float(pull[-1] + beyond[0]))
 
     def _target_at(
         self, view: View, paths: PathWindow, found: tuple[tuple[int, int], tuple[int, int]], away: bool
@@ -327,8 +343,9 @@ class Commitment:
         # A car may find no way to turn at the point itself, and straight paths lead to points that nobody can stand on.
         # Others head for the point, so that they do not stop short of it.
         # Who has to leave a circle must not stop within it, as soon as the point is in sight.
-        if not away and (self._slack or self._paths is not None):
-            stand = self._nearest_in_sight(view, paths, point) or close
+        if self._sight is not None and not away and (self._slack or self._paths is not None):
+            ground = None if self._paths is None else view.ground.state
+            stand = nearest_in_sight(self._sight, self._slack, paths, point, ground) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
@@ -344,11 +361,12 @@ class Commitment:
         self,
         view: View,
         paths: PathWindow,
+        laid: Laid,
         law: Law,
         home: Spot | None,
-        shunned: Sequence[tuple[int, int, int, int]],
         *,
         near: bool = False,
+        decides: bool = False,
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
 
@@ -356,56 +374,29 @@ class Commitment:
 
         Args:
             view: Of this tick.
-            paths: From where the robot stands.
+            paths: The window of these paths.
+            laid: From where the robot stands.
             law: How hard points pull.
             home: x and y in m, the centre of the circle in which the robot must not stand; None for no circle.
-            shunned: Row and column of the places to stand on whose surroundings are left out.
             near: Whether the window is a small one: what is found has to pull harder than anything outside could.
+            decides: The same of a window that holds all of the claimed ground, where that need not pull harder.
         """
         fog = view.fog
-        grids = (paths.state, paths.length, paths.row0, paths.col0, *law.part, fog.last_seen, fog.looked)
-        posts = self._posts.between(paths.row0 + law.part[0], paths.row0 + law.part[1] - 1)
-        left_out = np.array([(row, col, self._around) for row, col, _, _ in shunned], dtype=np.int64).reshape(-1, 3)
+        grids = (paths.state, paths.length, paths.row0, paths.col0, *laid.part, fog.last_seen, fog.looked)
+        posts = self._posts.between(paths.row0 + laid.part[0], paths.row0 + laid.part[1] - 1)
+        left_out = self._shunned.now(view.tick)
         circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
         stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
         rounds = ((self._hand_over, stale), (FAR, stale), (FAR, 1))
-        for hand_over, least in rounds[:1] if near else rounds:
+        for hand_over, least in rounds[:1] if near else rounds[:2] if decides else rounds:
             best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
             for points in (None, posts):
-                forces = (view.tick, least, law.pull, law.decay, law.rival, self._width, hand_over)
+                forces = (view.tick, least, law.pull, law.decay, laid.rival, self._width, hand_over)
                 hardest(points, *grids, *forces, left_out, *circle, best, place)
-            if best[0] > (law.beyond if near else -np.inf):
+            if best[0] > (law.beyond if near or (decides and hand_over == FAR) else -np.inf):
                 row, col, stand_row, stand_col = (int(number) for number in place)
                 return (row, col), (stand_row, stand_col)
         return None
-
-    def _nearest_in_sight(self, view: View, paths: PathWindow, point: tuple[int, int]) -> tuple[int, int] | None:
-        """The point with the shortest way from which the sensor shows a point; None if it is not known.
-
-        Args:
-            view: Of this tick.
-            paths: From where the robot stands.
-            point: Row and column in the terrain of what is to be seen.
-        """
-        if self._sight is None:
-            return None
-        seen = self._sight.visible(Pose(*self._sight.terrain.centre(*point), 0.0))
-        rows, cols = np.nonzero(seen.mask)
-        if self._slack:
-            inner = np.nonzero(eroded(seen.mask, self._slack))
-            if inner[0].size:
-                rows, cols = inner
-        rows, cols = rows + seen.row0 - paths.row0, cols + seen.col0 - paths.col0
-        inside = (rows >= 0) & (rows < paths.state.shape[0]) & (cols >= 0) & (cols < paths.state.shape[1])
-        rows, cols = rows[inside], cols[inside]
-        known = paths.state[rows, cols] & STATUS == SETTLED
-        if self._paths is not None:
-            known &= view.ground.state[rows, cols] & STATUS != BLOCKED
-        rows, cols = rows[known], cols[known]
-        if not rows.size:
-            return None
-        nearest = int(np.argmin(paths.length[rows, cols]))
-        return int(rows[nearest]) + paths.row0, int(cols[nearest]) + paths.col0
 
     @staticmethod
     def _age(view: View, point: tuple[int, int]) -> int:

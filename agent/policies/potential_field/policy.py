@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.policies.potential_field.commitment import Commitment
 from agent.policies.potential_field.direction import bearings_by_force, bearings_by_vector
@@ -25,6 +26,7 @@ from agent.ports import Bearing, Intent, PolicySetup, Stay
 from agent.routes.ground import Area, Disc
 from agent.view import View
 from patrol.pose import TAU
+from patrol.radio.peers import places_of
 from patrol.random import Purpose
 
 
@@ -100,13 +102,11 @@ class PotentialField:
             return TAU * view.draw(1, Purpose.RANDOM_MOVE)
         return None
 
-    def _rivals(self, view: View) -> list[tuple[int, int]]:
+    def _rivals(self, view: View) -> NDArray[np.int64]:
         """The elements of the static ground where other robots stand, where claims are used."""
         if "claims" not in self._separations:
-            return []
-        static = view.ground.static
-        joined = [static.join(peer.pose.x, peer.pose.y) for _, peer in sorted(view.peers.items())]
-        return [element for element in joined if element is not None]
+            return np.zeros((0, 2), dtype=np.int64)
+        return view.ground.static.join_each(places_of(view.peers))
 
     def _keep_apart(self, view: View) -> None:
         """Close artificial obstacles and occupied critical areas for this tick."""
@@ -122,7 +122,7 @@ class PotentialField:
 
     def _pull(self, view: View, start: tuple[int, int]) -> Pull:
         """The forces at this tick, modified by other robots and by close obstacles."""
-        rivals = self._rivals(view)
+        rivals = [(row, col) for row, col in self._rivals(view).tolist()]
         fog = view.fog
         assert self._field is not None
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))

@@ -15,36 +15,51 @@ NO_RIVALS = np.zeros((0, 0), dtype=np.int32)
 """The lengths of rivals' paths where there are no rivals."""
 
 
+class Laid(NamedTuple):
+    """Paths of a window, laid from where a robot and its rivals stand. Lengths are in hundredths of a point.
+
+    Attributes:
+        rival: int32 (m, n), the lengths of the rivals' paths; `NO_RIVALS` without any.
+        part: First and end row, first and end column of the window's part that holds all of the robot's paths.
+        longest: Of the robot's paths.
+        claimed: The longest to a point that no rival is nearer to; 0 without such a point.
+        handed: The longest to a point that is not handed over to a rival; 0 without such a point.
+    """
+
+    rival: NDArray[np.int32]
+    part: tuple[int, int, int, int]
+    longest: int
+    claimed: int
+    handed: int
+
+
 class Law(NamedTuple):
     """How hard points pull, along the paths of a window.
 
     Attributes:
         pull: As log_pull of `agent.policies.potential_field.kernels.hardest.hardest`.
         decay: As its log_decay.
-        rival: As there; `NO_RIVALS` without any.
         beyond: The hardest that a point without a known path could pull.
-        part: First and end row, first and end column of the window's part that holds all known paths.
     """
 
     pull: NDArray[np.float64]
     decay: NDArray[np.float64]
-    rival: NDArray[np.int32]
     beyond: float
-    part: tuple[int, int, int, int]
 
 
-def least_way(one: Element, other: Element) -> int:
-    """The length of the way between two elements if nothing is in between.
+def least_ways(start: Element, others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The lengths of the ways between elements if nothing is in between.
 
     Args:
-        one: Row and column.
-        other: Row and column.
+        start: Row and column.
+        others: int64 (n, 2), rows and columns.
 
     Returns:
-        Hundredths of a point: 141 for a diagonal step, 100 for any other.
+        int64 (n,), hundredths of a point: 141 for a diagonal step, 100 for any other.
     """
-    up, across = abs(one[0] - other[0]), abs(one[1] - other[1])
-    return 100 * max(up, across) + 41 * min(up, across)
+    steps = np.abs(others - np.array(start, dtype=np.int64))
+    lengths: NDArray[np.int64] = 100 * steps.max(axis=1) + 41 * steps.min(axis=1)
+    return lengths
 
 
 def part_within(paths: PathWindow, start: Element, limit: int) -> tuple[int, int, int, int]:

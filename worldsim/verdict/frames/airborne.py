@@ -6,6 +6,9 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, get_args
 
+import numpy as np
+
+from patrol.journal.links import Links, drops_of, joined, links_of
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.scenario.faults.kinds import Fault, Loss
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link, there
@@ -88,9 +91,27 @@ def airborne(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[i
     return ((origin, link) for origin, link, why in fates(record, forgers) if not why)
 
 
-def arrived(record: TickRecord) -> list[Link]:
+def arrived(record: TickRecord) -> Links:
     """The links of the frames that arrived in a tick, once for each copy, whether or not the receiver could hear."""
-    return [*record.deliveries, *(drop[:3] for drop in record.dropped if drop[3] in ON_ARRIVAL)]
+    delivered, dropped = links_of(record.deliveries), drops_of(record.dropped)
+    late = [number for number, why in enumerate(dropped.causes) if why in ON_ARRIVAL]
+    unheard = np.isin(dropped.cause, late)
+    if not unheard.any():
+        return delivered
+    return joined(delivered, Links(dropped.source[unheard], dropped.destination[unheard], dropped.sequence[unheard]))
+
+
+def sent_links(record: TickRecord) -> Links:
+    """The link of every frame of a tick to every robot that is there, by frame and receiver."""
+    places: Counter[int] = Counter()
+    sequences = []
+    for source, _ in record.frames:
+        sequences.append(frame_sequence(record.k, places[source]))
+        places[source] += 1
+    sources = np.array([source for source, _ in record.frames], dtype=np.int64)
+    here = np.array([row.number for row in record.robots if there(row.status)], dtype=np.int64)
+    frame, receiver = np.nonzero(sources[:, None] != here[None, :])
+    return Links(sources[frame], here[receiver], np.array(sequences, dtype=np.int64)[frame])
 
 
 def kind_of(cause: str) -> str:

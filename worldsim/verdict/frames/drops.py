@@ -7,8 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from patrol.journal import Status, TickRecord
-from patrol.journal.records import FORGED, sent_at
+from patrol.journal.links import drops_of
+from patrol.journal.records import FORGED, MAX_TICKS, sent_at
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario.faults.kinds import Bandwidth, Loss, Partition, Range, Silence
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED
@@ -54,6 +57,9 @@ class DropsExplained(Check):
     def _tick(self, record: TickRecord) -> None:
         if not record.dropped:
             return
+        if (lost := self._lost_on_links(record)) is not None:
+            self._explained += lost
+            return
         origins = origins_of(record, self._forgers)
         lengths = {key: len(frame) for key, (_, frame) in zip(origins, record.frames, strict=True)}
         statuses = {row.number: row.status for row in record.robots}
@@ -74,6 +80,24 @@ class DropsExplained(Check):
 
     def _good(self) -> str:
         return f"{self._explained} frames dropped, each for a cause that applies"
+
+    def _lost_on_links(self, record: TickRecord) -> int | None:
+        """How many frames were dropped, where all were by losses that act on their links; None where any was not."""
+        dropped = drops_of(record.dropped)
+        if (dropped.source == FORGED).any() or (dropped.sequence % (MAX_TICKS + 1) != record.k).any():
+            return None
+        for number, why in enumerate(dropped.causes):
+            of = dropped.cause == number
+            if not of.any():
+                continue
+            entry = self._entries.get(fault_of(why))
+            if entry is None or not isinstance(entry.fault, Loss) or kind_of(why) != "loss":
+                return None
+            ends = ((dropped.source, entry.sources), (dropped.destination, entry.targets))
+            if not (active(entry, record.k) and all(np.isin(end[of], sorted(some)).all() for end, some in ends)):
+                return None
+        sent = {source for source, _ in record.frames}
+        return len(dropped) if sent.issuperset(np.unique(dropped.source).tolist()) else None
 
     def _applies(self, why: str, source: int, origin: int, to: int, k: int) -> bool:
         """Whether a cause that acts when a frame is sent can act on this one."""

@@ -6,13 +6,16 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from patrol.errors import BadInput
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.prepare import inbox_of
+from patrol.radio.ears import Ear, Ears
 from patrol.radio.fleet_key import fleet_key
-from patrol.radio.inbox import Inbox
 from patrol.radio.message import CONTACT, Position
+from patrol.radio.peers import PeerTracker
 from patrol.scenario.faults.kinds import PROCESS_KINDS, Forgery, Spoof
 from worldsim.radio.rules import NOBODY
 from worldsim.verdict.common.check import Check, CheckResult
@@ -20,6 +23,10 @@ from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.recomputed import Replay
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Status.LOST, Status.ABSENT))
@@ -40,6 +47,35 @@ class AcceptedForgery:
     sequence: int
     position: Position
     again: bool
+
+
+class Used:
+    """Which sequences of which sender each robot has accepted: one bit for each."""
+
+    def __init__(self, robots: int) -> None:
+        self._robots = robots
+        self._bits: dict[int, NDArray[np.uint8]] = {}
+
+    def use(self, rows: NDArray[np.int64], column: int, sequence: int) -> NDArray[np.bool_]:
+        """Whether robots had accepted a sequence of a sender before; from now on they have.
+
+        Args:
+            rows: int64 (n,), the robots' places in the roster.
+            column: The sender's.
+            sequence: Of its frame, below the number of ticks.
+        """
+        part, bit = sequence // 8, np.uint8(1 << sequence % 8)
+        if part not in self._bits:
+            self._bits[part] = np.zeros((self._robots, self._robots), dtype=np.uint8)
+        bits = self._bits[part][:, column]
+        before: NDArray[np.bool_] = bits[rows] & bit != 0
+        bits[rows] |= bit
+        return before
+
+    def clear(self, row: int) -> None:
+        """Forget what a robot has accepted: another process takes its place."""
+        for bits in self._bits.values():
+            bits[row] = 0
 
 
 class Hearing(Check):
@@ -69,9 +105,12 @@ class Hearing(Check):
         if run.prepared.scenario.factor is not None:
             self._unknown = "not judged: the run kept to the clock, so nobody knows in which tick a frame was heard"
         self._events = 0
-        self._inboxes: dict[int, Inbox] = {}
+        roster = run.prepared.scenario.roster
+        fastest = max(spec.speed for spec in roster)
+        self._hears = Ears([spec.number for spec in roster], run.step, fastest)
+        self._ears: dict[int, Ear] = {}
+        self._used = Used(len(roster))
         self._refused: Counter[str] = Counter()
-        self._used: dict[int, dict[int, bytearray]] = {}
         self.accepted: list[AcceptedForgery] = []
         try:
             self._key = fleet_key(run.prepared.scenario.radio.key)
@@ -96,33 +135,61 @@ class Hearing(Check):
             return
         self._drop_inboxes(record.k)
         delivery = self._replay.delivery
+        rows = [row for row in record.robots if row.status is Status.ALIVE and row.number in delivery.heard]
+        ears = {row.number: self._ear(row.number) for row in rows}
         forged: dict[int, list[int]] = defaultdict(list)
         for source, to, sequence in delivery.arrived:
             if source != FORGED:
                 break  # forged frames come first
             forged[to].append(sequence)
-        now_s = record.k * self._prepared.scenario.step
-        for row in record.robots:
-            if row.status is not Status.ALIVE or row.number not in delivery.heard:
+        if forged:
+            for number, ear in ears.items():
+                self._look_at_each(record.k, number, ear, delivery.heard[number], forged[number])
+        else:
+            self._take_in(record.k, ears, delivery.heard)
+        for row in rows:
+            self._compare(row.number, row.rejected, ears[row.number].inbox.rejected, record.k)
+
+    def _ear(self, number: int) -> Ear:
+        """The inbox of a robot's present process."""
+        if number not in self._ears:
+            bounds = self._prepared.terrain.bounds
+            inbox = inbox_of(self._prepared.scenario, number, bounds, self._key)
+            row = self._hears.row_of(number)
+            self._hears.clear(row)
+            self._used.clear(row)
+            self._ears[number] = Ear(row, inbox, PeerTracker(inbox.trail_every))
+        return self._ears[number]
+
+    def _look_at_each(self, k: int, number: int, ear: Ear, frames: Sequence[bytes], forged: Sequence[int]) -> None:
+        """Let a robot decide on its frames, of which the first are forged."""
+        positions, _ = self._hears.decide(ear, frames, k)
+        for place, position in enumerate(positions):
+            if position is None:
                 continue
-            inbox = self._inboxes.get(row.number)
-            if inbox is None:
-                bounds = self._prepared.terrain.bounds
-                inbox = self._inboxes[row.number] = inbox_of(self._prepared.scenario, row.number, bounds, self._key)
-                self._used[row.number] = {}
-            of_forgers = iter(forged[row.number])
-            for frame in delivery.heard[row.number]:
-                forgery = next(of_forgers, None)
-                position = inbox.accept(frame, now_s)
-                if position is None:
-                    continue
-                again = self._again(row.number, position)
-                if forgery is not None:
-                    self.accepted.append(AcceptedForgery(row.number, forgery, position, again))
-                elif again and not self._problem:
-                    what = f"frame {position.sequence} of {self._names.get(position.robot, position.robot)}"
-                    self._fail(f"{self._names[row.number]} accepted {what} a second time at tick {record.k}")
-            self._compare(row.number, row.rejected, inbox.rejected, record.k)
+            again = self._again(number, position)
+            if place < len(forged):
+                self.accepted.append(AcceptedForgery(number, forged[place], position, again))
+            elif again:
+                self._accepted_again(number, position, k)
+
+    def _take_in(self, k: int, ears: Mapping[int, Ear], heard: Mapping[int, Sequence[bytes]]) -> None:
+        """Let all robots decide at once where no frame is forged."""
+        learnt = self._hears.listen(k, ears, heard)
+        listeners = np.array([ear.row for ear in ears.values()], dtype=np.int64)
+        for at, position in enumerate(learnt.said):
+            by = listeners[learnt.knows[:, at] != 0]
+            again = self._used.use(by, self._hears.row_of(position.robot), position.sequence)
+            if again.any():
+                self._accepted_again(self._hears.numbers[int(by[again][0])], position, k)
+        for number, accepted in learnt.accepted.items():
+            for position in accepted:
+                if self._again(number, position):
+                    self._accepted_again(number, position, k)
+
+    def _accepted_again(self, number: int, position: Position, k: int) -> None:
+        what = f"frame {position.sequence} of {self._names.get(position.robot, position.robot)}"
+        self._fail(f"{self._names[number]} accepted {what} a second time at tick {k}")
 
     def result(self) -> CheckResult:
         """The result, once all ticks are in."""
@@ -143,16 +210,14 @@ class Hearing(Check):
 
     def _again(self, receiver: int, position: Position) -> bool:
         """Whether a receiver has accepted this sender's sequence before; from now on it has. Contacts have none."""
-        ticks = self._prepared.scenario.ticks
-        if position.robot == CONTACT or position.sequence >= ticks:
+        if position.robot == CONTACT or position.sequence >= self._prepared.scenario.ticks:
             return False
-        used = self._used[receiver].setdefault(position.robot, bytearray(ticks))
-        before, used[position.sequence] = used[position.sequence], 1
-        return bool(before)
+        by = np.array([self._hears.row_of(receiver)], dtype=np.int64)
+        return bool(self._used.use(by, self._hears.row_of(position.robot), position.sequence)[0])
 
     def _drop_inboxes(self, k: int | None) -> None:
         """Drop the inboxes of processes that were gone before tick k, or all of them, and keep their counts."""
-        gone = [] if k is not None else list(self._inboxes)
+        gone = [] if k is not None else list(self._ears)
         events = self._run.journal.events
         while k is not None and self._events < len(events) and events[self._events].k <= k:
             event = events[self._events]
@@ -160,10 +225,9 @@ class Hearing(Check):
             if event.robot is not None and event.kind in _GONE:
                 gone.append(event.robot)
         for number in gone:
-            inbox = self._inboxes.pop(number, None)
-            self._used.pop(number, None)
-            if inbox is not None:
-                self._refused.update({reason.value: count for reason, count in inbox.counts.items() if count})
+            ear = self._ears.pop(number, None)
+            if ear is not None:
+                self._refused.update({reason.value: count for reason, count in ear.inbox.counts.items() if count})
 
 
 class ForgedAsConfigured(Check):

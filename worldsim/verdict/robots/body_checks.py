@@ -11,6 +11,7 @@ import numpy as np
 from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Pose, command_of, is_halt
+from worldsim.kernels.apart import first_overlap
 from worldsim.motion import length
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -43,11 +44,11 @@ class BodiesApart(Check):
         self._looked += len(here)
         places = np.array([(robot.x, robot.y) for robot in here], dtype=np.float64).reshape(-1, 2)
         radii = np.array([self._radii[robot.number] for robot in here], dtype=np.float64)
-        apart = np.hypot(*(places[:, None] - places[None, :]).transpose(2, 0, 1))
-        deep = np.triu(apart < radii[:, None] + radii[None, :] - SLACK, k=1)
-        for i, j in np.argwhere(deep)[:1]:
+        i, j = first_overlap(places, radii, SLACK)
+        if i < len(here):
             pair = f"{self._names[here[i].number]} and {self._names[here[j].number]}"
-            self._problem = f"{pair} overlap at tick {record.k}, centres {apart[i, j]:.3f} m apart"
+            apart = math.dist(places[i], places[j])
+            self._problem = f"{pair} overlap at tick {record.k}, centres {apart:.3f} m apart"
         for robot, radius in zip(here, radii, strict=True):
             pose = Pose(robot.x, robot.y, robot.heading)
             if free_fraction(self._terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from patrol.journal import Status, TickRecord
+from patrol.journal.links import links_of
 from patrol.journal.records import FORGED
 from patrol.scenario.faults.kinds import Pause
 from worldsim.lifecycle import LOOKED_AT, STOPPED, UNSEEN
@@ -87,7 +90,8 @@ class DownAreSilent(Check):
         if not down:
             return
         does = [(source, "sends") for source, _ in record.frames if source != FORGED]
-        does += [(destination, "hears") for _, destination, _ in record.deliveries]
+        hearing = np.unique(links_of(record.deliveries).destination).tolist()
+        does += [(destination, "hears") for destination in hearing]
         does += [(number, "decides") for number, row in down.items() if row.state or row.decision_ms is not None]
         for number, what in does:
             if number in down:

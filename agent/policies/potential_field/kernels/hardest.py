@@ -20,21 +20,22 @@ UNKNOWN = 2**31 - 1
 """The length of an unknown path."""
 
 
-@njit(types.void(STATE, GRID, GRID, int64, int64, int64, int64, PLACES), cache=True, nogil=True)
-def reaches(state, length, rival, top, bottom, left, right, longest):
-    """The longest path of all, and the longest to a point that no rival is nearer to.
+@njit(types.void(STATE, GRID, GRID, int64, int64, int64, int64, int64, PLACES), cache=True, nogil=True)
+def reaches(state, length, rival, hand_over, top, bottom, left, right, longest):
+    """The longest path of all, the longest to a point that no rival is nearer to, or nearer by more than some length.
 
     Args:
         state: uint8 (m, n), the wave's grid over its window; only settled points count.
         length: int32 (m, n), path lengths in hundredths of a point.
         rival: int32 (m, n), path lengths from the nearest rival; size 0 without rivals.
+        hand_over: By how much a rival must be nearer, in hundredths of a point.
         top: First row of the window's part that holds all settled points.
         bottom: End row of that part, exclusive.
         left: First column of it.
         right: End column of it, exclusive.
-        longest: int64 (2,), filled in with both lengths in hundredths of a point; 0 without such a point.
+        longest: int64 (3,), filled in with these lengths in hundredths of a point; 0 without such a point.
     """
-    most, own = 0, 0
+    most, own, handed = 0, 0, 0
     for row in range(top, bottom):
         known, far = state[row, left:right], length[row, left:right]
         other = rival[row, left:right] if rival.size > 0 else far
@@ -42,7 +43,8 @@ def reaches(state, length, rival, top, bottom, left, right, longest):
             settled = known[col] & 3 == 3
             most = max(most, far[col] if settled else 0)
             own = max(own, far[col] if settled and far[col] <= other[col] else 0)
-    longest[0], longest[1] = most, own
+            handed = max(handed, far[col] if settled and far[col] - other[col] <= hand_over else 0)
+    longest[0], longest[1], longest[2] = most, own, handed
 
 
 # fmt: off

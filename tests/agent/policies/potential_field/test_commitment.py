@@ -14,14 +14,12 @@ import pytest
 from agent.build import build_mind
 from agent.policies.potential_field.commitment import (
     AT_HAND_S,
-    LONGEST_SHUNNED_S,
-    MOST_SHUNNED,
     NO_NEARER_S,
-    SHUNNED_S,
     Commitment,
     Target,
 )
 from agent.policies.potential_field.policy import PotentialField
+from agent.policies.potential_field.shunned import LONGEST_SHUNNED_S, MOST_SHUNNED, SHUNNED_S
 from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
@@ -168,7 +166,7 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     waits = np.diff([robots.held_from, *(change.k for change in stuck)]) * STEP
     assert (waits >= AT_HAND_S).all()
     assert (waits <= AT_HAND_S + NO_NEARER_S + 2.5).all()
-    shunned = commitment_of(robots)._shunned
+    shunned = commitment_of(robots)._shunned.places
     assert {shun[:2] for shun in shunned} == {change.old.close for change in stuck}
     spells = [(shun[2] - change.k) * STEP for shun, change in zip(shunned, stuck, strict=True)]
     assert spells == [SHUNNED_S] * len(stuck)
@@ -181,16 +179,16 @@ def test_a_place_that_is_given_up_again_is_left_out_for_longer_and_others_are_no
     commitment = commitment_of(Robots(alone(two_rooms())))
     spells = []
     for turn in range(2000):
-        commitment._give_up(turn, (5, 5))
-        spells.append((commitment._shunned[-1][2] - turn) * STEP)
+        commitment._shunned.add(turn, (5, 5))
+        spells.append((commitment._shunned.places[-1][2] - turn) * STEP)
     assert spells[:6] == [60.0, 120.0, 240.0, 480.0, 960.0, 960.0]
     assert spells[-1] == LONGEST_SHUNNED_S
-    commitment._give_up(2000, (5, 40))
-    assert [one[:2] for one in commitment._shunned] == [(5, 5), (5, 40)]
-    assert (commitment._shunned[-1][2] - 2000) * STEP == SHUNNED_S
+    commitment._shunned.add(2000, (5, 40))
+    assert [one[:2] for one in commitment._shunned.places] == [(5, 5), (5, 40)]
+    assert (commitment._shunned.places[-1][2] - 2000) * STEP == SHUNNED_S
     for col in range(3 * MOST_SHUNNED):
-        commitment._give_up(2000, (0, 50 * col))
-    assert len(commitment._shunned) == MOST_SHUNNED
+        commitment._shunned.add(2000, (0, 50 * col))
+    assert len(commitment._shunned.places) == MOST_SHUNNED
 
 
 def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:
@@ -199,12 +197,12 @@ def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:
         robots.tick()
     commitment, target = commitment_of(robots), target_of(robots)
     assert target is not None
-    commitment._around = 10**9
-    commitment._give_up(robots.k, target.point)
+    commitment._shunned._around = 10**9
+    commitment._shunned.add(robots.k, target.point)
     commitment._target = None
     robots.tick()
     assert target_of(robots) is not None
-    assert commitment._shunned == []
+    assert commitment._shunned.places == []
 
 
 def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
@@ -291,7 +289,7 @@ def test_a_room_that_fits_into_the_circle_is_patrolled_as_ever() -> None:
     assert all(change.age < 0.5 * change.old.age for change in changed)
     assert not any(change.old.away for change in changed)
     assert len(late) >= 25
-    assert commitment_of(robots)._shunned == []
+    assert commitment_of(robots)._shunned.places == []
 
 
 # --- sensors, laws and places ----------------------------------------------------------------------------------------

@@ -112,11 +112,14 @@ def test_the_hardest_point_is_the_one_that_plain_loops_find(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_the_longest_ways_are_that_of_all_and_that_of_the_claimed_ground(seed: int) -> None:
+def test_the_longest_ways_are_that_of_all_that_of_the_claimed_ground_and_that_of_what_is_not_handed_over(
+    seed: int,
+) -> None:
     situation = Situation(seed)
     settled = situation.within & (situation.state & 3 == SETTLED)
     own = settled & (situation.length <= situation.rival)
-    longest = np.full(2, -1, dtype=np.int64)
+    kept = settled & (situation.length.astype(np.int64) - situation.rival <= situation.hand_over)
+    longest = np.full(3, -1, dtype=np.int64)
     grids = situation.state, situation.length, situation.known
-    reaches(*grids, *situation.part, longest)
-    assert longest.tolist() == [situation.length[points].max(initial=0) for points in (settled, own)]
+    reaches(*grids, situation.hand_over, *situation.part, longest)
+    assert longest.tolist() == [situation.length[points].max(initial=0) for points in (settled, own, kept)]

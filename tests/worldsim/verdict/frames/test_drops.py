@@ -61,6 +61,7 @@ def test_a_cut_that_stops_everybody_fails(
     run: Callable[..., Result], fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(RadioRules, "lost", lost(f"{fault['kind']}:{fault['id']}"))
+    monkeypatch.setattr(RadioRules, "only_drop", False)
     found = failures(run(fault))
     assert list(found) == ["nothing crossed"]
     assert f"was stopped by {fault['kind']} {fault['id']}, which does not apply to it" in found["nothing crossed"]
@@ -73,6 +74,7 @@ def test_an_insider_is_cut_off_like_any_robot(
 ) -> None:
     good = RadioRules.lost
     monkeypatch.setattr(RadioRules, "lost", lambda self, *of: good(self, *of) if of[1] != FORGED else None)
+    monkeypatch.setattr(RadioRules, "only_drop", False)
     found = failures(run(fault, INSIDER, DELAY) if late else run(fault, INSIDER))
     assert "nothing crossed" in found
     assert found["nothing crossed"].startswith("a frame from a forger to r")
@@ -85,6 +87,7 @@ def test_what_reaches_a_dead_receiver_through_a_cut_came_through(
     """Nobody hears what it is told, but the frame got as far as it."""
     good = RadioRules.lost
     monkeypatch.setattr(RadioRules, "lost", lambda self, *of: None if of[2] == 2 else good(self, *of))
+    monkeypatch.setattr(RadioRules, "only_drop", False)
     found = failures(run({"kind": "kill", "who": "r2"}, QUIET))
     assert found == {"nothing crossed": "a frame from r1 to r2 of tick 0 got through silence quiet"}
 
@@ -93,6 +96,7 @@ def test_a_cut_that_another_cause_takes_the_place_of_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(RadioRules, "lost", lost("loss:loss"))
+    monkeypatch.setattr(RadioRules, "only_drop", False)
     found = failures(run(LOSS, {**QUIET, "who": "r1"}))
     assert found["nothing crossed"] == "a frame from r1 to r2 of tick 0 got through silence quiet"
 
@@ -135,6 +139,7 @@ def test_a_frame_that_is_not_too_long_and_counts_as_that_fails(
 def test_a_link_that_a_loss_is_not_about_and_that_loses_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(RadioRules, "only_drop", False)
     monkeypatch.setattr("worldsim.radio.rules._on_link", lambda *_: True)
     found = failures(run(LOSS))
     assert list(found) == ["drops"]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
 from patrol.journal import TickRecord, trace_hash
@@ -13,8 +14,8 @@ from patrol.journal.records import FORGED
 from patrol.pose import Pose
 from patrol.prepare import inbox_of
 from patrol.radio.message import Position, encode
-from patrol.random import draw
 from tests.worldsim.verdict.judged import check_of, result_of
+from worldsim.kernels.draws import below
 from worldsim.radio.rules import Burst
 from worldsim.run_record import MemoryJournal
 from worldsim.verdict.frames.drops import NothingCrossed
@@ -127,7 +128,7 @@ def test_another_cause_another_copy_or_another_delay_fails(run: Any) -> None:
 def test_another_draw_fails(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """A world whose radio rolls other dice than the journal's judge."""
     with monkeypatch.context() as patch:
-        patch.setattr("worldsim.radio.rules.draw", lambda *values: draw(*values, 1))
+        patch.setattr("worldsim.radio.rules.below", lambda states, *of: below(states + np.uint64(1), *of))
         world, journal = run(LOSS)
     assert "radio" in failures(judge(journal, {}, world.prepared))
 

@@ -1,0 +1,184 @@
+"""Links of many frames as columns of numbers: what a tick of a large fleet delivers, which grows with its square.
+
+Both read like the tuples of rows that small code is written for, and equal them; what has to be fast reads the columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Generic, TypeVar, cast, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+Row = TypeVar("Row", bound=tuple[Any, ...])
+Column = NDArray[np.int64]
+R = TypeVar("R", bound="_Rows[Any]")
+
+MAX_SHORT = 2**32 - 1
+"""The largest sequence that a robot's frame can have."""
+
+
+class _Rows(Sequence[Row], Generic[Row]):
+    """Rows of equal kind, held as columns."""
+
+    __slots__ = ("destination", "sequence", "source")
+
+    def __init__(self, source: Column, destination: Column, sequence: Column) -> None:
+        """Take the columns, which nobody changes any more.
+
+        Args:
+            source: int64 (n,), the frames' sources.
+            destination: int64 (n,), their receivers.
+            sequence: int64 (n,), of `patrol.journal.records.frame_sequence`.
+        """
+        self.source = source
+        self.destination = destination
+        self.sequence = sequence
+
+    def __len__(self) -> int:
+        return self.source.size
+
+    @overload
+    def __getitem__(self, index: int) -> Row: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Row, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> Row | tuple[Row, ...]:
+        if isinstance(index, slice):
+            return tuple(self._rows(index))
+        return next(iter(self._rows(slice(index, index + 1 or None))))
+
+    def __iter__(self) -> Iterator[Row]:
+        return self._rows(slice(None))
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, type(self)):
+            return len(self) == len(other) and self._equals(other)
+        if isinstance(other, Sequence) and not isinstance(other, str | bytes):
+            return len(self) == len(other) and all(mine == row for mine, row in zip(self, other, strict=True))
+        return NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(tuple(self))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({tuple(self)!r})"
+
+    def _rows(self, part: slice) -> Iterator[Row]:
+        columns = (self.source[part].tolist(), self.destination[part].tolist(), self.sequence[part].tolist())
+        return cast("Iterator[Row]", zip(*columns, strict=True))
+
+    def _equals(self: R, other: R) -> bool:
+        return all(
+            mine is theirs or np.array_equal(mine, theirs)
+            for mine, theirs in (
+                (self.sequence, other.sequence),
+                (self.source, other.source),
+                (self.destination, other.destination),
+            )
+        )
+
+
+class Links(_Rows[tuple[int, int, int]]):
+    """Rows of (source, destination, sequence).
+
+    Attributes:
+        source: int64 (n,).
+        destination: int64 (n,).
+        sequence: int64 (n,).
+    """
+
+    __slots__ = ()
+
+
+class Drops(_Rows[tuple[int, int, int, str]]):
+    """Rows of (source, destination, sequence, cause).
+
+    Attributes:
+        source: int64 (n,).
+        destination: int64 (n,).
+        sequence: int64 (n,).
+        cause: int64 (n,), indices into `causes`.
+        causes: Each once.
+    """
+
+    __slots__ = ("cause", "causes")
+
+    def __init__(
+        self, source: Column, destination: Column, sequence: Column, cause: Column, causes: tuple[str, ...]
+    ) -> None:
+        super().__init__(source, destination, sequence)
+        self.cause = cause
+        self.causes = causes
+
+    def _rows(self, part: slice) -> Iterator[tuple[int, int, int, str]]:
+        columns = (self.source[part].tolist(), self.destination[part].tolist(), self.sequence[part].tolist())
+        names = self.causes
+        return zip(*columns, (names[cause] for cause in self.cause[part].tolist()), strict=True)
+
+    def _equals(self, other: Drops) -> bool:
+        if not super()._equals(other):
+            return False
+        if self.causes == other.causes:
+            return np.array_equal(self.cause, other.cause)
+        return [self.causes[cause] for cause in self.cause] == [other.causes[cause] for cause in other.cause]
+
+    def sorted(self) -> Drops:
+        """The same in the order of (source, destination, sequence, cause)."""
+        rank = np.argsort(np.argsort(np.array(self.causes, dtype=np.str_))) if self.causes else self.cause
+        order = np.lexsort((rank[self.cause], self.sequence, self.destination, self.source))
+        return Drops(self.source[order], self.destination[order], self.sequence[order], self.cause[order], self.causes)
+
+
+def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
+    """One number for each link, in whose order the links are sorted by source, destination and sequence.
+
+    Args:
+        links: Their robots' numbers are below 2^16.
+
+    Returns:
+        uint64 (n,); None where a sequence, which only forged frames can have, takes more than 32 bits.
+    """
+    if (links.sequence > MAX_SHORT).any():
+        return None
+    robots = (links.source << 16 | links.destination).astype(np.uint64)
+    return robots << np.uint64(32) | links.sequence.astype(np.uint64)
+
+
+def joined(first: Links | Drops, second: Links | Drops) -> Links:
+    """The links of both, one after the other."""
+    pairs = (
+        (first.source, second.source),
+        (first.destination, second.destination),
+        (first.sequence, second.sequence),
+    )
+    return Links(*(np.concatenate(pair) for pair in pairs))
+
+
+def links_of(rows: Iterable[tuple[int, int, int]]) -> Links:
+    """Rows of (source, destination, sequence) as columns; rows that are columns already stay what they are."""
+    if isinstance(rows, Links):
+        return rows
+    columns = _columns(tuple(rows), 3)
+    return Links(columns[0], columns[1], columns[2])
+
+
+def drops_of(rows: Iterable[tuple[int, int, int, str]]) -> Drops:
+    """The same of rows of (source, destination, sequence, cause)."""
+    if isinstance(rows, Drops):
+        return rows
+    given = tuple(rows)
+    causes = tuple(dict.fromkeys(cause for *_, cause in given))
+    number = {cause: index for index, cause in enumerate(causes)}
+    columns = _columns(tuple((*link, number[cause]) for *link, cause in given), 4)
+    return Drops(columns[0], columns[1], columns[2], columns[3], causes)
+
+
+def _columns(rows: Sequence[Sequence[int]], wide: int) -> NDArray[np.int64]:
+    return np.ascontiguousarray(np.array(rows, dtype=np.int64).reshape(-1, wide).T)
+
+
+NO_LINKS = links_of(())
+NO_DROPS = drops_of(())

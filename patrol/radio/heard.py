@@ -1,0 +1,56 @@
+"""What all robots of a fleet hear in one tick: the frames once, and who hears which."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import compress, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Heard(Mapping[int, list[bytes]]):
+    """The frames that reach each receiver, by its number, in their order.
+
+    Attributes:
+        frames: All frames, by sender and sequence, forged ones first.
+        receivers: The receivers' numbers, ascending.
+        reaches: bool (receivers, frames), whether a receiver hears a frame.
+    """
+
+    def __init__(self, frames: Sequence[bytes], receivers: Sequence[int], reaches: NDArray[np.bool_]) -> None:
+        self.frames = tuple(frames)
+        self.receivers = tuple(receivers)
+        self.reaches = reaches
+        self._row = {number: row for row, number in enumerate(self.receivers)}
+
+    def __getitem__(self, number: int) -> list[bytes]:
+        return list(compress(self.frames, self.reaches[self._row[number]].tolist()))
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.receivers)
+
+    def __len__(self) -> int:
+        return len(self.receivers)
+
+
+def heard_of(heard: Mapping[int, Sequence[bytes]]) -> Heard | None:
+    """The same of any mapping; None where a receiver hears a frame twice, or not in the order of the others.
+
+    Args:
+        heard: Frames by receiver.
+    """
+    if isinstance(heard, Heard):
+        return heard
+    index: dict[bytes, int] = {}
+    for frames in heard.values():
+        for frame in frames:
+            index.setdefault(frame, len(index))
+    receivers = sorted(heard)
+    reaches = np.zeros((len(receivers), len(index)), dtype=np.bool_)
+    for row, number in enumerate(receivers):
+        places = [index[frame] for frame in heard[number]]
+        if any(after <= before for before, after in pairwise(places)):
+            return None
+        reaches[row, places] = True
+    return Heard(tuple(index), receivers, reaches)

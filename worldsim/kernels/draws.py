@@ -1,0 +1,42 @@
+"""Kernel of draws: the same hashes as `patrol.random.draw`, for many links at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, types
+
+_STATES = types.Array(types.uint64, 1, "C", readonly=True)
+_NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
+_OUT = types.Array(types.uint8, 2, "C")
+
+
+@njit(types.uint64(types.uint64, types.uint64), cache=True, nogil=True)
+def _mixed(state, value):
+    """The next state of the hash; see `patrol.random`."""
+    z = (state ^ value) + np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(_OUT(_STATES, _NUMBERS, _NUMBERS, types.float64), cache=True, nogil=True)
+def below(states, receivers, sequences, rate):
+    """For each frame and receiver, whether the draw of (frame, receiver, sequence) is below a rate.
+
+    Args:
+        states: uint64 (f,), the hashes of what comes before the receiver, by frame.
+        receivers: int64 (r,), their numbers.
+        sequences: int64 (f,), of the frames.
+        rate: in [0, 1].
+
+    Returns:
+        uint8 (f, r), 1 where it is.
+    """
+    hit = np.empty((states.size, receivers.size), dtype=np.uint8)
+    for frame in range(states.size):
+        state, sequence = states[frame], np.uint64(sequences[frame])
+        row = hit[frame]
+        for receiver in range(receivers.size):
+            mixed = _mixed(_mixed(state, np.uint64(receivers[receiver])), sequence)
+            row[receiver] = float(mixed >> np.uint64(11)) * 2.0**-53 < rate
+    return hit
