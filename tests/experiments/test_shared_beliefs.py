@@ -124,6 +124,16 @@ def test_as_long_as_all_arrives_there_is_one_belief_and_those_that_missed_someth
     assert shared.groups[-1] == 2  # r2 on the one side, all others on the other
 
 
+@pytest.mark.parametrize("kind", ["none", "short loss", "pause"])
+def test_minds_that_decide_at_once_in_several_threads_share_beliefs_too(kind: str) -> None:
+    given = scenario(FAULTS[kind], patrol={"commitment": "none"})
+    ends = [
+        run_in_process(given, threads=threads, share=share).journal.end for threads, share in ((3, True), (1, False))
+    ]
+    assert ends[0] is not None
+    assert ends[0] == ends[1]
+
+
 def test_bodies_of_different_sizes_have_beliefs_of_their_own() -> None:
     robots = [{"model": "holonomic", "radius": radius} for radius in (0.3, 0.3, 1.5, 1.5)]
     given = {"terrain": {"builtin": "yards"}, "point": 1.0, "robots": robots, "duration": 0.5 * TICKS}

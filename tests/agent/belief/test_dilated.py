@@ -72,6 +72,25 @@ def test_what_is_read_is_what_dilating_everything_anew_gives(seed: int, reach: i
     assert np.array_equal(dilated.within(whole, 12), anew(fog, ground, proxy, reach, 12))
 
 
+@pytest.mark.parametrize("reach", [0, 5, 16])
+def test_a_fork_goes_its_own_way_from_what_both_know_and_have_yet_to_compute(reach: int) -> None:
+    dice = np.random.default_rng(reach)
+    ground, proxy = dice.random(SHAPE) >= 0.1, np.full(SHAPE, -1, dtype=np.int32)
+    fogs, whole = [Fog(ground)], (0, SHAPE[0] - 1, 0, SHAPE[1] - 1)
+    dilated = [Dilated(fogs[0], ground, Posts(proxy), reach)]
+    for tick in range(12):
+        for fog, one in zip(fogs, dilated, strict=True):
+            looks = [look(fog, dice, tick) for _ in range(3)]
+            one.changed([box for box in looks if box is not None])
+        if tick in (4, 8):
+            dilated[0].within((20, 40, 20, 40), tick)
+            fogs.append(fogs[0].fork())
+            dilated.append(dilated[0].fork(fogs[-1]))
+    for fog, one in zip(fogs, dilated, strict=True):
+        assert np.array_equal(one.within(whole, 12), anew(fog, ground, proxy, reach, 12))
+    assert not np.array_equal(fogs[0].last_seen, fogs[1].last_seen)
+
+
 @pytest.mark.parametrize("box", [(-50, -20, 0, 9), (0, 9, 200, 300), (5, 4, 0, 9)])
 def test_a_box_without_ground_changes_nothing(box: Box) -> None:
     ground = np.ones(SHAPE, dtype=np.bool_)
