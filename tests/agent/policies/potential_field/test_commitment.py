@@ -256,6 +256,41 @@ def test_a_robot_whose_own_ground_is_fresh_takes_anothers() -> None:
     assert target.point[1] >= 110
 
 
+def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives() -> None:
+    rooms = [(10.0 * left, 0.0, 10.0 * left + 8.0, 8.0) for left in range(8)]
+    gaps = [(10.0 * left - 2.0, 3.0, 10.0 * left, 5.0) for left in range(1, 8)]
+    starts = [Pose(10.0 * room + 4.0, 4.0, 0.0) for room in range(1, 7)]
+    patrol = {**CALM, "separation": "claims", "claim_width": 0.2}
+    given = prepared_in(
+        plan((78.0, 8.0), *rooms, *gaps, point=0.5),
+        starts,
+        {**BASE, "model": "holonomic"},
+        patrol=patrol,
+        sensor={"range": 1.5},
+    )
+    found = []
+    for widens in (True, False):
+        robots, targets, decided = Robots(given), [], []
+        for number in range(len(starts)):
+            commitment = commitment_of(robots, number)
+            assert commitment._widens
+            commitment._widens = widens
+            whole = commitment._within_reach
+
+            def counted(*what: Any, search: Any = whole, decided: list[bool] = decided) -> Target | None:
+                target: Target | None = search(*what)
+                decided.append(target is not None)
+                return target
+
+            commitment._within_reach = counted  # type: ignore[method-assign]
+        for _ in range(150):
+            robots.tick()
+            targets.append([target_of(robots, number) for number in range(len(starts))])
+        found.append(targets)
+        assert any(decided) == widens
+    assert found[0] == found[1]
+
+
 # --- leaving a circle ------------------------------------------------------------------------------------------------
 
 
