@@ -256,7 +256,7 @@ def test_a_robot_whose_own_ground_is_fresh_takes_anothers() -> None:
     assert target.point[1] >= 110
 
 
-def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives() -> None:
+def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     rooms = [(10.0 * left, 0.0, 10.0 * left + 8.0, 8.0) for left in range(8)]
     gaps = [(10.0 * left - 2.0, 3.0, 10.0 * left, 5.0) for left in range(1, 8)]
     starts = [Pose(10.0 * room + 4.0, 4.0, 0.0) for room in range(1, 7)]
@@ -270,7 +270,8 @@ def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives() ->
     )
     found = []
     for widens in (True, False):
-        robots, targets, decided = Robots(given), [], []
+        robots, targets = Robots(given), []
+        decided: list[bool] = []
         for number in range(len(starts)):
             commitment = commitment_of(robots, number)
             assert commitment._widens
@@ -282,7 +283,7 @@ def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives() ->
                 decided.append(target is not None)
                 return target
 
-            commitment._within_reach = counted  # type: ignore[method-assign]
+            monkeypatch.setattr(commitment, "_within_reach", counted)
         for _ in range(150):
             robots.tick()
             targets.append([target_of(robots, number) for number in range(len(starts))])
