@@ -196,11 +196,10 @@ class Ros2Robot:
             self._cycled_s = moment_s
             fix = self._hardware.fix()
             now_s = self._hardware.time.now()
-            held = self._hardware.stops.why
-            if not held:
-                self._standing.told()  # whoever stops the robot from now on, for it is about to be driven
-            stopped = held or next((one.why for one in self._objections if one.why), "")
+            stopped = self._hardware.stops.why or next((one.why for one in self._objections if one.why), "")
             self._stopped = stopped
+            if not stopped:
+                self._standing.told()  # whoever stops the robot from now on, for it is about to be driven
             why = self._steering.step(fix, 0.0 if now_s is None else now_s, since_s, stopped)
         if stopped:
             self._standing.look(fix, self._steering.unconfirmed, moment_s)
