@@ -26,7 +26,7 @@ import numpy as np
 
 from patrol.errors import BadInput
 from patrol.journal.decode import Malformed, decode, is_tick, longest_record
-from patrol.journal.links import Drops, Links, drops_of, links_of
+from patrol.journal.links import Drops, Links
 from patrol.journal.records import End, Event, Header, Record, RobotTick, TickRecord
 from patrol.untrusted import JOURNAL, open_untrusted
 
@@ -259,13 +259,16 @@ def _plain(record: Record) -> dict[str, Any]:
 
 
 def _plain_tick(record: TickRecord) -> dict[str, Any]:
+    delivered, dropped = record.deliveries, record.dropped
     return {
         "type": "tick",
         "k": record.k,
         "robots": [_row(robot) for robot in record.robots],
         "frames": record.frames,
-        "delivered": _grouped_links(links_of(record.deliveries)),
-        "dropped": _grouped_links(drops_of(record.dropped)),
+        "delivered": _grouped_links(delivered)
+        if isinstance(delivered, Links)
+        else _grouped((*d, "") for d in delivered),
+        "dropped": _grouped_links(dropped) if isinstance(dropped, Drops) else _grouped(dropped),
         "copies": _grouped(record.copies),
         "delayed": _grouped(record.delayed),
         "forged": record.forged,

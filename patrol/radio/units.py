@@ -6,8 +6,11 @@ functions scale and do not round: `patrol.radio.message` rounds when it makes a 
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _CM_PER_M = 100.0
 _MRAD_PER_RAD = 1000.0
