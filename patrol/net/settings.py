@@ -21,6 +21,11 @@ a burst may also share a place (`patrol.net.link.Link.post`)."""
 _DROP_US = 100
 """How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
 
+MOST_STRANGERS = 512
+"""How many connections at a router may not have said yet who they are; once there are so many, others wait. Each has
+10 s for it, and takes a file descriptor, of which a process often has 1024. With the 100 of Zenoh, 200 silent
+connections kept a fleet from starting."""
+
 MAX_MESSAGE = 1 << 24
 """Bytes of the longest message that a fleet's sessions put together. A router puts messages together before it looks at
 who may send them: with Zenoh's limit of 1 GiB, a message of 400 MB that its sender was not allowed to send took as much
@@ -84,5 +89,6 @@ def router_settings(
         "connect/exit_on_failure": False,
         "connect/retry": _RETRY,
         _CLOSE: _CLOSE_US,
+        "transport/unicast/accept_pending": MOST_STRANGERS,
         **({} if security is None else security.session()),
     }
