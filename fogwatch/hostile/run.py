@@ -208,7 +208,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
         crashes=crashes,
         growth_mb=memory.growth_mb,
         counts=counts,
-        ticks=progress.ticks,
+        ticks=progress.ticks if result is None else int(result.summary["ticks"]),
         longest_s=progress.longest_s,
         stranger=why,
     )
