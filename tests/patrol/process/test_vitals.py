@@ -83,5 +83,5 @@ def test_a_figure_that_cannot_be_read_hides_no_other() -> None:
 
 def test_the_memory_is_that_of_this_process() -> None:
     before = Vitals().read()[MEMORY]
-    held = os.urandom(32 << 20)
+    held = os.urandom(64 << 20)  # more than the C library takes from what was freed
     assert Vitals().read()[MEMORY] > before + 0.5 * len(held)  # type: ignore[operator]

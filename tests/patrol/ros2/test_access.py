@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zenoh
 
+from agent.robots.ros2.localisation import Source
 from fogwatch.doctor.examine import examine
 from fogwatch.doctor.survey import Wanted, survey
 from fogwatch.fleet_folder import FleetFolder
@@ -141,13 +143,14 @@ def test_the_doctor_sees_through_the_lock_with_the_agent_s_credentials(fleet: Fl
 
         def drive() -> None:
             while not ended.wait(0.02):
-                honest.send(odometry(1.0))
+                honest.send(replace(odometry(1.0), stamp_ns=time.time_ns()))
 
         driving = threading.Thread(target=drive)
         driving.start()
         try:
-            found = examine(survey(site.member("r1"), 0, "robot1", Wanted(), 2.0))
-            blind = examine(survey(site.member("r2"), 0, "robot1", Wanted(), 0.5))
+            wanted = Wanted(localisation=Source.ODOMETRY)
+            found = examine(survey(site.member("r1"), 0, "robot1", wanted, 2.0))
+            blind = examine(survey(site.member("r2"), 0, "robot1", wanted, 0.5))
         finally:
             ended.set()
             driving.join()
