@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from patrol.process.logs import Log
 from patrol.process.vitals import (
+    COMMANDS,
     CONNECTIONS,
     DECISION,
     DROPPED,
@@ -96,6 +97,7 @@ _TOLD: Mapping[Figure, Callable[[Value], str]] = {
     STOPPED: lambda value: "stopped" if _sum(value) else "may drive",
     ODOMETRY_AGE: lambda value: f"odometry {_sum(value):.1f} s ago",
     UNUSABLE: lambda value: f"robot's messages refused: {_listed(value)}",
+    COMMANDS: lambda value: f"commands received: {_listed(value)}",
     CONNECTIONS: lambda value: f"connections: {_sum(value):.0f}",
     PAGES: lambda value: f"pages open: {_sum(value):.0f}",
     MEMORY: lambda value: f"{_sum(value) / 1e6:.0f} MB",

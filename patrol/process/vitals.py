@@ -63,6 +63,7 @@ ROUTER_SILENT = Figure("fogwatch_router_silent_seconds_total", Kind.COUNTER, "Ti
 ODOMETRY_AGE = Figure("fogwatch_odometry_age_seconds", Kind.GAUGE, "Time since odometry has come from the robot, s.")
 STOPPED = Figure("fogwatch_stopped", Kind.GAUGE, "1 while somebody or something keeps the robot from driving, else 0.")
 UNUSABLE = Figure("fogwatch_robot_messages_refused_total", Kind.COUNTER, "Messages of the robot of no use.", "reason")
+COMMANDS = Figure("fogwatch_commands_total", Kind.COUNTER, "Commands that a simulated robot has received.", "robot")
 CONNECTIONS = Figure("fogwatch_connections", Kind.GAUGE, "Processes that are connected to the router.")
 PAGES = Figure("fogwatch_pages_open", Kind.GAUGE, "Browsers that show the page.")
 VERSION = Figure("fogwatch_info", Kind.GAUGE, "1; the label names the version.", "version")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.pose import MODELS, Pose, wrap
+from patrol.process.supervision import add_supervision
 from worldsim.ros2.node import DRIVES
 from worldsim.ros2.odometry import Errors
 
@@ -89,6 +90,7 @@ def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--out", type=Path, metavar="FILE", help="write what was measured, as JSON (default: print it)")
     add("--wait", type=float, default=60.0, metavar="S", help="for the router (default: %(default)g s)")
     add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
+    add_supervision(parser)
     options = parser.parse_args(arguments)
     _check(options)
     return options

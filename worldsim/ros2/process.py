@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.logs import Log
+from patrol.process.supervision import followed, take_supervision
 from worldsim.ros2.options import errors_of, options_of, robots_of, starts_of, unplugged
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
+    from patrol.process.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.ros2.node import Habits
     from worldsim.ros2.simulation import Simulation
@@ -33,19 +35,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    log = Log("robot-sim")
     try:
         options = options_of(arguments)
-        return _run(options, heed(options.lifeline))
+        ending = heed(options.lifeline)
+        supervision = take_supervision(options)
+        supervision.begin_log(log.process)
+        with followed(supervision, log, {}) as vitals:
+            return _run(options, ending, log.info, vitals)
     except BadInput as bad:
-        print(f"robot-sim: {bad}", file=sys.stderr)
+        log.error(str(bad))
         return 2
 
 
-def _say(line: str) -> None:
-    print(f"robot-sim: {line}", file=sys.stderr, flush=True)
-
-
-def _run(options: argparse.Namespace, ending: Ending) -> int:
+def _run(options: argparse.Namespace, ending: Ending, say: Callable[[str], None], vitals: Vitals) -> int:
     from patrol.prepare import prepare
     from patrol.process.warmup import warm
     from patrol.scenario import load_scenario
@@ -53,15 +56,16 @@ def _run(options: argparse.Namespace, ending: Ending) -> int:
     scenario = _scenario(options) if options.scenario is None else load_scenario(options.scenario)
     names = [one.name for one in robots_of(options)]
     plugs = unplugged(options, names)
-    warm(("patrol", "worldsim"), _say)
+    warm(("patrol", "worldsim"), say)
     prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
     with ExitStack() as stack:
         simulation = _simulation(options, prepared, pace, stack, ending)
         if simulation is None:
             return INTERRUPTED
-        _say(f"simulates {', '.join(names)} at {options.connect}")
-        _keep_time(simulation, pace, options.duration, plugs, ending)
+        say(f"simulates {', '.join(names)} at {options.connect}")
+        show(simulation, vitals)
+        _keep_time(simulation, pace, options.duration, plugs, ending, say)
         _write(options, simulation.summary())
     return INTERRUPTED if ending else 0
 
@@ -151,7 +155,28 @@ def _habits(options: argparse.Namespace, pace: float) -> Habits:
     )
 
 
-def _keep_time(simulation: Simulation, pace: float, duration_s: float, plugs: dict[str, float], ending: Ending) -> None:
+def show(simulation: Simulation, vitals: Vitals) -> None:
+    """Have the figures of simulated robots read.
+
+    Args:
+        simulation: Whose.
+        vitals: Of this process.
+    """
+    from patrol.process.vitals import COMMANDS, MFOW, TICK
+
+    vitals.probe(TICK, lambda: simulation.ticks or None)
+    vitals.probe(MFOW, lambda: simulation.mfow_s)
+    vitals.probe(COMMANDS, lambda: {name: node.robot.commands for name, node in simulation.nodes.items()})
+
+
+def _keep_time(
+    simulation: Simulation,
+    pace: float,
+    duration_s: float,
+    plugs: dict[str, float],
+    ending: Ending,
+    say: Callable[[str], None],
+) -> None:
     """Step by step until the time is over or it is time to leave."""
     from worldsim.ros2.simulation import STEP_S
 
@@ -163,7 +188,7 @@ def _keep_time(simulation: Simulation, pace: float, duration_s: float, plugs: di
         for name in [name for name, at_s in plugs.items() if simulation.patrolled_s >= at_s]:
             del plugs[name]
             simulation.unplug(name, time.monotonic())
-            _say(f"{name}: its odometry ends")
+            say(f"{name}: its odometry ends")
         simulation.step(time.monotonic())
 
 

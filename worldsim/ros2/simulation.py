@@ -78,6 +78,16 @@ class Simulation:
         """For how long all robots have been driven, s: nothing is measured before."""
         return 0.0 if self._begun_s is None else self.time_s - self._begun_s
 
+    @property
+    def ticks(self) -> int:
+        """Ticks of the fleet in which was looked around."""
+        return len(self._mfow)
+
+    @property
+    def mfow_s(self) -> float | None:
+        """Age of the stalest point in the newest of them, s; None before the first."""
+        return self._mfow[-1] * self._ground.look_s if self._mfow else None
+
     def step(self, wall_s: float) -> None:
         """One step of all robots: they hear, move, and say where they are.
 
