@@ -96,7 +96,7 @@ def _name(options: argparse.Namespace) -> str:
 def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals | None) -> int:
     """Find the robot, and patrol with it; the exit code."""
     from agent.robots.ros2.hardware import Hardware
-    from agent.robots.ros2.stop_files import StopFiles, state_folder
+    from agent.robots.ros2.stops.files import StopFiles, state_folder
     from patrol.net.link import LinkDown
     from patrol.net.roles import robot_role
     from patrol.scenario import load_scenario, parse_overrides
@@ -308,12 +308,12 @@ def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | 
 
 def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log, rivals: Rivals) -> Ros2Robot:
     from agent.robots.ros2.driver import Objection, Pace, Ros2Robot
-    from agent.robots.ros2.fence import Fence
-    from agent.robots.ros2.governor import Governor, Rule
-    from agent.robots.ros2.others import Others
-    from agent.robots.ros2.response import Response
+    from agent.robots.ros2.driving.fence import Fence
+    from agent.robots.ros2.driving.governor import Governor, Rule
+    from agent.robots.ros2.driving.others import Others
+    from agent.robots.ros2.driving.response import Response
+    from agent.robots.ros2.driving.steering import GoalSteering, Steering, VelocitySteering
     from agent.robots.ros2.shown import Shown, show_map
-    from agent.robots.ros2.steering import GoalSteering, Steering, VelocitySteering
 
     settings, spec = hardware.settings, site.spec
     if settings.margin >= spec.radius:

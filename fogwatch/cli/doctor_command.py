@@ -51,8 +51,8 @@ def doctor(
 
     It needs no ROS, finds out whether the robot speaks rmw_zenoh or zenoh-bridge-ros2dds, and sends nothing to it.
     """
-    from agent.robots.ros2.localisation import Source
     from agent.robots.ros2.options import topics_given
+    from agent.robots.ros2.pose.localisation import Source
     from fogwatch.doctor.examine import examine
     from fogwatch.doctor.survey import Wanted, survey
     from patrol.net.credentials import read_credentials

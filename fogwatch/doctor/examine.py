@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from agent.robots.ros2.localisation import AHEAD_S, LONGEST_S, Source
+from agent.robots.ros2.pose.localisation import AHEAD_S, LONGEST_S, Source
 from fogwatch.doctor.survey import Survey, Wanted
 from fogwatch.doctor.topics import ARROW, Topic, topics_of
 from patrol.printable import printable
@@ -178,7 +178,7 @@ def _of_odometry(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
 
 
 def _of_stamps(seen: Survey, form: Format) -> Iterator[Finding]:
-    """Whether an agent would take the robot's odometry for new (`agent.robots.ros2.localisation`)."""
+    """Whether an agent would take the robot's odometry for new (`agent.robots.ros2.pose.localisation`)."""
     age_s = _age_of_odometry(seen, form)
     if age_s is None or seen.wanted.sim_time or -AHEAD_S <= age_s <= LONGEST_S:
         return

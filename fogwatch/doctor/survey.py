@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from agent.robots.ros2.localisation import Source
+from agent.robots.ros2.pose.localisation import Source
 from patrol.ros2.ear import Ear, Overheard
 from patrol.ros2.formats import Bridge, RmwZenoh
 from patrol.ros2.link import ZenohRos2Link

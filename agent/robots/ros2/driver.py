@@ -14,11 +14,11 @@ from threading import Event, Lock, Thread
 from typing import Protocol
 
 from agent.ports import Decision, FleetClock, Telemetry
+from agent.robots.ros2.driving.steering import Place, Steering
 from agent.robots.ros2.hardware import Hardware
-from agent.robots.ros2.localisation import Fix
-from agent.robots.ros2.standing import Standing
-from agent.robots.ros2.steering import Place, Steering
-from agent.robots.ros2.stops import Stopper
+from agent.robots.ros2.pose.localisation import Fix
+from agent.robots.ros2.stops.standing import Standing
+from agent.robots.ros2.stops.stops import Stopper
 from patrol.exchange import Sensed
 from patrol.net.phases import PHASE_B_SHARE
 from patrol.net.stop_orders import Order, Outcome, StopOrders

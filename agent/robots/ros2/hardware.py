@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from agent.robots.ros2.localisation import Fix, Localisation
+from agent.robots.ros2.pose.localisation import Fix, Localisation
 from agent.robots.ros2.settings import DriveSettings
-from agent.robots.ros2.stop_files import StopFiles
-from agent.robots.ros2.stop_topic import StopTopic
-from agent.robots.ros2.stops import Stopper, Stops
+from agent.robots.ros2.stops.files import StopFiles
+from agent.robots.ros2.stops.stops import Stopper, Stops
+from agent.robots.ros2.stops.topic import StopTopic
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import Bool, Clock, Odometry, PoseWithCovarianceStamped, TFMessage
 from patrol.ros2.names import LATCHED, SENSOR, USUAL

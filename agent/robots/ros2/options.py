@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from agent.robots.ros2.localisation import SPEED, LocalisationSettings, Source
+from agent.robots.ros2.pose.localisation import SPEED, LocalisationSettings, Source
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Pose, wrap

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from agent.robots.ros2.localisation import LocalisationSettings
+from agent.robots.ros2.pose.localisation import LocalisationSettings
 
 TOPICS: Mapping[str, str] = {
     "odom": "its odometry",

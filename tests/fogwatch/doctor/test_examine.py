@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agent.robots.ros2.localisation import Source
+from agent.robots.ros2.pose.localisation import Source
 from fogwatch.doctor.examine import Examined, Level, examine
 from fogwatch.doctor.survey import Survey, Wanted
 from patrol.pose import Pose

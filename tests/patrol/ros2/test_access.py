@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from agent.robots.ros2.localisation import Source
+from agent.robots.ros2.pose.localisation import Source
 from fogwatch.doctor.examine import examine
 from fogwatch.doctor.survey import Wanted, survey
 from fogwatch.fleet_folder import FleetFolder

@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.robots.ros2 import standing, steering
 from agent.robots.ros2.driver import Failed, Objection, Pace, Ros2Robot
-from agent.robots.ros2.fence import Fence
-from agent.robots.ros2.governor import Governor, Rule
+from agent.robots.ros2.driving import steering
+from agent.robots.ros2.driving.fence import Fence
+from agent.robots.ros2.driving.governor import Governor, Rule
+from agent.robots.ros2.driving.others import Others
+from agent.robots.ros2.driving.response import Response
+from agent.robots.ros2.driving.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
 from agent.robots.ros2.hardware import Hardware
-from agent.robots.ros2.localisation import LocalisationSettings
-from agent.robots.ros2.others import Others
-from agent.robots.ros2.response import Response
+from agent.robots.ros2.pose.localisation import LocalisationSettings
 from agent.robots.ros2.settings import DriveSettings
-from agent.robots.ros2.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
+from agent.robots.ros2.stops import standing
 from patrol.ground.terrain import Terrain
 from patrol.net.stop_orders import Order, Outcome
 from patrol.pose import Drive, Pose, Twist, Velocity

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from agent.robots.ros2.driver import HELD_AFTER_S, Sayer
-from agent.robots.ros2.governor import OFF_GROUND, TOO_NEAR
+from agent.robots.ros2.driving.governor import OFF_GROUND, TOO_NEAR
 from patrol.net.stop_orders import Order, Outcome
 from patrol.pose import Pose, Twist
 from patrol.process.health import Reading, health_line

@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from agent.robots.ros2.fence import Fence
-from agent.robots.ros2.governor import Governor, Rule
+from agent.robots.ros2.driving.fence import Fence
+from agent.robots.ros2.driving.governor import Governor, Rule
+from agent.robots.ros2.driving.others import Others
+from agent.robots.ros2.driving.response import Response
+from agent.robots.ros2.driving.steering import VelocitySteering
 from agent.robots.ros2.hardware import Hardware
-from agent.robots.ros2.localisation import Fix
-from agent.robots.ros2.others import Others
-from agent.robots.ros2.response import Response
+from agent.robots.ros2.pose.localisation import Fix
 from agent.robots.ros2.settings import DriveSettings
-from agent.robots.ros2.steering import VelocitySteering
 from patrol.ground.terrain import Terrain
 from patrol.pose import Limits, Pose, Twist
 from patrol.ros2 import messages

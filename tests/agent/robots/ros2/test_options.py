@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from agent.process import main
-from agent.robots.ros2.localisation import Source
 from agent.robots.ros2.options import FORMATS, domain_of, drive_settings, options_of, wanted
+from agent.robots.ros2.pose.localisation import Source
 from agent.robots.ros2.robot_map import write_map
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.shown import Shown, fog_cells, grid_of, show_map

@@ -14,7 +14,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from agent.robots.ros2.odometer import REMEMBERED, Odometer, Reading
+from agent.robots.ros2.pose.odometer import REMEMBERED, Odometer, Reading
 from patrol.pose import Pose
 from patrol.ros2.frames import composed, inverted, travelled
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent.robots.ros2.commands import scaled, steering_of, velocity_of
-from agent.robots.ros2.fence import Fence
-from agent.robots.ros2.governor import Governor, Rule
+from agent.robots.ros2.driving.commands import scaled, steering_of, velocity_of
+from agent.robots.ros2.driving.fence import Fence
+from agent.robots.ros2.driving.governor import Governor, Rule
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from threading import Condition, Thread
 
-from agent.robots.ros2.stop_files import StopFiles
+from agent.robots.ros2.stops.files import StopFiles
 
 SAVE_S = 1.0
 """How long a disk may take to note a stop before whoever waits for it is told that it is not noted, s."""

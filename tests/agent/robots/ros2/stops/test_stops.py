@@ -9,9 +9,9 @@ import pytest
 
 from agent.robots.ros2.hardware import Hardware, Refusals
 from agent.robots.ros2.settings import DriveSettings
-from agent.robots.ros2.stop_files import StopFiles, state_folder
-from agent.robots.ros2.stop_topic import OLDER, TIMELESS, StopTopic
-from agent.robots.ros2.stops import Stopper, Stops
+from agent.robots.ros2.stops.files import StopFiles, state_folder
+from agent.robots.ros2.stops.stops import Stopper, Stops
+from agent.robots.ros2.stops.topic import OLDER, TIMELESS, StopTopic
 from patrol.errors import BadInput
 from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.messages import Bool

@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from agent.robots.ros2.commands import steering_of, velocity_of
-from agent.robots.ros2.governor import Governor
+from agent.robots.ros2.driving.commands import steering_of, velocity_of
+from agent.robots.ros2.driving.governor import Governor
+from agent.robots.ros2.driving.others import Others
+from agent.robots.ros2.driving.response import Response
 from agent.robots.ros2.hardware import Hardware
-from agent.robots.ros2.localisation import Fix
-from agent.robots.ros2.others import Others
-from agent.robots.ros2.response import Response
-from agent.robots.ros2.standing import moves
+from agent.robots.ros2.pose.localisation import Fix
+from agent.robots.ros2.stops.standing import moves
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose
 from patrol.ros2.frames import travelled

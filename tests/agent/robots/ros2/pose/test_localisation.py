@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from agent.robots.ros2.localisation import (
+from agent.robots.ros2.pose.localisation import (
     CORRECTED_M,
     CORRECTION_S,
     LONGEST_S,
@@ -13,7 +13,7 @@ from agent.robots.ros2.localisation import (
     LocalisationSettings,
     Source,
 )
-from agent.robots.ros2.odometer import SETTLED_S
+from agent.robots.ros2.pose.odometer import SETTLED_S
 from patrol.pose import Pose
 from patrol.ros2.frames import composed
 from patrol.ros2.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Transform, Twist

@@ -6,7 +6,7 @@ import math
 import time
 from threading import Condition
 
-from agent.robots.ros2.localisation import LONGEST_S, Fix
+from agent.robots.ros2.pose.localisation import LONGEST_S, Fix
 
 MOVES = 0.05
 """A robot moves whose speed and turn rate add up to more than this, in m/s and rad/s: odometry is noisy."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from agent.robots.ros2.commands import velocity_of
+from agent.robots.ros2.driving.commands import velocity_of
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Pose, wrap
 

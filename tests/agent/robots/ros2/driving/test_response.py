@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from agent.robots.ros2.response import BLIND_M, BLIND_S, ENOUGH_M, ENOUGH_S, Response
+from agent.robots.ros2.driving.response import BLIND_M, BLIND_S, ENOUGH_M, ENOUGH_S, Response
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 

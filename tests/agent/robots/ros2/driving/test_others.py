@@ -8,8 +8,8 @@ import pytest
 
 from agent.build import build_mind
 from agent.own_robot import LateClock, _foreseen
-from agent.robots.ros2.fence import Fence
-from agent.robots.ros2.others import CARRIED_S, Other, Others
+from agent.robots.ros2.driving.fence import Fence
+from agent.robots.ros2.driving.others import CARRIED_S, Other, Others
 from patrol.exchange import Sensed
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agent.robots.ros2.commands import scaled
-from agent.robots.ros2.others import Other
+from agent.robots.ros2.driving.commands import scaled
+from agent.robots.ros2.driving.others import Other
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Command, Pose, Twist

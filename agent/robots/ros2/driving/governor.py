@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agent.robots.ros2.commands import nearer
-from agent.robots.ros2.fence import Fence
-from agent.robots.ros2.others import Other
+from agent.robots.ros2.driving.commands import nearer
+from agent.robots.ros2.driving.fence import Fence
+from agent.robots.ros2.driving.others import Other
 from patrol.pose import Command, Limits, Pose, halted, is_halt
 
 OFF_GROUND = (

@@ -1,0 +1,1 @@
+"""Where a ROS 2 robot is, by its odometry and what corrects it."""
