@@ -72,7 +72,7 @@ test-hosts: install ## a router and two robots, a host each: one robot is cut of
 
 .PHONY: accept
 accept: install ## the long checks: measure what the project promises
-	$(BIN)/python -m pytest -m accept --timeout=3600
+	$(BIN)/python -m pytest -m accept
 
 .PHONY: bench rivals
 bench: rivals ## measure the speed of everything, beside other libraries (about an hour; BENCH="kernels --quick")

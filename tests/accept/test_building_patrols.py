@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.building_patrols import patrol, random_scenario
 
-pytestmark = pytest.mark.accept
+pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 PATROLS = 200
 
@@ -16,7 +16,6 @@ OUT_OF_REACH = 0.05
 """Largest share of patrols, all of them of cars, that leave ground unseen: where a car fits it cannot always turn."""
 
 
-@pytest.mark.timeout(3600)
 def test_no_robot_is_trapped_in_two_hundred_buildings(tmp_path_factory: pytest.TempPathFactory) -> None:
     left_out = []
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.accept
+pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 
 def chaos(out: Path, *words: str) -> None:
@@ -18,16 +18,13 @@ def chaos(out: Path, *words: str) -> None:
     assert "all held" in done.stdout
 
 
-@pytest.mark.timeout(3600)
 def test_five_hundred_scenarios_hold_in_one_process(tmp_path: Path) -> None:
     chaos(tmp_path / "chaos", "--runs", "500", "--seed", "1")
 
 
-@pytest.mark.timeout(3600)
 def test_twenty_scenarios_hold_as_processes(tmp_path: Path) -> None:
     chaos(tmp_path / "chaos", "--runs", "20", "--seed", "5001", "--processes")
 
 
-@pytest.mark.timeout(3600)
 def test_fleets_hold_out_against_strangers_for_half_an_hour(tmp_path: Path) -> None:
     chaos(tmp_path / "chaos", "--hostile", "--minutes", "30", "--seed", "1")

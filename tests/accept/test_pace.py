@@ -13,7 +13,7 @@ import pytest
 from patrol.journal import read_journal
 from tests.fogwatch.conftest import Run
 
-pytestmark = [pytest.mark.accept, pytest.mark.processes]
+pytestmark = [pytest.mark.accept, pytest.mark.processes, pytest.mark.timeout(3600)]
 
 PACED: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 0.5, "patrol": {"dilatation": 0.0}}
 

@@ -20,7 +20,7 @@ from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from worldsim.world import World
 
-pytestmark = pytest.mark.accept
+pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 CUMBERLAND = Path(__file__).parents[3] / "shared" / "maps" / "cumberland.yaml"
 

@@ -22,7 +22,7 @@ from patrol.scenario import dump_scenario, load_scenario
 from tests.ros2_bench import write_plan
 from tests.routers import PATIENCE_S, routed
 
-pytestmark = pytest.mark.accept
+pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 YARDS = Path(__file__).parents[2] / "examples" / "ros2-yards.yaml"
 SEEDS = (7, 8)

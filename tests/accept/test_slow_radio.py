@@ -11,7 +11,7 @@ from experiments.inprocess import Outcome, run_in_process
 from patrol.scenario import load_scenario
 from patrol.yaml_text import parse_yaml, read_text
 
-pytestmark = pytest.mark.accept
+pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 SWEEP = Path(__file__).parents[2] / "examples" / "sweeps" / "radio.yaml"
 SEEDS = range(1, 9)

@@ -9,7 +9,7 @@ import pytest
 
 from tests.accept.trace_cases import made_on, traces
 
-pytestmark = pytest.mark.accept
+pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 WRITTEN = Path(__file__).with_name("traces.json")
 
