@@ -8,16 +8,13 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from agent.robots.ros2.pose.localisation import SPEED, LocalisationSettings, Source
+from agent.robots.ros2.pose.localisation import RADIUS, SPEED, LocalisationSettings, Source
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Pose, wrap
 from patrol.process.supervision import add_supervision
 
 FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
-
-RADIUS = 0.25
-"""The radius of the body unless options say otherwise, m."""
 
 DESCRIPTION = """Drive a ROS 2 robot on patrol, over its Zenoh router; ROS is not needed on this machine."""
 
@@ -184,7 +181,13 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         margin=options.margin,
         rate_hz=options.rate,
         localisation=LocalisationSettings(
-            Source(options.localisation), options.map_frame, start, options.fresh, options.delay, options.speed
+            Source(options.localisation),
+            options.map_frame,
+            start,
+            options.fresh,
+            options.delay,
+            options.speed,
+            options.radius,
         ),
         is_shared=options.shared_commands,
         sim_time=options.use_sim_time,

@@ -59,13 +59,14 @@ class DriveSettings:
     sim_time: bool = False
     topics: Mapping[str, str] = field(default_factory=dict)
 
-    def at_speed(self, speed: float) -> DriveSettings:
-        """The same for a robot of another top speed.
+    def of_body(self, speed: float, radius: float) -> DriveSettings:
+        """The same for another body.
 
         Args:
-            speed: m/s.
+            speed: Its top speed, m/s.
+            radius: m.
         """
-        return replace(self, localisation=replace(self.localisation, speed=speed))
+        return replace(self, localisation=replace(self.localisation, speed=speed, radius=radius))
 
     @property
     def commands(self) -> str | None:

@@ -40,6 +40,9 @@ MATCH_S = 0.2
 SPEED = 0.25
 """The top speed of a small and careful robot, m/s."""
 
+RADIUS = 0.25
+"""Of its body, m."""
+
 _STANDS = 0.02
 """A robot stands whose speed and turn rate add up to less than this, in m/s and rad/s: odometry is noisy."""
 _MOST_CHILDREN = 256
@@ -88,6 +91,7 @@ class LocalisationSettings:
         fresh_s: How long ago the newest odometry may have arrived, s.
         delay_s: How old odometry is when it arrives, s; None to go by its stamps.
         speed: The robot's top speed, m/s: by how much its odometry may change.
+        radius: Of its body, m: it turns no faster than its rim goes at that speed.
     """
 
     source: Source = Source.TF
@@ -96,6 +100,12 @@ class LocalisationSettings:
     fresh_s: float = 0.3
     delay_s: float | None = None
     speed: float = SPEED
+    radius: float = RADIUS
+
+    @property
+    def turn_rate(self) -> float:
+        """How fast the robot can turn, rad/s."""
+        return self.speed / self.radius if self.radius > 0.0 else math.inf
 
 
 class Localisation:
@@ -111,7 +121,7 @@ class Localisation:
     def __init__(self, settings: LocalisationSettings) -> None:
         self.why = "no odometry has come"
         self._settings = settings
-        self._odometer = Odometer(settings.speed, settings.fresh_s, settings.delay_s)
+        self._odometer = Odometer(settings.speed, settings.turn_rate, settings.fresh_s, settings.delay_s)
         self._fixed: dict[str, _Correction] = {}
         self._moving: dict[str, _Correction] = {}
         self._posed: _Correction | None = None

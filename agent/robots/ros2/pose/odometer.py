@@ -64,15 +64,17 @@ class Odometer:
 
     Args:
         speed: The robot's top speed, m/s; one that moves faster must say so in its odometry.
+        turn_rate: How fast it can turn, rad/s; the same holds.
         fresh_s: After how long without a message the robot counts as silent, s.
         delay_s: How old messages are when they arrive, s, so that their stamps mean nothing; None to go by the stamps.
     """
 
-    def __init__(self, speed: float, fresh_s: float, delay_s: float | None) -> None:
+    def __init__(self, speed: float, turn_rate: float, fresh_s: float, delay_s: float | None) -> None:
         self.readings: deque[Reading] = deque(maxlen=REMEMBERED)
         self.frame = ""
         self.jumped_m = 0.0
         self._speed = speed
+        self._turn_rate = turn_rate
         self._fresh_s = fresh_s
         self._delay_s = delay_s
         self._senders: dict[bytes, float] = {}
@@ -168,7 +170,7 @@ class Odometer:
         lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
         time_s = min(lapsed_s, SETTLED_S) + self._fresh_s  # messages that waited arrive together
         speed = max(self._speed, min(_speed(before.twist), _speed(after.twist)))
-        turn_rate = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate))
+        turn_rate = max(self._turn_rate, min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)))
         moved = math.dist((before.pose.x, before.pose.y), (after.pose.x, after.pose.y))
         turned = abs(wrap(after.pose.heading - before.pose.heading))
         long_ago = after.arrived_s - before.arrived_s > self._fresh_s  # it may have turned all round

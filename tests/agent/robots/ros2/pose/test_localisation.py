@@ -257,6 +257,14 @@ def test_odometry_that_turns_at_once_has_jumped() -> None:
     assert localisation.at(NOW + 0.05) is None
 
 
+@pytest.mark.parametrize(("speed", "radius", "steady"), [(2.0, 0.25, True), (2.0, 2.0, False)])
+def test_a_robot_that_turns_as_fast_as_it_can_has_not_jumped(speed: float, radius: float, steady: bool) -> None:
+    """The messages of 0.25 s are lost, in which it began to turn on the spot at 8 rad/s."""
+    localisation = with_tf(speed=speed, radius=radius)
+    localisation.odometry(odometry(NOW + 0.25, Pose(1.0, 0.0, 2.0), Twist(0.0, 0.0, 8.0)), NOW + 0.25)
+    assert (localisation.at(NOW + 0.25) is not None) is steady
+
+
 @pytest.mark.parametrize("speed", [2.0, 0.25])
 def test_a_robot_that_drives_as_fast_as_it_may_or_as_it_says_has_not_jumped(speed: float) -> None:
     localisation, now_s = with_tf(speed=speed), NOW
