@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import PurePath
 from typing import Any
 
@@ -61,8 +61,7 @@ def checked(intent: object) -> Intent:
 
 def _plain_numbers(intent: Intent) -> Intent:
     """The same with Python's numbers in place of numpy's."""
-    names = [entry.name for entry in fields(intent) if entry.name not in ("state", "figures")]
-    given = {name: getattr(intent, name) for name in names}
+    given = {name: getattr(intent, name) for name in intent.__match_args__ if name not in ("state", "figures")}
     plain = {name: _plain(value) for name, value in given.items()}
     changed = {name: value for name, value in plain.items() if value is not given[name]}
     return replace(intent, **changed) if changed else intent

@@ -124,7 +124,7 @@ class Sender:
             # One step shows the others how fast the robot is, even where it reports nothing new.
             steps = steps[: max(1, (position.sequence - self._last.sequence - 1) // sending.trail_every)]
         while True:
-            said = replace(position, trail=steps)
+            said = replace(position, trail=steps) if steps else position
             frame = encode(said, self._key)
             if not steps or sending.share is None or len(frame) <= sending.share.frame:
                 return said, frame

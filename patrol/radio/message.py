@@ -103,6 +103,18 @@ class Position:
     trail: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
+        if (  # all in one look, as nearly every position is as it should be
+            type(self.robot) is type(self.sequence) is type(self.time_ms) is int
+            and type(self.x_cm) is type(self.y_cm) is type(self.heading_mrad) is int
+            and 0 <= self.robot <= MAX_ROBOT
+            and 0 <= self.sequence <= MAX_SEQUENCE
+            and 0 <= self.time_ms <= MAX_TIME_MS
+            and -MAX_CM <= self.x_cm <= MAX_CM
+            and -MAX_CM <= self.y_cm <= MAX_CM
+            and 0 <= self.heading_mrad <= MAX_HEADING_MRAD
+            and not self.trail
+        ):
+            return
         _check("robot", self.robot, 0, MAX_ROBOT)
         _check("sequence", self.sequence, 0, MAX_SEQUENCE)
         _check("time_ms", self.time_ms, 0, MAX_TIME_MS)
@@ -186,7 +198,10 @@ def as_received(pose: Pose) -> Pose:
     Raises:
         ValueError: if a frame cannot hold the pose.
     """
-    return Position.of(CONTACT, 0, 0.0, pose).pose
+    x_cm, y_cm = _rounded(m_to_cm(pose.x)), _rounded(m_to_cm(pose.y))
+    _check("x_cm", x_cm, -MAX_CM - 1, MAX_CM)
+    _check("y_cm", y_cm, -MAX_CM - 1, MAX_CM)
+    return Pose(cm_to_m(x_cm), cm_to_m(y_cm), wrap(mrad_to_rad(_milliradians(pose.heading))))
 
 
 def longest_frame(trail: int, *, tagged: bool) -> int:
