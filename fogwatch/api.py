@@ -234,6 +234,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
+    from agent.policies.found import policy_of
     from fogwatch.launch.launcher import WORLD, Failed, Launch
     from fogwatch.launch.moved_folder import found_again
     from patrol.prepare import prepare
@@ -256,6 +257,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         absent,
         options.page,
         key=scenario.radio.key,
+        alike=policy_of(scenario).ours,
     )
     try:
         launch.start()
