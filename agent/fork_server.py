@@ -9,16 +9,15 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
-import socket
 import sys
 from collections.abc import Sequence
 
+from patrol.process.command_line import show_as
 from patrol.process.forking import Orders, serve_forks, threads
 from patrol.process.freed_memory import keep_freed_memory
 from patrol.process.garbage import hold_collection
 from patrol.process.lifeline import continue_when_orphaned, run_process
 from patrol.process.readiness import StartFailure, report_failure, report_ready
-from patrol.process.shown import show_as
 
 NEEDED = ("agent.process", "agent.mind_loop", "agent.policies.potential_field.policy", "patrol.net.phases")
 """What every agent loads and the kernels do not bring along, as far as it needs no Zenoh."""
@@ -41,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     sys.stdout.flush()  # what waits to be written would be written by each agent too
     report_ready(options.ready, "")
-    made = serve_forks(socket.socket(fileno=options.control))
+    made = serve_forks(options.control)
     return 0 if made is None else _be(*made)
 
 

@@ -114,6 +114,7 @@ def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
         "hardware.py",
         "rivals.py",
         "driver.py",
+        "forking.py",
         "shown.py",
         "stops.py",
         "standing.py",

@@ -15,8 +15,8 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from fogwatch.launch.children import Child, Children
+from patrol.process.command_line import ROOM
 from patrol.process.forking import Orders, adopting_orphans, ask_for_fork, can_fork
-from patrol.process.shown import ROOM
 
 FORK_SERVER = "the fork server"
 """A name that no robot can have."""

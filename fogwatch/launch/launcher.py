@@ -134,7 +134,7 @@ class Launch:
             self._page_child.start()
 
     def watch(self) -> None:
-        """Start the agents that a fork server makes, and show how the run goes until the world has ended or `stop` says yes.
+        """Start the agents that a fork server makes; show how the run goes until the world ends or `stop` says yes.
 
         Raises:
             BadInput: An agent found its input wrong before the run began.

@@ -58,16 +58,17 @@ def threads() -> int:
     return sum(1 for _ in Path("/proc/self/task").iterdir())
 
 
-def serve_forks(control: socket.socket) -> tuple[Orders, int] | None:
+def serve_forks(descriptor: int) -> tuple[Orders, int] | None:
     """Fork whenever somebody asks for it; called in a process of one thread.
 
     Args:
-        control: Where the requests arrive. The server ends with whoever holds the other end.
+        descriptor: Of the socket on which the requests arrive. The server ends when nobody holds the other end.
 
     Returns:
         In each new process, which leads a session of its own, its orders and the descriptor of its output; in the
         server None, when nobody can ask any more.
     """
+    control = socket.socket(fileno=descriptor)
     while True:
         try:
             _, descriptors, _, _ = socket.recv_fds(control, len(_ASK), 1)
