@@ -23,6 +23,7 @@ from patrol.process.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
 from patrol.scenario.controls import prepared_as_operated
+from patrol.scenario.policy_file import PAPER
 
 if TYPE_CHECKING:
     from fogwatch.launch.launcher import Launch
@@ -164,10 +165,11 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         fogwatch.launch.launcher.Failed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick.
     """
-    from agent.policies.found import policy_of
-
     warm((*PACKAGES, "monitor") if options.recording or options.report else PACKAGES, options.display.say)
-    policy_of(scenario)
+    if scenario.patrol.policy != PAPER or scenario.patrol.options:  # else it loads much and cannot fail
+        from agent.policies.found import policy_of
+
+        policy_of(scenario)
     folder = create(scenario, options.out, datetime.now().astimezone())
     try:
         resolved = folder.load()
@@ -234,7 +236,6 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
-    from agent.policies.found import policy_of
     from fogwatch.launch.launcher import WORLD, Failed, Launch
     from fogwatch.launch.moved_folder import found_again
     from patrol.prepare import prepare
@@ -257,7 +258,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         absent,
         options.page,
         key=scenario.radio.key,
-        alike=policy_of(scenario).ours,
+        alike=scenario.patrol.policy == PAPER,
     )
     try:
         launch.start()
@@ -338,7 +339,7 @@ def _finish(launch: Launch) -> Mapping[str, int | None]:
 
 def _write_static(prepared: Prepared, part: Path) -> None:
     """Write the static fields for the processes, which wait until the folder is renamed."""
-    from agent.build import save_psi
+    from agent.psi import save_psi
 
     prepared.save(part)
     save_psi(prepared, part)
