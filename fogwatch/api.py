@@ -244,7 +244,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     names = [spec.name for spec in scenario.roster]
     _check_memory(len(names) - len(scenario.spares))
     prepared = prepare(scenario) if len(names) > EAGER else None
-    fleet = f"{scenario.name}-{os.urandom(4).hex()}"
+    fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy == PAPER
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
     launch = Launch(
@@ -257,8 +257,8 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         options.urgent,
         absent,
         options.page,
-        key=scenario.radio.key,
-        alike=scenario.patrol.policy == PAPER,
+        scenario.radio.key,
+        alike,
     )
     try:
         launch.start()
@@ -282,9 +282,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     from worldsim.verdict.judge import judge
 
     if not folder.journal.exists():
-        if launch.interrupted:
-            raise KeyboardInterrupt
-        raise Failed(launch.describe_end(WORLD))
+        raise KeyboardInterrupt if launch.interrupted else Failed(launch.describe_end(WORLD))
     if exit_codes[WORLD] != 0:
         options.display.say(launch.describe_end(WORLD))
     try:
