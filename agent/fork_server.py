@@ -59,11 +59,9 @@ def _be(orders: Orders, output: int) -> int:
     """Be the agent of some orders: its output, its environment, its command line, its work; the exit code."""
     from agent.process import main as be_agent
 
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    for source, target in ((nothing, 0), (output, 1), (output, 2)):
-        os.dup2(source, target)
-    for descriptor in {nothing, output} - {0, 1, 2}:
-        os.close(descriptor)
+    for stream in (1, 2):
+        os.dup2(output, stream)
+    os.close(output)
     os.environ.update(orders.environment)
     show_as(orders.command)
     return be_agent(orders.command[orders.command.index("-m") + 2 :])
