@@ -6,26 +6,23 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.belief.believed import Belief, spreads
 from agent.belief.marked_fog import MarkedFog
 from agent.belief.posts import Posts
 from agent.belief.shared import Company
 from agent.bodies import BODIES
-from agent.bodies.refine import psi_field
 from agent.bodies.setup import BodySetup
 from agent.mind import Facts, MakeMind, Mind
 from agent.policies.found import policy_of
 from agent.policies.surround.surround import Surround
 from agent.ports import PolicyFailed, PolicySetup
+from agent.psi import Psi, psi_of
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sending
@@ -35,7 +32,7 @@ from patrol.ground.footprint import Footprint
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
-from patrol.scenario import lengths_by_robot, lengths_of, share_of
+from patrol.scenario import lengths_of, share_of
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
@@ -43,10 +40,6 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
-
-
-Psi = Mapping[float, NDArray[np.float32]]
-"""The fields that goals are refined by, float32 (h, w), by their reach in m; empty where no goals are refined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,52 +73,6 @@ class Shared:
         if id(fields) not in self.posts:
             self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
         return self.posts[id(fields)]
-
-
-def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
-    """The fields that a scenario's goals are refined by: one for each reach that its robots have.
-
-    Args:
-        scenario: The scenario.
-        terrain: Its ground.
-    """
-    return {reach: psi_field(terrain, reach) for reach in _reaches(scenario)}
-
-
-def save_psi(prepared: Prepared, folder: Path) -> None:
-    """Write what `load_psi` reads.
-
-    Args:
-        prepared: The scenario with its terrain.
-        folder: An existing one.
-    """
-    for number, psi in enumerate(psi_of(prepared.scenario, prepared.terrain).values(), start=1):
-        np.save(folder / _psi_file(number), psi)
-
-
-def load_psi(scenario: Scenario, folder: Path) -> Psi:
-    """What `save_psi` wrote for a scenario, memory-mapped and read-only.
-
-    Args:
-        scenario: The one that was prepared.
-        folder: The folder that `save_psi` wrote into.
-    """
-    return {
-        reach: np.load(folder / _psi_file(number), mmap_mode="r")
-        for number, reach in enumerate(_reaches(scenario), start=1)
-    }
-
-
-def _reaches(scenario: Scenario) -> list[float]:
-    """The reaches of the fields psi that a scenario's robots refine their goals by, m, ascending."""
-    if scenario.patrol.avoidance != "goal-refinement":
-        return []
-    return sorted({lengths.refine_reach for lengths in lengths_by_robot(scenario).values()})
-
-
-def _psi_file(number: int) -> str:
-    """The file of the field with the number-th smallest reach, from 1 on."""
-    return f"psi-{number}.npy"
 
 
 def shared_by(

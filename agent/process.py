@@ -187,8 +187,9 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
     warm(("patrol", "agent"), process.log.info)
     if scenario.patrol.policy == PAPER:  # somebody's own may compile what needs scipy
         numba_alone()
-    from agent.build import Shared, build_mind, load_psi, shared_by
+    from agent.build import Shared, build_mind, shared_by
     from agent.ports import PolicyFailed
+    from agent.psi import load_psi
     from patrol.prepare import sensor_footprint
     from patrol.radio.fleet_key import fleet_key
 

@@ -23,6 +23,7 @@ from patrol.process.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
 from patrol.scenario.controls import prepared_as_operated
+from patrol.scenario.policy_file import PAPER
 
 if TYPE_CHECKING:
     from fogwatch.launch.launcher import Launch
@@ -164,10 +165,11 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         fogwatch.launch.launcher.Failed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick.
     """
-    from agent.policies.found import policy_of
-
     warm((*PACKAGES, "monitor") if options.recording or options.report else PACKAGES, options.display.say)
-    policy_of(scenario)
+    if scenario.patrol.policy != PAPER or scenario.patrol.options:  # else it loads much and cannot fail
+        from agent.policies.found import policy_of
+
+        policy_of(scenario)
     folder = create(scenario, options.out, datetime.now().astimezone())
     try:
         resolved = folder.load()
@@ -242,7 +244,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     names = [spec.name for spec in scenario.roster]
     _check_memory(len(names) - len(scenario.spares))
     prepared = prepare(scenario) if len(names) > EAGER else None
-    fleet = f"{scenario.name}-{os.urandom(4).hex()}"
+    fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy == PAPER
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
     launch = Launch(
@@ -255,7 +257,8 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         options.urgent,
         absent,
         options.page,
-        key=scenario.radio.key,
+        scenario.radio.key,
+        alike,
     )
     try:
         launch.start()
@@ -279,9 +282,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     from worldsim.verdict.judge import judge
 
     if not folder.journal.exists():
-        if launch.interrupted:
-            raise KeyboardInterrupt
-        raise Failed(launch.describe_end(WORLD))
+        raise KeyboardInterrupt if launch.interrupted else Failed(launch.describe_end(WORLD))
     if exit_codes[WORLD] != 0:
         options.display.say(launch.describe_end(WORLD))
     try:
@@ -336,7 +337,7 @@ def _finish(launch: Launch) -> Mapping[str, int | None]:
 
 def _write_static(prepared: Prepared, part: Path) -> None:
     """Write the static fields for the processes, which wait until the folder is renamed."""
-    from agent.build import save_psi
+    from agent.psi import save_psi
 
     prepared.save(part)
     save_psi(prepared, part)

@@ -114,6 +114,7 @@ def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
         "hardware.py",
         "rivals.py",
         "driver.py",
+        "forking.py",
         "shown.py",
         "stops.py",
         "standing.py",
@@ -284,7 +285,7 @@ def test_the_wheel_holds_the_six_packages_and_nothing_else(tmp_path: Path) -> No
 
 # Files that this program wrote itself, in a place of its own, or brought along.
 OWN_FILES = {
-    "agent/build.py": "fields that its launcher prepared",
+    "agent/psi.py": "fields that its launcher prepared",
     "experiments/bench/machine.py": "the kernel's facts about this machine",
     "experiments/bench/processes.py": "what its own fleets wrote",
     "experiments/bench/procfs.py": "the kernel's facts about its own children",
@@ -300,6 +301,7 @@ OWN_FILES = {
     "patrol/ground/fields.py": "fields that the launcher prepared",
     "patrol/net/serial_line.py": "the line that its user names; what comes over it is judged like any frame",
     "patrol/prepare.py": "fields that the launcher prepared",
+    "patrol/process/command_line.py": "the kernel's facts about this process",
     "patrol/process/vitals.py": "the kernel's facts about this process",
     "patrol/process/warmup.py": "the user's own cache",
     "patrol/regions/split.py": "fields that the launcher prepared",

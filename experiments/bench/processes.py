@@ -35,6 +35,14 @@ EVERY_S = 10
 TICKS_BEFORE, TICKS_BEFORE_QUICK = 200, 20
 """Ticks after which memory is read."""
 
+PROGRAMS = (
+    ("agent", "an agent"),
+    ("agent.fork_server", "the fork server"),
+    ("worldsim", "the world"),
+    ("fogwatch.router", "the router"),
+)
+"""The modules that the processes of a run stand for, and what they are called."""
+
 WITHOUT_FILES = ("--no-page", "--no-recording", "--no-report")
 
 
@@ -163,7 +171,7 @@ def _memory(terrain: str, effort: Effort, options: Sequence[str] = ()) -> Sequen
         _await_line(process, folder, ticks)
         held = [(_program(one), memory_of(one.pid)) for one in family_of(process.pid)]
     found = []
-    for program, called in (("agent", "an agent"), ("worldsim", "the world"), ("fogwatch.router", "the router")):
+    for program, called in PROGRAMS:
         own = [memory for name, memory in held if name == program]
         if not own:
             raise Unmeasured(f"found no process of {called}")

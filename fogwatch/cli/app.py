@@ -35,7 +35,9 @@ from fogwatch.cli.ending import INTERRUPTED, UNKNOWN, complain, run_app
 from patrol.errors import BadInput
 from patrol.pose import MODELS
 from patrol.process.lifeline import heed
+from patrol.process.warmup import numba_alone
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
+from patrol.scenario.policy_file import PAPER
 
 app = typer.Typer(
     cls=OrderedGroup,
@@ -220,6 +222,8 @@ def run(
     elif served and isinstance(scenario.robots, RobotGroup) and scenario.robots.spare is None:
         scenario = with_spares(scenario, min(PAGE_SPARES, MAX_ROBOTS - scenario.robots.count))
 
+    if scenario.patrol.policy == PAPER:  # somebody's own may compile what needs scipy
+        numba_alone()
     from rich.console import Console
 
     from fogwatch.api import RunOptions, execute

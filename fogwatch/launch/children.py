@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Protocol
 
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.printable import printable
@@ -25,6 +26,28 @@ LOG_LINES = 5
 TERM_S = 2.0
 """How long a process may take to heed a signal before it is killed."""
 _POLL_S = 0.01
+
+
+class Process(Protocol):
+    """What the launcher asks of a child's process, as `subprocess.Popen` has it."""
+
+    pid: int
+
+    def poll(self) -> int | None:
+        """The exit code, negative for a signal; None while it lives."""
+        ...
+
+    def wait(self) -> int:
+        """Wait for the end; the exit code."""
+        ...
+
+    def send_signal(self, sig: int) -> None:
+        """Send a signal to a process that lives."""
+        ...
+
+    def kill(self) -> None:
+        """Send SIGKILL to a process that lives."""
+        ...
 
 
 @dataclass(slots=True)
@@ -42,7 +65,7 @@ class Child:
     """
 
     name: str
-    process: subprocess.Popen[bytes]
+    process: Process
     log: Path
     start: StartPipe | None = None
     code: int | None = None
@@ -135,9 +158,7 @@ class Children:
         Returns:
             The child.
         """
-        if self._lifeline[0] < 0:
-            self._lifeline = os.pipe()
-        command = [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._lifeline[0])]
+        command = self.command(module, arguments)
         descriptors = [self._lifeline[0], *inherit]
         start = StartPipe() if reports_start else None
         if start is not None:
@@ -160,6 +181,28 @@ class Children:
             raise
         if start is not None:
             start.spawned()
+        return self.take_in(name, process, log, start)
+
+    def command(self, module: str, arguments: Sequence[str]) -> list[str]:
+        """The command line of a child, which tells it to heed the lifeline.
+
+        Args:
+            module: The module that it runs, as ``python -m`` names it.
+            arguments: Its own arguments.
+        """
+        if self._lifeline[0] < 0:
+            self._lifeline = os.pipe()
+        return [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._lifeline[0])]
+
+    def take_in(self, name: str, process: Process, log: Path, start: StartPipe | None = None) -> Child:
+        """Have a process that has been started among the children; it replaces an earlier one of the same name.
+
+        Args:
+            name: Its name in the run.
+            process: The process, a child of this one.
+            log: The file that its output goes to.
+            start: The pipe on which it reports its start, if it does.
+        """
         if (earlier := self.by_name.get(name)) is not None:
             earlier.close()
         child = Child(name, process, log, start)

@@ -1,8 +1,8 @@
 """The launcher: runs a fleet as processes of this machine, from the first to the last.
 
-It starts a router, the world and one agent per robot; it restarts a router that dies; it ends everything in order, and
-by force where that takes too long. The router and the page report on a pipe when they are ready; how a child ended is
-known from its exit code.
+It starts a router, the world and one agent per robot, the agents from a fork server where there are several; it
+restarts a router that dies; it ends everything in order, and by force where that takes too long. The router, the page
+and the fork server report on a pipe when they are ready; how a child ended is known from its exit code.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 
 from fogwatch.launch.child_control import ProcessControlServer
 from fogwatch.launch.children import Child, Children
+from fogwatch.launch.fork_server import FORK_SERVER, ForkServer
 from fogwatch.launch.live_table import RunDisplay
 from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.private import Secrets
@@ -36,8 +37,10 @@ from worldsim.lifecycle import process_name
 
 ROUTER, WORLD = "the router", "the world"
 """Names that no robot can have."""
-LOGS = {ROUTER: "router", WORLD: "world", PAGE: "page"}
+LOGS = {ROUTER: "router", WORLD: "world", PAGE: "page", FORK_SERVER: "fork-server"}
 """What their logs are called."""
+NOT_JUDGED = (PAGE, FORK_SERVER)
+"""Whose exit codes say nothing about the run."""
 
 ROUTER_S = 10.0
 """How long a router may take to listen."""
@@ -71,6 +74,7 @@ class Launch:
         absent: Names of robots that are not started with the others.
         page: Whether to serve a live page.
         key: The file of the fleet's key, with which the page checks the tags of messages; None without one.
+        alike: Whether the agents load the same, so that they may come from one process that has loaded it.
         children: The processes.
         interrupted: Whether the run ends because somebody asked for it.
     """
@@ -85,6 +89,7 @@ class Launch:
     absent: Collection[str] = ()
     page: bool = False
     key: str | None = None
+    alike: bool = False
     interrupted: bool = False
     children: Children = field(init=False)
     _control: ProcessControlServer | None = None
@@ -93,18 +98,23 @@ class Launch:
     _routers: int = 0
     _reported: set[str] = field(default_factory=set)
     _page_child: PageChild | None = None
+    _fork_server: ForkServer | None = None
 
     def __post_init__(self) -> None:
         self.children = Children(self.urgent)
 
     def start(self) -> None:
-        """Start all processes. Agents and world wait for the static fields, should the caller still compute them.
+        """Start all processes, but agents that a fork server makes: it has to load first.
+
+        Those that are started wait for the static fields, should the caller still compute them.
 
         Raises:
             BadInput: The port that was asked for is busy, or there is nowhere to keep secrets.
             Failed: The router did not start.
         """
         self.folder.logs.mkdir(exist_ok=True)
+        if self.alike and len(self.robots) > 1:  # first, because it has most to load
+            self._fork_server = ForkServer(self.children, self._log(FORK_SERVER), self.stop)
         secrets = self._secrets = Secrets(self.fleet, self.robots)
         self._start_router()
         secrets.for_members(self._endpoint)
@@ -115,9 +125,8 @@ class Launch:
             arguments = [*self._common_arguments(secrets.of_world), *own]
             self.children.spawn(WORLD, "worldsim", arguments, self._log(WORLD), inherit=[theirs.fileno()])
         self._control = ProcessControlServer(ours, self)
-        for name in self.robots:
-            if name not in self.absent:
-                self._spawn_agent(name, FIRST_INCARNATION)
+        if self._fork_server is None:
+            self._spawn_agents()
         if self.page:
             arguments = ["--access", str(self.folder.access), "--wait", PAGE_WAIT_S]
             arguments += [] if self.key is None else ["--key", self.key]
@@ -125,12 +134,14 @@ class Launch:
             self._page_child.start()
 
     def watch(self) -> None:
-        """Show how the run goes until the world has ended or `stop` says yes.
+        """Start the agents that a fork server makes; show how the run goes until the world ends or `stop` says yes.
 
         Raises:
             BadInput: An agent found its input wrong before the run began.
             Failed: The router cannot be reached or keeps dying, or an agent ended before the run began.
         """
+        if self._fork_server is not None:
+            self._spawn_agents()
         try:
             link = open_link(self._endpoint, ROUTER_S, credentials=read_credentials(self._of_run.of_viewer, "the run"))
         except LinkDown as down:
@@ -151,6 +162,8 @@ class Launch:
             children.signal([WORLD], signal.SIGTERM)
         if self._control is not None:
             self._control.close()
+        if self._fork_server is not None:
+            self._fork_server.close()
         children.signal(self.robots, signal.SIGCONT)  # one that is paused could not leave
         world = children.by_name.get(WORLD)
         if world is not None and self.folder.journal.exists() and (self.interrupted or world.poll() == 0):
@@ -161,8 +174,7 @@ class Launch:
         self.folder.access.unlink(missing_ok=True)
         if self._secrets is not None:
             self._secrets.remove()
-        # The page's exit code says nothing about the run.
-        judged = [child for child in (*children.by_name.values(), *children.former) if child.name != PAGE]
+        judged = [child for child in (*children.by_name.values(), *children.former) if child.name not in NOT_JUDGED]
         return {process_name(child.name, child.incarnation): child.code for child in judged}
 
     def describe_end(self, name: str) -> str:
@@ -256,11 +268,19 @@ class Launch:
         common = ["--credentials", str(credentials), "--scenario", str(self.folder.scenario)]
         return [*common, "--static", str(self.folder.static)]
 
+    def _spawn_agents(self) -> None:
+        for name in self.robots:
+            if name not in self.absent and not self.stop():
+                self._spawn_agent(name, FIRST_INCARNATION)
+
     def _spawn_agent(self, name: str, incarnation: int) -> None:
         common = self._common_arguments(self._of_run.of_robot(name))
         arguments = [*common, "--robot", name, "--incarnation", str(incarnation)]
         seat = {SEAT: str(seat_of(self._of_run.token, self.fleet, name, incarnation))}
-        agent = self.children.spawn(name, "agent", arguments, self._log(name), environment=seat)
+        what = name, "agent", arguments, self._log(name)
+        agent = None if self._fork_server is None else self._fork_server.make(*what, seat)
+        if agent is None:
+            agent = self.children.spawn(*what, environment=seat)
         agent.incarnation = incarnation
 
     def _log(self, name: str) -> Path:

@@ -117,7 +117,7 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
             signal.signal(number, by_signal)
     if lifeline is not None:
-        _continue_when_orphaned()
+        continue_when_orphaned()
         threading.Thread(target=_hold, args=(lifeline, ending, on_death), daemon=True).start()
     return ending
 
@@ -183,7 +183,7 @@ def _hold(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
     leave(INTERRUPTED)
 
 
-def _continue_when_orphaned() -> None:
+def continue_when_orphaned() -> None:
     """Have a stopped process continue when its parent dies, so that it can notice; where the system offers that."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0)

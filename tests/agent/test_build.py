@@ -10,7 +10,8 @@ import pytest
 
 from agent.bodies.goal import GoalFinder
 from agent.bodies.refine import psi_field
-from agent.build import Shared, build_mind, load_psi, psi_of, save_psi, shared_by
+from agent.build import Shared, build_mind, shared_by
+from agent.psi import load_psi, psi_of, save_psi
 from patrol.exchange import Sensed
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario

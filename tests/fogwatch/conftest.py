@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,15 @@ class Run:
             name = words[words.index("--robot") + 1] if "--robot" in words else words[words.index("-m") + 1]
             found[name] = int(entry.name)
         return found
+
+    def fork_server(self) -> int:
+        """Process id of what makes the agents."""
+        for entry in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):
+                words = (entry / "cmdline").read_bytes().decode().split("\0")
+                if "agent.fork_server" in words and self._parent(entry) == self.process.pid:
+                    return int(entry.name)
+        pytest.fail("there is no fork server")
 
     def _parent(self, entry: Path) -> int:
         return int((entry / "stat").read_text().rpartition(")")[2].split()[1])

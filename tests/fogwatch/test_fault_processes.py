@@ -14,6 +14,7 @@ import pytest
 import fogwatch
 from fogwatch.launch.launcher import Launch
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
+from patrol.process.forking import can_fork
 from tests.fleets import COARSE
 from worldsim.lifecycle import LOOKED_AT, STOPPED
 
@@ -163,6 +164,17 @@ def test_a_killed_launcher_leaves_no_paused_process_behind(start: Callable[..., 
     run.process.kill()
     run.process.wait()
     run.until(lambda: not run.children())
+
+
+@pytest.mark.skipif(not can_fork(), reason="this system has no fork server")
+def test_without_the_fork_server_a_run_goes_on_and_robots_are_still_started(start: Callable[..., Run]) -> None:
+    faults = [{"kind": "restart", "who": "r2", "at": 300}]
+    run = start({**COARSE, "duration": 310, "robots": 2 * [{}], "faults": faults}, "--no-recording", "--no-report")
+    run.until(lambda: run.ticks() > 20)
+    os.kill(run.fork_server(), signal.SIGKILL)
+    assert run.end() == 0, run.errors
+    codes = {"the router": 0, "the world": 0, "r1": 0, "r2": -9, "r2 (2)": 0}
+    assert run.summary()["exit_codes"] == codes
 
 
 def test_at_a_pace_robots_come_when_their_processes_are_there(start: Callable[..., Run]) -> None:

@@ -146,7 +146,7 @@ def test_a_robot_may_have_any_name(start: Callable[..., Run]) -> None:
     assert run.end() == 0, run.errors
     assert set(run.summary()["exit_codes"]) == {"the router", "the world", "world", "router"}
     logs = {path.name for path in (run.folder / "logs").iterdir()}
-    assert logs == {"router.log", "world.log", "robot-router.log", "robot-world.log"}
+    assert logs == {"fork-server.log", "router.log", "world.log", "robot-router.log", "robot-world.log"}
 
 
 def test_an_agent_that_dies_before_the_run_begins_ends_it_with_a_reason(start: Callable[..., Run]) -> None:

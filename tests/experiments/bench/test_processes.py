@@ -26,7 +26,7 @@ def test_a_fleet_runs_until_the_block_is_left() -> None:
     with fleet(*FAST, "--duration", "5000") as (process, folder):
         _await_line(process, folder, 5)
         programs = sorted(_program(one) for one in family_of(process.pid))
-        assert programs == ["agent", "agent", "fogwatch", "fogwatch.router", "worldsim"]
+        assert programs == ["agent", "agent", "agent.fork_server", "fogwatch", "fogwatch.router", "worldsim"]
         agent = _newest_agent(process, "r2", 1)
         assert memory_of(agent.pid).rss > 10.0
         with pytest.raises(Unmeasured, match="found no process of robot r3"):

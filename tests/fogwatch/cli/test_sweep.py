@@ -32,7 +32,7 @@ TWENTY_FOUR: dict[str, Any] = {
     "base": {
         "terrain": {"builtin": "yards"},
         "point": 1,
-        "duration": 60,
+        "duration": 20,
         "robots": {"count": 2, "model": "holonomic"},
     },
     "grid": {"patrol.direction": ["mode", "vector"], "robots.count": [1, 2, 3], "patrol.dilatation": [0, 3]},

@@ -1,0 +1,85 @@
+"""``python -m agent.fork_server``: the agents of one run from one process that has loaded what all of them need.
+
+The launcher starts it (`fogwatch.launch.fork_server`) and asks it for each robot's process. What it may and may not do
+is in `patrol.process.forking`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from patrol.process.command_line import show_as
+from patrol.process.forking import Orders, serve_forks, threads
+from patrol.process.freed_memory import keep_freed_memory
+from patrol.process.garbage import hold_collection
+from patrol.process.lifeline import continue_when_orphaned, run_process
+from patrol.process.readiness import StartFailure, report_failure, report_ready
+
+NEEDED = ("agent.process", "agent.mind_loop", "agent.policies.potential_field.policy", "patrol.net.phases")
+"""What every agent loads and the kernels do not bring along, as far as it needs no Zenoh."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Load, then fork until the launcher has gone; in each agent, be that agent.
+
+    Args:
+        arguments: Of the command line (default: ``sys.argv``).
+
+    Returns:
+        Exit code, of the server or of an agent.
+    """
+    options = _options(arguments)
+    continue_when_orphaned()
+    _load()
+    if (count := threads()) > 1:
+        report_failure(options.ready, StartFailure.OTHER, f"cannot fork: a library runs threads ({count} in all)")
+        return 1
+    sys.stdout.flush()  # what waits to be written would be written by each agent too
+    report_ready(options.ready, "")
+    made = serve_forks(options.control)
+    return 0 if made is None else _be(*made)
+
+
+def _load() -> None:
+    """Load what agents need. Nothing of it may open a connection or start a thread."""
+    from patrol.process.warmup import numba_alone, warm
+
+    warm(("patrol", "agent"), print)
+    numba_alone()
+    importlib.import_module("agent.build")
+    for module in NEEDED:
+        importlib.import_module(module)
+
+
+def _be(orders: Orders, output: int) -> int:
+    """Be the agent of some orders: its output, its environment, its command line, its work; the exit code."""
+    from agent.process import main as be_agent
+
+    for stream in (1, 2):
+        os.dup2(output, stream)
+    os.close(output)
+    os.environ.update(orders.environment)
+    show_as(orders.command)
+    return be_agent(orders.command[orders.command.index("-m") + 2 :])
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m agent.fork_server", description="Used by the launcher only.")
+    for name, says in (
+        ("--control", "descriptor on which the launcher asks for processes"),
+        ("--ready", "descriptor on which this process reports that it is ready"),
+        ("--lifeline", "descriptor that the agents inherit"),
+    ):
+        parser.add_argument(name, type=int, metavar="FD", help=says)
+    parser.add_argument("--room", help="blanks, in the place of which the agents show their command lines")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    keep_freed_memory()
+    hold_collection()  # what follows loads much; each agent begins to collect when it is ready
+    run_process(main)

@@ -1,0 +1,71 @@
+"""The fields that a scenario's goals are refined by: computed once by whoever prepares it, and mapped by its robots.
+
+Whoever prepares a scenario loads no mind for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.scenario import lengths_by_robot
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
+
+Psi = Mapping[float, NDArray[np.float32]]
+"""The fields that goals are refined by, float32 (h, w), by their reach in m; empty where no goals are refined."""
+
+
+def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
+    """The fields that a scenario's goals are refined by: one for each reach that its robots have.
+
+    Args:
+        scenario: The scenario.
+        terrain: Its ground.
+    """
+    from agent.bodies.refine import psi_field  # here: who only maps them, or has none, needs no bodies for it
+
+    return {reach: psi_field(terrain, reach) for reach in _reaches(scenario)}
+
+
+def save_psi(prepared: Prepared, folder: Path) -> None:
+    """Write what `load_psi` reads.
+
+    Args:
+        prepared: The scenario with its terrain.
+        folder: An existing one.
+    """
+    for number, psi in enumerate(psi_of(prepared.scenario, prepared.terrain).values(), start=1):
+        np.save(folder / _psi_file(number), psi)
+
+
+def load_psi(scenario: Scenario, folder: Path) -> Psi:
+    """What `save_psi` wrote for a scenario, memory-mapped and read-only.
+
+    Args:
+        scenario: The one that was prepared.
+        folder: The folder that `save_psi` wrote into.
+    """
+    return {
+        reach: np.load(folder / _psi_file(number), mmap_mode="r")
+        for number, reach in enumerate(_reaches(scenario), start=1)
+    }
+
+
+def _reaches(scenario: Scenario) -> list[float]:
+    """The reaches of the fields psi that a scenario's robots refine their goals by, m, ascending."""
+    if scenario.patrol.avoidance != "goal-refinement":
+        return []
+    return sorted({lengths.refine_reach for lengths in lengths_by_robot(scenario).values()})
+
+
+def _psi_file(number: int) -> str:
+    """The file of the field with the number-th smallest reach, from 1 on."""
+    return f"psi-{number}.npy"

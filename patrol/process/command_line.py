@@ -1,0 +1,35 @@
+"""The command line that ``ps`` shows of a process, for processes that were forked and have that of another.
+
+The kernel shows what stands where a process's arguments once stood. A process may write there, but gets no more room,
+so a process that is going to fork is started with an argument of blanks (`ROOM`).
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+ROOM = " " * 4096
+"""An argument that makes room for longer command lines; a longer one than that is cut short."""
+
+_START, _END = 48, 49
+"""Fields of /proc/PID/stat, by proc(5), counted from 1."""
+_NAMED = 2
+"""The last field before those that can be split at blanks."""
+
+
+def show_as(words: Sequence[str]) -> None:
+    """Show a command line of this process from now on; where the system does not say where it stands, nothing changes.
+
+    Args:
+        words: The command line.
+    """
+    with suppress(OSError, ValueError, IndexError):
+        fields = Path("/proc/self/stat").read_bytes().rpartition(b")")[2].split()
+        start, end = (int(fields[number - _NAMED - 1]) for number in (_START, _END))
+        if 0 < start < end:
+            room = end - start
+            line = b"".join(word.encode(errors="replace") + b"\0" for word in words)
+            ctypes.memmove(start, line[: room - 1].ljust(room, b"\0"), room)

@@ -1,0 +1,234 @@
+"""Agents from the fork server are processes of their own, children of whoever asked, and know nothing of each other."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from fogwatch.launch.children import Child, Children
+from fogwatch.launch.fork_server import FORK_SERVER, ForkServer
+from patrol.process.forking import can_fork
+from patrol.process.lifeline import INTERRUPTED
+from patrol.process.readiness import StartFailure, StartPipe, StartReport
+
+pytestmark = [pytest.mark.processes, pytest.mark.skipif(not can_fork(), reason="this system has no fork server")]
+
+PATIENCE_S = 120.0
+SCENARIO = "duration: 10\nterrain: {builtin: open}\npoint: 1.0\nrobots: [{}, {}]\n"
+
+
+class Office:
+    """A launcher's children and its fork server."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.children = Children(lambda: False)
+        self.server = ForkServer(self.children, folder / "server.log", lambda: False)
+        (folder / "scenario.yaml").write_text(SCENARIO, encoding="utf-8")
+
+    def make(self, name: str, secret: str = "", *more: str) -> Child | None:
+        """An agent that waits for static fields that never come."""
+        arguments = ["--router", "tcp/127.0.0.1:1", "--fleet", "f", "--scenario", str(self.folder / "scenario.yaml")]
+        arguments += ["--static", str(self.folder / "never"), "--robot", name, *more]
+        return self.server.make(name, "agent", arguments, self.folder / f"{name}.log", {"SECRET": secret})
+
+    def made(self, name: str, secret: str = "") -> Child:
+        """As `make`, and it heeds signals."""
+        child = self.make(name, secret)
+        assert child is not None, (self.folder / "server.log").read_text()
+        until(lambda: signal.SIGTERM in caught(child.process.pid))
+        return child
+
+    @property
+    def server_pid(self) -> int:
+        return self.children.by_name[FORK_SERVER].process.pid
+
+    def end(self) -> None:
+        self.server.close()
+        self.children.end(list(self.children.by_name))
+        self.children.close()
+
+
+@pytest.fixture
+def office(tmp_path: Path) -> Iterator[Office]:
+    """One whose server may end."""
+    office = Office(tmp_path)
+    yield office
+    office.end()
+
+
+@pytest.fixture(scope="module")
+def server_that_lasts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Office]:
+    office = Office(tmp_path_factory.mktemp("office"))
+    yield office
+    office.end()
+
+
+@pytest.fixture
+def lasting(server_that_lasts: Office) -> Iterator[Office]:
+    """One whose server makes the agents of several tests."""
+    yield server_that_lasts
+    server_that_lasts.children.end([name for name in server_that_lasts.children.by_name if name != FORK_SERVER])
+
+
+def until(what: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not what():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)
+
+
+def fact(pid: int, name: str) -> str:
+    lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
+    return next(line.partition(":")[2].strip() for line in lines if line.startswith(f"{name}:"))
+
+
+def caught(pid: int) -> set[int]:
+    """The signals that a process has handlers for."""
+    mask = int(fact(pid, "SigCgt"), 16)
+    return {number for number in range(1, 65) if mask >> (number - 1) & 1}
+
+
+def descriptors(pid: int) -> dict[int, str]:
+    return {int(entry.name): str(entry.readlink()) for entry in Path(f"/proc/{pid}/fd").iterdir()}
+
+
+def held_in_memory(pid: int, secrets: list[bytes]) -> set[bytes]:
+    """Those of some secrets that a process's memory holds, anywhere that can be written."""
+    found = set()
+    with Path(f"/proc/{pid}/mem").open("rb", buffering=0) as memory:
+        for line in Path(f"/proc/{pid}/maps").read_text(encoding="utf-8").splitlines():
+            span, rights = line.split()[:2]
+            first, last = (int(end, 16) for end in span.split("-"))
+            if not rights.startswith("rw"):
+                continue
+            memory.seek(first)
+            with suppress(OSError):  # a part that nobody may read
+                held = memory.read(last - first)
+                found |= {secret for secret in secrets if secret in held}
+    return found
+
+
+def test_an_agent_is_a_process_of_its_own_and_a_child_of_the_launcher(lasting: Office) -> None:
+    one, two = lasting.made("r1"), lasting.made("r2")
+    pids = {one.process.pid, two.process.pid, lasting.server_pid}
+    assert len(pids) == 3
+    for name, child in (("r1", one), ("r2", two)):
+        pid = child.process.pid
+        assert int(fact(pid, "PPid")) == os.getpid()
+        assert os.getsid(pid) == pid, "Ctrl-C reaches the launcher alone"
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").decode().split("\0")
+        assert words[:4] == [sys.executable, "-P", "-m", "agent"]
+        assert words[words.index("--robot") + 1] == name
+        held = descriptors(pid)
+        assert held[0] == os.devnull
+        assert held[1] == held[2] == str(lasting.folder / f"{name}.log")
+        lifeline = int(words[words.index("--lifeline") + 1])
+        assert held.keys() == {0, 1, 2, lifeline}, "nothing of the server, and nothing of another agent"
+
+
+def test_no_agent_and_no_server_holds_what_is_another_agents(lasting: Office) -> None:
+    secrets = [f"secret-{os.urandom(12).hex()}" for _ in range(2)]
+    made = [lasting.made(f"r{number}", secret) for number, secret in enumerate(secrets, start=1)]
+    searched = [secret.encode() for secret in secrets]
+    held = [held_in_memory(pid, searched) for pid in (*(child.process.pid for child in made), lasting.server_pid)]
+    assert held == [{searched[0]}, {searched[1]}, set()]
+
+
+def test_the_launcher_learns_how_each_one_ended(lasting: Office) -> None:
+    killed, asked = lasting.made("r1"), lasting.made("r2")
+    bad = lasting.make("r3")
+    assert bad is not None
+    assert (bad.process.wait(), bad.poll()) == (2, 2)
+    assert bad.last_words().startswith("--robot 'r3': no robot of scenario")
+    assert killed.poll() is None
+    killed.process.kill()
+    assert (killed.process.wait(), killed.poll()) == (-signal.SIGKILL, -signal.SIGKILL)
+    killed.process.send_signal(signal.SIGTERM)  # its number may be another's by now
+    asked.process.send_signal(signal.SIGTERM)
+    assert asked.process.wait() == INTERRUPTED
+
+
+def test_agents_leave_when_their_launcher_has_died_and_so_does_the_server(tmp_path: Path) -> None:
+    program = (
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "from tests.fogwatch.launch.test_fork_server import Office\n"
+        "office = Office(Path(sys.argv[1]))\n"
+        "print(office.made('r1').process.pid, office.made('r2').process.pid, office.server_pid, flush=True)\n"
+        "time.sleep(3600)\n"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path)]
+    launcher = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3])
+    assert launcher.stdout is not None
+    pids = [int(word) for word in launcher.stdout.readline().split()]
+    assert len(pids) == 3
+    os.kill(pids[1], signal.SIGSTOP)
+    os.kill(pids[2], signal.SIGSTOP)
+    launcher.kill()
+    launcher.communicate(timeout=PATIENCE_S)
+    until(lambda: not any(runs(pid) for pid in pids))
+
+
+def runs(pid: int) -> bool:
+    """Whether a process lives; a dead one may wait for whoever takes in orphans."""
+    try:
+        return fact(pid, "State")[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_the_end_of_the_server_is_nobody_elses_end(office: Office) -> None:
+    agent = office.made("r1")
+    os.kill(office.server_pid, signal.SIGKILL)
+    assert office.make("r2") is None, "the launcher starts it by itself then"
+    assert agent.poll() is None
+    agent.process.send_signal(signal.SIGTERM)
+    assert agent.process.wait() == INTERRUPTED
+
+
+def test_a_server_that_stands_still_is_given_up(office: Office) -> None:
+    office.made("r1")
+    server = office.children.by_name[FORK_SERVER]
+    assert office.server._control is not None
+    office.server._control.settimeout(0.2)
+    server.process.send_signal(signal.SIGSTOP)
+    assert office.make("r2") is None
+    assert server.process.wait() == -signal.SIGKILL, "it makes no process later on that nobody knows of"
+    assert office.make("r2") is None
+
+
+def test_a_server_that_cannot_load_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/none")
+    office = Office(tmp_path)
+    assert office.make("r1") is None
+    assert office.children.by_name[FORK_SERVER].process.wait() != 0
+    office.end()
+
+
+def test_a_process_of_several_threads_does_not_fork() -> None:
+    pipe = StartPipe()
+    program = (
+        "import sys, threading\n"
+        "from agent.fork_server import main\n"
+        "threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
+        "sys.exit(main(['--ready', sys.argv[1]]))\n"
+    )
+    command = [sys.executable, "-P", "-c", program, str(pipe.child_end)]
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    process = subprocess.Popen(command, pass_fds=[pipe.child_end], env=environment)
+    pipe.spawned()
+    report = None
+    while report is None and not pipe.ended:
+        report = pipe.report(PATIENCE_S)
+    pipe.close()
+    assert report == StartReport("", StartFailure.OTHER, "cannot fork: a library runs threads (2 in all)")
+    assert process.wait(timeout=PATIENCE_S) == 1

@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from patrol.process.command_line import ROOM
+
+pytestmark = pytest.mark.processes
+
+PROGRAM = """
+import os, sys
+from patrol.process.command_line import show_as
+show_as(sys.stdin.readline().split())
+sys.stdout.buffer.write(open("/proc/self/cmdline", "rb").read())
+sys.stdout.flush()
+"""
+
+
+def shown(words: str, room: str) -> list[str]:
+    """What is shown of a process that wants some words shown."""
+    command = [sys.executable, "-P", "-c", PROGRAM, room]
+    line = subprocess.run(command, input=words, capture_output=True, text=True, check=True, timeout=120).stdout
+    return line.rstrip("\0").split("\0")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system shows no processes as files")
+def test_a_process_is_shown_as_it_wants() -> None:
+    assert shown("python -m agent --robot r1", ROOM) == ["python", "-m", "agent", "--robot", "r1"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system shows no processes as files")
+def test_a_command_line_without_room_is_cut_short() -> None:
+    words = "x" * 100_000
+    (only,) = shown(words, ROOM)
+    assert only == words[: len(only)]
+    assert len(ROOM) < len(only) < 2 * len(ROOM)
