@@ -177,7 +177,7 @@ def _record(
     from worldsim.output.folder import keep
     from worldsim.output.record import Recorder, header_of
     from worldsim.output.ticks_table import TicksTable
-    from worldsim.run_record import INTERRUPTED, recording
+    from worldsim.run_record import INTERRUPTED, PutOff, recording
     from worldsim.world import World
 
     scenario, options = prepared.scenario, wiring.options
@@ -194,12 +194,13 @@ def _record(
             keep(scenario, options.scenario, options.out)
         feed = wiring.feed(world, journal, header, fleet, operator)
         recorder = Recorder(feed, scenario.spares)
-        on_tick, on_event = wiring.sinks(world, recorder, table, feed.between)
+        later = PutOff(*wiring.sinks(world, recorder, table, feed.between))
+        wiring.put_off(later, world, fleet, operator, feed)
         reason = INTERRUPTED
         begin_collection()
         began = time.monotonic()
         try:
-            reason = run_ticks(world, fleet, on_tick, on_event, wiring.leaving, control, operator)
+            reason = run_ticks(world, fleet, later.tick, later.event, wiring.leaving, control, operator, later.settle)
         except Interrupted:
             pass
         except BaseException as error:
