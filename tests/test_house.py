@@ -301,6 +301,7 @@ OWN_FILES = {
     "patrol/net/serial_line.py": "the line that its user names; what comes over it is judged like any frame",
     "patrol/prepare.py": "fields that the launcher prepared",
     "patrol/process/vitals.py": "the kernel's facts about this process",
+    "patrol/process/file_pages.py": "the kernel's facts about this process",
     "patrol/process/warmup.py": "the user's own cache",
     "patrol/regions/split.py": "fields that the launcher prepared",
     "patrol/untrusted.py": "the one place that opens files of others",

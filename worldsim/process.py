@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.process.file_pages import give_back_file_pages
 from patrol.process.garbage import begin_collection
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
@@ -198,6 +199,7 @@ def _record(
         wiring.put_off(later, world, fleet, operator, feed)
         reason = INTERRUPTED
         begin_collection()
+        give_back_file_pages()
         began = time.monotonic()
         try:
             reason = run_ticks(world, fleet, later.tick, later.event, wiring.leaving, control, operator, later.settle)
