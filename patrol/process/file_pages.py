@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 _MAPPINGS = Path("/proc/self/smaps")
-_CODE, _SHARED = "r-xp", "r--s"
+_READ_ONLY = ("r--p", "r-xp", "r--s")
 _MADV_DONTNEED = 4
 
 
@@ -31,8 +31,8 @@ def give_back_file_pages() -> None:
 def unchanged(lines: Iterable[str]) -> Iterator[tuple[int, int]]:
     """The mappings of files whose pages can be read from the files again.
 
-    Code is mapped privately: a debugger, for one, may have changed it for this process, and then all of it stays. Other
-    private mappings hold data that libraries change when they are loaded. Shared ones are the files themselves.
+    What is mapped read-only may have been changed for this process all the same, by the linker, when it put a library
+    together, or by a debugger. Such pages are anonymous, and where there are any, the whole mapping stays.
 
     Args:
         lines: Of smaps, see proc(5).
@@ -41,16 +41,13 @@ def unchanged(lines: Iterable[str]) -> Iterator[tuple[int, int]]:
         The first address of each, and the one after its last.
     """
     mapping: tuple[int, int] | None = None
-    is_code = False
     for line in lines:
         words = line.split(maxsplit=5)
         if not words[0].endswith(":"):
             is_file = len(words) > 5 and words[5].startswith("/")
             begin, _, end = words[0].partition("-")
-            mapping = (int(begin, 16), int(end, 16)) if is_file and words[1] in (_CODE, _SHARED) else None
-            is_code = words[1] == _CODE
-        elif mapping is not None and words[0] == "VmFlags:":
+            mapping = (int(begin, 16), int(end, 16)) if is_file and words[1] in _READ_ONLY else None
+        elif words[0] == "Anonymous:" and words[1] != "0":
+            mapping = None
+        elif words[0] == "VmFlags:" and mapping is not None:
             yield mapping
-            mapping = None
-        elif is_code and words[0] in ("Private_Dirty:", "Shared_Dirty:") and words[1] != "0":
-            mapping = None

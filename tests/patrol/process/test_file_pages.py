@@ -11,32 +11,35 @@ from patrol.process.file_pages import unchanged
 SMAPS = """\
 1000-3000 r-xp 00000000 08:01 5                          /lib/plain.so
 Rss:                   8 kB
-Shared_Dirty:          0 kB
 Private_Dirty:         0 kB
+Anonymous:             0 kB
 VmFlags: rd ex mr mw me
 3000-4000 r-xp 00000000 08:01 6                          /lib/with a debugger's changes.so
 Rss:                   4 kB
-Shared_Dirty:          0 kB
 Private_Dirty:         4 kB
+Anonymous:             4 kB
 VmFlags: rd ex mr mw me
 4000-5000 r--p 00001000 08:01 5                          /lib/plain.so
-Private_Dirty:         0 kB
+Anonymous:             0 kB
 VmFlags: rd mr mw me
-5000-6000 rw-p 00002000 08:01 5                          /lib/plain.so
-Private_Dirty:         4 kB
-VmFlags: rd wr mr mw me
-6000-9000 r--s 00000000 08:01 7                          /run/grid that was just written.npy
-Shared_Dirty:         12 kB
-Private_Dirty:         0 kB
+5000-6000 r--p 00002000 08:01 5                          /lib/plain.so
+Anonymous:             4 kB
+VmFlags: rd mr mw me ac
+6000-7000 rw-p 00003000 08:01 5                          /lib/plain.so
+Anonymous:             0 kB
+VmFlags: rd wr mr mw me ac
+7000-9000 r--s 00000000 08:01 7                          /run/grid that was just written.npy
+Shared_Dirty:          8 kB
+Anonymous:             0 kB
 VmFlags: rd mr me ms
 9000-a000 rw-s 00000000 08:01 8                          /run/written here.npy
-Private_Dirty:         0 kB
+Anonymous:             0 kB
 VmFlags: rd wr mr mw me ms
 a000-b000 r-xp 00000000 00:00 0                          [vdso]
-Private_Dirty:         0 kB
+Anonymous:             0 kB
 VmFlags: rd ex mr mw me de
 b000-c000 r-xp 00000000 00:00 0
-Private_Dirty:         0 kB
+Anonymous:             0 kB
 VmFlags: rd ex mr mw me
 """
 
@@ -63,8 +66,8 @@ print(before, after, total == int(grid.sum()))
 """
 
 
-def test_code_and_read_only_files_go_back_unless_they_were_changed() -> None:
-    assert list(unchanged(SMAPS.splitlines())) == [(0x1000, 0x3000), (0x6000, 0x9000)]
+def test_what_is_mapped_read_only_goes_back_unless_it_was_changed() -> None:
+    assert list(unchanged(SMAPS.splitlines())) == [(0x1000, 0x3000), (0x4000, 0x5000), (0x7000, 0x9000)]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what a process has mapped")
