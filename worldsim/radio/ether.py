@@ -172,7 +172,7 @@ class Ether:
         arrives = others & (cause < 0)
         frame_of, receiver_of = np.nonzero(arrives)
         links = Links(sources[frame_of], numbers[receiver_of], sequences[frame_of])
-        alive = np.isin(numbers, hearing)
+        alive = np.array([statuses[number] is Status.ALIVE for number in receivers], dtype=np.bool_)
         heard = Heard([frame for _, _, frame in sent], hearing, np.ascontiguousarray(arrives[:, alive].T))
         if len(links) == np.count_nonzero(others):
             return Delivery(heard, links, NO_DROPS)
