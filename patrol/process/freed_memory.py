@@ -12,7 +12,7 @@ from __future__ import annotations
 import ctypes
 from contextlib import suppress
 
-KEPT = 32 << 20
+KEPT = 8 << 20
 """Bytes of freed memory that a process keeps at most."""
 LARGEST = 8 << 20
 """Bytes of the largest piece that is kept."""
