@@ -15,6 +15,7 @@ from agent.robots.ros2.options import wanted as is_for_ros2
 from patrol.errors import BadInput
 from patrol.net.phases import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
+from patrol.process.file_pages import give_back_file_pages
 from patrol.process.garbage import begin_collection
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
 from patrol.process.logs import Log
@@ -148,6 +149,7 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
         told = Both(told, TickFigures(mind, process.vitals, log))
     limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
     begin_collection()
+    give_back_file_pages()
     try:
         failure = run_mind(mind, robot, radio, told, limit_s)
     finally:

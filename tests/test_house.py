@@ -303,6 +303,7 @@ OWN_FILES = {
     "patrol/prepare.py": "fields that the launcher prepared",
     "patrol/process/command_line.py": "the kernel's facts about this process",
     "patrol/process/vitals.py": "the kernel's facts about this process",
+    "patrol/process/file_pages.py": "the kernel's facts about this process",
     "patrol/process/warmup.py": "the user's own cache",
     "patrol/regions/split.py": "fields that the launcher prepared",
     "patrol/untrusted.py": "the one place that opens files of others",

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.process.file_pages import give_back_file_pages
 from patrol.process.garbage import begin_collection
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
@@ -177,7 +178,7 @@ def _record(
     from worldsim.output.folder import keep
     from worldsim.output.record import Recorder, header_of
     from worldsim.output.ticks_table import TicksTable
-    from worldsim.run_record import INTERRUPTED, recording
+    from worldsim.run_record import INTERRUPTED, PutOff, recording
     from worldsim.world import World
 
     scenario, options = prepared.scenario, wiring.options
@@ -194,12 +195,14 @@ def _record(
             keep(scenario, options.scenario, options.out)
         feed = wiring.feed(world, journal, header, fleet, operator)
         recorder = Recorder(feed, scenario.spares)
-        on_tick, on_event = wiring.sinks(world, recorder, table, feed.between)
+        later = PutOff(*wiring.sinks(world, recorder, table, feed.between))
+        wiring.put_off(later, world, fleet, operator, feed)
         reason = INTERRUPTED
         begin_collection()
+        give_back_file_pages()
         began = time.monotonic()
         try:
-            reason = run_ticks(world, fleet, on_tick, on_event, wiring.leaving, control, operator)
+            reason = run_ticks(world, fleet, later.tick, later.event, wiring.leaving, control, operator, later.settle)
         except Interrupted:
             pass
         except BaseException as error:

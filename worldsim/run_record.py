@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -36,6 +36,37 @@ def recording(folder: Path) -> Iterator[None]:
             f"{folder}: the run cannot be recorded any more ({error.strerror}), so it ends here; make room, and run it "
             "again"
         ) from None
+
+
+class PutOff:
+    """Puts off what is written of a tick until nobody waits for the world; the order of all records stays."""
+
+    def __init__(self, on_tick: Callable[[TickRecord], None], on_event: Callable[[Event], None]) -> None:
+        """Put off nothing yet.
+
+        Args:
+            on_tick: Takes each tick's record.
+            on_event: Takes what happens between ticks.
+        """
+        self._on_tick = on_tick
+        self._on_event = on_event
+        self._record: TickRecord | None = None
+
+    def tick(self, record: TickRecord) -> None:
+        """Keep a tick's record for `settle`."""
+        self.settle()
+        self._record = record
+
+    def event(self, event: Event) -> None:
+        """Pass on an event, after the tick before it."""
+        self.settle()
+        self._on_event(event)
+
+    def settle(self) -> None:
+        """Pass on the record that was kept, if there is one."""
+        record, self._record = self._record, None
+        if record is not None:
+            self._on_tick(record)
 
 
 class Writer(Protocol):

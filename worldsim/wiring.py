@@ -41,7 +41,7 @@ from worldsim.output.feed_publisher import MOST_ASKING, Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
 from worldsim.requests import ControlMailbox, answer_challenge, keep_timeline
-from worldsim.run_record import recording
+from worldsim.run_record import PutOff, recording
 from worldsim.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -237,9 +237,37 @@ class Wiring:
             feed.during()
 
         fleet.meanwhile = meanwhile
-        if operator is not None:
-            operator.rest = feed.rest
         return feed
+
+    def put_off(
+        self,
+        later: PutOff,
+        world: World,
+        fleet: LockstepFleet | PacedFleet,
+        operator: Operator | None,
+        feed: Feed,
+    ) -> None:
+        """Have what robots do not wait for done while the world waits for them.
+
+        Args:
+            later: What is written of the tick before.
+            world: Brings the true fog up to date.
+            fleet: Says when nobody waits for the world.
+            operator: Rests where no tick is due; None where nobody can ask.
+            feed: Shows the run to those who watch.
+        """
+
+        def aside() -> None:
+            later.settle()  # first: what is told of the tick before is told by its own fog
+            world.observe()
+
+        def rest() -> None:
+            later.settle()
+            feed.rest()
+
+        fleet.aside = aside
+        if operator is not None:
+            operator.rest = rest
 
     def sinks(
         self, world: World, recorder: Recorder, table: TicksTable, between: Callable[[], None]

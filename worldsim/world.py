@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 class World:
     """The ground truth of one run.
 
-    Tick k consists of begin_tick (all living bodies observe; poses for phase A), exchange (the ether carries phase A's
-    frames; what each robot hears for phase B) and end_tick (phase B's commands move the bodies; the tick's record). The
-    set of living robots changes only between ticks, by `stand_down` and `wake`; `worldsim.fleet` decides when. The
-    world does not depend on whether robots are processes, nor on a clock.
+    Tick k consists of begin_tick (what each robot senses, for phase A), exchange (the ether carries phase A's frames;
+    what each robot hears for phase B) and end_tick (phase B's commands move the bodies; the tick's record). The true
+    fog is brought up to date in between, at the latest by end_tick: robots do not wait for it. The set of living robots
+    changes only between ticks, by `stand_down` and `wake`; `worldsim.fleet` decides when. The world does not depend on
+    whether robots are processes, nor on a clock.
 
     In lockstep a robot without a command stops at once. At any other pace the world does not wait: the last command
     holds until none has come for `watchdog` seconds.
@@ -84,6 +85,7 @@ class World:
         self._carries = scenario.radio.via == "ether"
         self._frames: tuple[tuple[int, bytes], ...] = ()
         self._delivery = Delivery({}, (), ())
+        self._to_observe: list[tuple[int, Pose]] = []
 
     @property
     def living(self) -> list[int]:
@@ -91,20 +93,25 @@ class World:
         return [number for number, body in self.bodies.items() if body.alive]
 
     def begin_tick(self) -> dict[int, Sensed]:
-        """All living bodies observe the ground.
+        """Begin a tick.
 
         Returns:
             What each living robot senses, by number, for phase A.
         """
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
-        self.truth.observe(self.tick, ((number, body.pose) for number, body in living.items()))
+        self._to_observe = [(number, body.pose) for number, body in living.items()]
         seen = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
         k, senses = self.tick, self.senses
         return {
             number: Sensed(k, senses.pose(number, k, body.pose), body.bumped, seen[number], senses.clock(number, k))
             for number, body in living.items()
         }
+
+    def observe(self) -> None:
+        """Let all living bodies observe the ground, once in a tick that has begun; otherwise nothing happens."""
+        looking, self._to_observe = self._to_observe, []
+        self.truth.observe(self.tick, looking)
 
     def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> Mapping[int, list[bytes]]:
         """The ether carries the frames of the living robots.
@@ -137,6 +144,7 @@ class World:
         Returns:
             The record of the tick that this ends.
         """
+        self.observe()
         for number in self.living:
             self._obey(self.bodies[number], replies.get(number))
         before = {number: body.pose for number, body in self.bodies.items()}

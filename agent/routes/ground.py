@@ -68,13 +68,13 @@ class Ground:
         self._static = base
         self._wanted: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
         self._closed: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
-        self._reach: NDArray[np.bool_] = np.pad(reach, 1) if base is None else base._reach
+        self._reach = reach
         self._is_open: NDArray[np.bool_]
         self._state: NDArray[np.uint8]
         if base is not None:
             self._borrow(base)
             return
-        self._is_open = self._reach.copy()
+        self._is_open = np.pad(reach, 1)
         height, width = terrain.shape
         self._state = np.zeros((height + 2, width + 2), dtype=np.uint8)
         self._shown = _read_only(self._state)  # kernels rely on its frame, and policies have access to it
@@ -105,7 +105,7 @@ class Ground:
         if self._wanted == ((), ()):
             return self
         if self._static is None:
-            self._static = Ground(self.terrain, self._reach[1:-1, 1:-1])
+            self._static = Ground(self.terrain, self._reach)
         return self._static
 
     def begin(self, discs: Sequence[Disc]) -> None:
@@ -146,8 +146,10 @@ class Ground:
                 self._shown = _read_only(self._state)
         boxes = [self._box(disc) for disc in (*before[0], *discs)]
         boxes += [area.box for area in (*before[1], *areas)]
+        inside, reach = self._is_open[1:-1, 1:-1], self._reach
         for top, bottom, left, right in boxes:
-            self._is_open[top:bottom, left:right] = self._reach[top:bottom, left:right]
+            rows, cols = slice(max(top - 1, 0), max(bottom - 1, 0)), slice(max(left - 1, 0), max(right - 1, 0))
+            inside[rows, cols] = reach[rows, cols]
         for disc in discs:
             self._block(disc)
         for area in areas:

@@ -37,6 +37,7 @@ class PathWindow(ABC):
         col0: Column of the same point.
         start_row: The start's row in the window.
         start_col: The start's column in the window.
+        idle: Requests for other windows since somebody asked for this one.
     """
 
     def __init__(self, height: int, width: int, span: int) -> None:
@@ -53,6 +54,7 @@ class PathWindow(ABC):
         self.length = np.zeros((rows, cols), dtype=np.int32)
         self.bend = np.zeros((rows, cols), dtype=np.int32)
         self.row0 = self.col0 = self.start_row = self.start_col = 0
+        self.idle = 0
 
     def begin(self, ground: Ground, row: int, col: int) -> None:
         """Start from an open element of the ground.

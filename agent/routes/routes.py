@@ -20,6 +20,12 @@ LONGEST = 2**26
 LEAST_SPAN = 64
 """Span of the smallest window, in points; larger ones have powers of two, so that there are few of them."""
 
+LARGE = 2**21
+"""Points of a window that is worth letting go; one over a whole terrain of 1600 x 2400 points takes 54 MB."""
+
+IDLE = 16
+"""Requests for other windows after which a large one is let go. Some are needed at the beginning only."""
+
 Element = tuple[int, int]
 """Row and column in `Ground.state`: one more than those of the terrain's point."""
 
@@ -136,8 +142,18 @@ class Routes:
         whole = max(height, width)
         wide = whole if span is None else min(whole, max(LEAST_SPAN, 2 ** max(span - 1, 1).bit_length()))
         key = f"wave {height} {width} {wide}"
-        if key not in self._scratch:
-            self._scratch[key] = Wave(height, width, wide)
-        wave = self._scratch[key]
+        wave = self._scratch.get(key)
+        if wave is None:
+            wave = self._scratch[key] = Wave(height, width, wide)
         assert isinstance(wave, Wave)
+        wave.idle = 0
+        for other in [other for other in self._scratch if other != key]:
+            self._let_go(other)
         return wave
+
+    def _let_go(self, key: str) -> None:
+        """Count a request for another window; let a large wave go that nobody has asked for in a while."""
+        wave = self._scratch[key]
+        wave.idle += 1
+        if wave.idle > IDLE and isinstance(wave, Wave) and wave.state.size > LARGE:
+            del self._scratch[key]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.footprint import View
-from patrol.ground.kernels.fog import observe
+from patrol.ground.kernels.fog import find, observe
 
 NEVER = -1
 """``last_seen`` of a point that nobody has seen yet; its age counts from tick 0."""
@@ -41,6 +41,7 @@ class Fog:
         self._sum = 0
         self._box = np.zeros(4, dtype=np.int64)
         self._stalest = (0, 0)
+        self._stalest_of = NEVER
 
     @classmethod
     def resumed(cls, patrolled: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Fog:
@@ -106,8 +107,11 @@ class Fog:
         self.mfow(0)
         oldest = self._oldest - 1
         if self.patrolled[self._stalest] == 0 or self.last_seen[self._stalest] != oldest:
-            at = int(np.argmax((self.last_seen == oldest) & (self.patrolled != 0)))
-            self._stalest = at // self.last_seen.shape[1], at % self.last_seen.shape[1]
+            # Last-seen ticks only grow, so no point before the last one found has this tick again.
+            width = self.last_seen.shape[1]
+            begin = self._stalest[0] * width + self._stalest[1] if oldest == self._stalest_of else 0
+            self._stalest = divmod(find(self.last_seen, self.patrolled, oldest, begin), width)
+            self._stalest_of = oldest
         return self._stalest
 
     def mean(self, tick: int) -> float:

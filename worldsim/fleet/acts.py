@@ -59,6 +59,11 @@ class Acts:
         back = ("restart", "join")
         return not any(e.begin >= self._world.tick and e.fault.kind in back for e in self._world.timeline.entries)
 
+    @property
+    def may_wait(self) -> bool:
+        """Whether what is due before the next tick may have to wait for processes."""
+        return bool(self._coming) or bool(self._world.timeline.acts(self._world.tick))
+
     def due(self) -> Iterator[Event]:
         """Do what is due before the next tick.
 

@@ -35,6 +35,7 @@ class LockstepFleet:
 
     Attributes:
         meanwhile: Called now and then while a tick is waited for.
+        aside: Called once a tick, when all robots have begun to decide, for work that nobody waits for.
     """
 
     def __init__(self, sessions: Sessions, deadline_s: float = DEADLINE_S, router: RouterWatch | None = None) -> None:
@@ -49,6 +50,7 @@ class LockstepFleet:
         self._deadline_s = deadline_s
         self._router = router
         self.meanwhile: Callable[[], None] = lambda: None
+        self.aside: Callable[[], None] = lambda: None
         self._lost: list[tuple[int, Status, str]] = []
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
@@ -75,7 +77,8 @@ class LockstepFleet:
             The replies of the robots that answer in time, by number.
         """
         asked = {number: pass_on(k, frames) for number, frames in heard.items()}
-        return {number: answer.reply for number, answer in self._ask(k, "B", asked, ReplyB).items()}
+        answers = self._ask(k, "B", asked, ReplyB, self.aside)
+        return {number: answer.reply for number, answer in answers.items()}
 
     def lost(self) -> list[tuple[int, Status, str]]:
         """The robots lost since the last call: number, status and reason."""
@@ -97,10 +100,18 @@ class LockstepFleet:
         """Notes on the pace for the journal's end: for how long the router was silent, if it was."""
         return router_notes(self._router)
 
-    def _ask(self, k: int, phase: str, messages: Mapping[int, Make], kind: type[T]) -> dict[int, T]:
-        """Send each robot its message and wait for all answers."""
+    def _ask(
+        self,
+        k: int,
+        phase: str,
+        messages: Mapping[int, Make],
+        kind: type[T],
+        aside: Callable[[], None] = lambda: None,
+    ) -> dict[int, T]:
+        """Send each robot its message, do what can be done aside, and wait for all answers."""
         sessions = self._sessions
         sent = {number: sessions.send(number, make) for number, make in messages.items()}
+        aside()
         answers: dict[int, T] = {}
         deadline_s = self._deadline_s if k else max(self._deadline_s, FIRST_DEADLINE_S)
         waited_s = 0.0

@@ -61,6 +61,7 @@ def run_ticks(
     stop: Callable[[], bool] = lambda: False,
     control: ProcessControl | None = None,
     operator: Operator | None = None,
+    settle: Callable[[], None] = lambda: None,
 ) -> str:
     """Run the ticks that are left.
 
@@ -72,6 +73,7 @@ def run_ticks(
         stop: Asked between ticks whether to stop.
         control: Does to robots' processes what the scenario's faults ask for; None where none do.
         operator: Does what operators ask for between ticks; None where nobody can ask.
+        settle: Called where the next tick may be long in coming, and at the end: does what `sink` has put off.
 
     Returns:
         Why the ticks ended (`worldsim.run_record`).
@@ -89,6 +91,8 @@ def run_ticks(
                     events(event)
                 if stop():
                     return INTERRUPTED
+            if acts.may_wait:
+                settle()
             for event in acts.due():
                 events(event)
             if acts.deserted:
@@ -96,9 +100,12 @@ def run_ticks(
             _run_tick(world, fleet, sink, events)
         return COMPLETED
     finally:
-        if control is not None:
-            control.release([number for number, body in world.bodies.items() if body.status is Status.PAUSED])
-        fleet.finish(world.tick)
+        try:
+            settle()
+        finally:
+            if control is not None:
+                control.release([number for number, body in world.bodies.items() if body.status is Status.PAUSED])
+            fleet.finish(world.tick)
 
 
 def _run_tick(world: World, fleet: Fleet, sink: Callable[[TickRecord], None], events: Callable[[Event], None]) -> None:

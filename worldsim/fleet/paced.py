@@ -33,6 +33,7 @@ class PacedFleet:
             came.
         slipped_s: By how much the world itself has fallen behind without catching up, s of wall time.
         meanwhile: Called now and then while a tick is waited for.
+        aside: Called once a tick, when all robots have been sent phase A, for work that nobody waits for.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class PacedFleet:
         self.too_late: Counter[int] = Counter()
         self.slipped_s = 0.0
         self.meanwhile: Callable[[], None] = lambda: None
+        self.aside: Callable[[], None] = lambda: None
         self._sessions = sessions
         self._listener = listener
         self._router = router
@@ -73,6 +75,7 @@ class PacedFleet:
         self._begin()
         for number, report in reports.items():
             self._sessions.send(number, tell(k, report))
+        self.aside()
         frames: dict[int, Sequence[bytes]] = {}
         self._collect(frames, PHASE_B_SHARE)
         self._closed = True

@@ -93,3 +93,23 @@ def observe(last_seen, tracked, histogram, view, quality, row0, col0, tick, box)
     if quality is None:
         histogram[tick + 1] += taken
     return gained
+
+
+@njit(int64(SEEN, TRACKED, int64, int64), cache=True, nogil=True)
+def find(last_seen, tracked, tick, begin):
+    """The first tracked point that was last seen at a tick, row by row.
+
+    Args:
+        last_seen: int32 (h, w).
+        tracked: uint8 (h, w).
+        tick: the tick.
+        begin: flat index of the point to begin with.
+
+    Returns:
+        its flat index, or -1 where there is none.
+    """
+    seen, counts = last_seen.ravel(), tracked.ravel()
+    for at in range(max(begin, 0), seen.size):
+        if seen[at] == tick and counts[at] != 0:
+            return at
+    return -1

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from agent.routes.ground import Ground
 from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.path_window import PathWindow
-from agent.routes.routes import LONGEST, Routes, Way
+from agent.routes.routes import IDLE, LARGE, LEAST_SPAN, LONGEST, Routes, Way
 from agent.routes.wave import Wave
 from patrol.ground.terrain import Terrain
 
@@ -210,3 +210,22 @@ def test_windows_are_shared_and_leave_nothing_behind() -> None:
     two.lengths(centre(other_row, other_col))
     assert np.array_equal(one.lengths(centre(row, col)), alone)
     assert len(scratch) == 1
+
+
+def test_a_large_window_that_is_no_longer_asked_for_is_let_go_and_made_again() -> None:
+    is_open = np.ones((LARGE // 2**10, 2**10), dtype=np.bool_)
+    ground, routes = routes_of(is_open)
+    whole, near = routes.window(), routes.window(LEAST_SPAN)
+    assert whole.state.size > LARGE > near.state.size
+    for _ in range(3):
+        for _ in range(IDLE - 1):
+            assert routes.window(LEAST_SPAN) is near
+        assert routes.window() is whole
+    for _ in range(IDLE + 1):
+        assert routes.window(LEAST_SPAN) is near
+    made = routes.window()
+    assert made is not whole
+    assert routes.window(LEAST_SPAN) is near
+    made.begin(ground, 1, 1)
+    made.extend(1000)
+    assert made.length[1, 11] == 1000

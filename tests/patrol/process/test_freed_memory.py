@@ -14,7 +14,7 @@ from patrol.process.freed_memory import keep_freed_memory
 keep_freed_memory()
 
 def work():
-    return sum(int(grid[-1]) for grid in [np.full(12 << 20, 7, dtype=np.uint8) for _ in range(6)])
+    return sum(int(grid[-1]) for grid in [np.full(1 << 20, 7, dtype=np.uint8) for _ in range(6)])
 
 def faults():
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -32,5 +32,5 @@ def test_grids_that_are_freed_and_made_again_need_no_new_pages() -> None:
     done = subprocess.run(
         [sys.executable, "-P", "-c", FAULTS], capture_output=True, text=True, timeout=120, check=True, env=environment
     )
-    pages = (12 << 20) // os.sysconf("SC_PAGE_SIZE")
+    pages = (1 << 20) // os.sysconf("SC_PAGE_SIZE")
     assert int(done.stdout) < pages, "six grids take fewer new pages than one of them has"
