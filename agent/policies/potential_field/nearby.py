@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.potential_field.cells import NO_CELLS, Cells, Layer, around
-from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, UNKNOWN, hardest_of, survey
+from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, UNKNOWN, hardest_of, posts_within, survey
 from agent.routes.routes import LONGEST
 
 if TYPE_CHECKING:
@@ -126,11 +126,11 @@ class Nearby:
         needed = self._needed(asked, best.force, limit)
         if needed is None:
             return None
-        own = self.paths(asked.view, start, needed)
-        best = self._hardest(asked, own, min(needed, self._near), self._near)
+        own, least = self.paths(asked.view, start, needed), best.force
+        best = self._hardest(asked, own, min(needed, self._near), self._near, least)
         if needed <= self._near or (best is not None and best.force > asked.beyond(self._near)):
             return best
-        return self._hardest(asked, own, needed, LONGEST)
+        return self._hardest(asked, own, needed, LONGEST, least)
 
     def paths(self, view: View, start: Element, limit: int) -> Cells:
         """The robot's own paths.
@@ -149,7 +149,7 @@ class Nearby:
         weaker = np.flatnonzero(asked.pull[-1] + asked.decay(limits) < force - ROUNDING * (1.0 + abs(force)))
         return int(limits[weaker[0]]) if weaker.size else None
 
-    def _hardest(self, asked: Question, own: Cells, limit: int, known: int) -> Found | None:
+    def _hardest(self, asked: Question, own: Cells, limit: int, known: int, least: float = -math.inf) -> Found | None:
         """The point that pulls hardest.
 
         Args:
@@ -157,56 +157,45 @@ class Nearby:
             own: The robot's own paths.
             limit: The longest that counts, in hundredths of a point.
             known: The longest path of a rival that counts, likewise.
+            least: The logarithm of a force that some point is known to exert.
         """
-        fog, tick = asked.view.fog, asked.view.tick
-        seen, decay = fog.last_seen, asked.decay(np.arange(limit + 1).clip(1))
-        bounds = self._bounds(asked, own, limit, decay)
-        posts = self._posts.between(own.row0 + 1, own.row0 + own.cell.shape[0] - 2)
+        decay = asked.decay(np.arange(limit + 1).clip(1))
+        bounds, posts = self._bounds(asked, own, limit, decay), self._posts_within(asked, own, limit)
         place, undecided = np.zeros(4, dtype=np.int64), np.zeros(6, dtype=np.int64)
 
-        def look(best: NDArray[np.float64], strips: NDArray[np.int32], *, whole: bool, rival: Cells | None) -> None:
+        def look(strips: NDArray[np.int32], entries: NDArray[np.int32], best: float, rival: Cells | None) -> float:
             undecided[:] = 0, 0, LONGEST, -1, LONGEST, -1
-            cells = rival or NO_CELLS
             others = asked.others if rival is None and self._width > 0.0 else NOBODY
-            for points in (None, posts) if whole else (None,):
-                hardest_of(
-                    points,
-                    strips,
-                    *own[:3],
-                    limit,
-                    seen,
-                    fog.looked,
-                    tick,
-                    asked.least,
-                    asked.pull,
-                    decay,
-                    others,
-                    *cells,
-                    self._width,
-                    self._hand_over,
-                    asked.shunned,
-                    best,
-                    place,
-                    undecided,
-                )
+            hardest = np.array([best])
+            fog = asked.view.fog
+            ages = fog.last_seen, fog.looked, asked.view.tick, asked.least
+            rivals = (others, *(rival or NO_CELLS), self._width, self._hand_over)
+            for points in (None, entries):
+                forces = (*ages, asked.pull, decay, *rivals, asked.shunned)
+                hardest_of(points, strips, *own[:3], limit, *forces, hardest, place, undecided)
+            return float(hardest[0])
 
-        best = np.array([-np.inf])
-        top = np.argpartition(bounds, -TOP, axis=None)[-TOP:] if bounds.size > TOP else np.arange(bounds.size)
-        look(best, _strips(np.sort(top), bounds.shape[1]), whole=False, rival=None)
-        floor = float(best[0]) - ROUNDING * (1.0 + abs(float(best[0]))) if math.isfinite(best[0]) else -math.inf
+        if least == -math.inf:
+            top = np.argpartition(bounds, -TOP, axis=None)[-TOP:] if bounds.size > TOP else np.arange(bounds.size)
+            least = look(_strips(np.sort(top), bounds.shape[1]), posts[:0], least, None)
+        floor = least - ROUNDING * (1.0 + abs(least)) if math.isfinite(least) else least
         strips = _strips(np.flatnonzero(bounds.reshape(-1) >= floor), bounds.shape[1])
-        best[0] = floor
-        look(best, strips, whole=True, rival=None)
+        best = look(strips, posts, floor, None)
+        if undecided[0] and best > floor:
+            best = look(strips, posts, best, None)
         if undecided[0]:
-            look(best, strips, whole=True, rival=None)
-        if undecided[0]:
-            rival = self._rivals(asked, undecided, known)
-            best[0] = floor
-            look(best, strips, whole=True, rival=rival)
-        if best[0] == floor:
+            best = look(strips, posts, floor, self._rivals(asked, undecided, known))
+        if best == floor:
             return None
         row, col, stand_row, stand_col = place.tolist()
-        return Found(float(best[0]), (row, col), (stand_row, stand_col), own, known)
+        return Found(best, (row, col), (stand_row, stand_col), own, known)
+
+    def _posts_within(self, asked: Question, own: Cells, limit: int) -> NDArray[np.int32]:
+        """The entries of the posts to which paths lead, of points that count: int32 (k, 4)."""
+        posts = self._posts.between(own.row0 + 1, own.row0 + own.cell.shape[0] - 2)
+        found = np.empty_like(posts)
+        seen, tick = asked.view.fog.last_seen, asked.view.tick
+        return found[: posts_within(posts, *own[:3], limit, seen, tick, asked.least, found)]
 
     def _bounds(self, asked: Question, own: Cells, limit: int, decay: NDArray[np.float64]) -> NDArray[np.float64]:
         """What no point of a strip pulls harder than: float64 (m, s), minus infinity where no path leads."""

@@ -57,6 +57,45 @@ def survey(cell, limit, seen, row0, col0, nearest, oldest):
             oldest[row, strip] = since
 
 
+@njit(int64(ROWS, CELLS, int64, int64, int64, SEEN, int64, int64, INTS), cache=True, nogil=True)
+def posts_within(posts, cell, row0, col0, limit, seen, tick, least, found):
+    """Find the posts to which a path leads, of points that are old enough.
+
+    Args:
+        posts: int32 (n, 4) of `agent.belief.posts.Posts`, sorted by post.
+        cell: uint32 (m, n), see `agent.routes.kernels.lengths`.
+        row0: Row of the terrain's point under row 0 of the cells.
+        col0: Column of the same point.
+        limit: Longest path that counts, in hundredths of a point.
+        seen: int32 (h, w), the tick at which each point was last seen.
+        tick: Now.
+        least: Points younger than this are left out, ticks.
+        found: int32 (n, 4), overwritten with their entries.
+
+    Returns:
+        Their number.
+    """
+    rows, cols = cell.shape
+    most, count, begin = 2 * limit + 1, 0, 0
+    for row in range(1, rows - 1):
+        # The first post of this row that is not left of the cells.
+        low, high = begin, posts.shape[0]
+        while low < high:
+            middle = (low + high) // 2
+            if posts[middle, 2] < row0 + row or (posts[middle, 2] == row0 + row and posts[middle, 3] <= col0):
+                low = middle + 1
+            else:
+                high = middle
+        begin = low
+        while begin < posts.shape[0] and posts[begin, 2] == row0 + row and posts[begin, 3] < col0 + cols - 1:
+            known = int64(cell[row, posts[begin, 3] - col0])
+            if 0 < known <= most and tick - max(seen[posts[begin, 0], posts[begin, 1]], 0) >= least:
+                found[count] = posts[begin]
+                count += 1
+            begin += 1
+    return count
+
+
 # fmt: off
 @njit(
     [
@@ -79,8 +118,8 @@ def hardest_of(
     they exert a force that is great enough without any rival.
 
     Args:
-        posts: None for the points on which a body can stand. Otherwise int32 (n, 4) of `agent.belief.posts.Posts`: such
-            a point pulls from its post, wherever that is.
+        posts: None for the points on which a body can stand. Otherwise int32 (n, 4) of `posts_within`: such a point
+            pulls from its post, wherever that is.
         strips: int32 (k, 2), row of the cells and number of each strip, row by row.
         cell: uint32 (m, n), see `agent.routes.kernels.lengths`, of the robot's own paths.
         row0: Row of the terrain's point under row 0 of the cells.
