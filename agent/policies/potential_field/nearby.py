@@ -60,6 +60,26 @@ class Found(NamedTuple):
     limit: int
 
 
+class Surveyed(NamedTuple):
+    """What is known of a robot's paths before any point is looked at.
+
+    Attributes:
+        cells: The paths.
+        limit: The longest that count, in hundredths of a point.
+        decay: As log_decay of `agent.policies.potential_field.kernels.hardest.hardest`, up to the limit.
+        nearest: int32 (m, s), see `agent.policies.potential_field.kernels.strips.survey`.
+        bounds: float64 (m, s), what no point of a strip pulls harder than; minus infinity where no path leads.
+        posts: int32 (k, 4), the entries of the posts to which paths lead, of points that are old enough.
+    """
+
+    cells: Cells
+    limit: int
+    decay: NDArray[np.float64]
+    nearest: NDArray[np.int32]
+    bounds: NDArray[np.float64]
+    posts: NDArray[np.int32]
+
+
 class Question(NamedTuple):
     """What is asked for in one tick.
 
@@ -118,7 +138,7 @@ class Nearby:
         """
         best, limit = None, self._near
         for limit in (self._first, self._near) if self._first >= EVERY else (self._near,):
-            best = self._hardest(asked, self.paths(asked.view, start, limit), limit, self._near)
+            best = self._hardest(asked, self._survey(asked, start, limit), limit, self._near)
             if best is not None:
                 break
         if best is None or best.force > asked.beyond(limit):
@@ -126,7 +146,7 @@ class Nearby:
         needed = self._needed(asked, best.force, limit)
         if needed is None:
             return None
-        own, least = self.paths(asked.view, start, needed), best.force
+        own, least = self._survey(asked, start, needed), best.force
         best = self._hardest(asked, own, min(needed, self._near), self._near, least)
         if needed <= self._near or (best is not None and best.force > asked.beyond(self._near)):
             return best
@@ -149,18 +169,19 @@ class Nearby:
         weaker = np.flatnonzero(asked.pull[-1] + asked.decay(limits) < force - ROUNDING * (1.0 + abs(force)))
         return int(limits[weaker[0]]) if weaker.size else None
 
-    def _hardest(self, asked: Question, own: Cells, limit: int, known: int, least: float = -math.inf) -> Found | None:
+    def _hardest(
+        self, asked: Question, own: Surveyed, limit: int, known: int, least: float = -math.inf
+    ) -> Found | None:
         """The point that pulls hardest.
 
         Args:
             asked: In this tick.
             own: The robot's own paths.
-            limit: The longest that counts, in hundredths of a point.
+            limit: The longest that counts, in hundredths of a point; no longer than those surveyed.
             known: The longest path of a rival that counts, likewise.
             least: The logarithm of a force that some point is known to exert.
         """
-        decay = asked.decay(np.arange(limit + 1).clip(1))
-        bounds, posts = self._bounds(asked, own, limit, decay), self._posts_within(asked, own, limit)
+        bounds = own.bounds if limit == own.limit else np.where(own.nearest <= limit, own.bounds, -np.inf)
         place, undecided = np.zeros(4, dtype=np.int64), np.zeros(6, dtype=np.int64)
 
         def look(strips: NDArray[np.int32], entries: NDArray[np.int32], best: float, rival: Cells | None) -> float:
@@ -171,41 +192,39 @@ class Nearby:
             ages = fog.last_seen, fog.looked, asked.view.tick, asked.least
             rivals = (others, *(rival or NO_CELLS), self._width, self._hand_over)
             for points in (None, entries):
-                forces = (*ages, asked.pull, decay, *rivals, asked.shunned)
-                hardest_of(points, strips, *own[:3], limit, *forces, hardest, place, undecided)
+                forces = (*ages, asked.pull, own.decay, *rivals, asked.shunned)
+                hardest_of(points, strips, *own.cells[:3], limit, *forces, hardest, place, undecided)
             return float(hardest[0])
 
         if least == -math.inf:
             top = np.argpartition(bounds, -TOP, axis=None)[-TOP:] if bounds.size > TOP else np.arange(bounds.size)
-            least = look(_strips(np.sort(top), bounds.shape[1]), posts[:0], least, None)
+            least = look(_strips(np.sort(top), bounds.shape[1]), own.posts[:0], least, None)
         floor = least - ROUNDING * (1.0 + abs(least)) if math.isfinite(least) else least
         strips = _strips(np.flatnonzero(bounds.reshape(-1) >= floor), bounds.shape[1])
-        best = look(strips, posts, floor, None)
+        best = look(strips, own.posts, floor, None)
         if undecided[0] and best > floor:
-            best = look(strips, posts, best, None)
+            best = look(strips, own.posts, best, None)
         if undecided[0]:
-            best = look(strips, posts, floor, self._rivals(asked, undecided, known))
+            best = look(strips, own.posts, floor, self._rivals(asked, undecided, known))
         if best == floor:
             return None
         row, col, stand_row, stand_col = place.tolist()
-        return Found(best, (row, col), (stand_row, stand_col), own, known)
+        return Found(best, (row, col), (stand_row, stand_col), own.cells, known)
 
-    def _posts_within(self, asked: Question, own: Cells, limit: int) -> NDArray[np.int32]:
-        """The entries of the posts to which paths lead, of points that count: int32 (k, 4)."""
-        posts = self._posts.between(own.row0 + 1, own.row0 + own.cell.shape[0] - 2)
-        found = np.empty_like(posts)
-        seen, tick = asked.view.fog.last_seen, asked.view.tick
-        return found[: posts_within(posts, *own[:3], limit, seen, tick, asked.least, found)]
-
-    def _bounds(self, asked: Question, own: Cells, limit: int, decay: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What no point of a strip pulls harder than: float64 (m, s), minus infinity where no path leads."""
+    def _survey(self, asked: Question, start: Element, limit: int) -> Surveyed:
+        """Lay the robot's own paths up to a length in hundredths of a point, and find what they lead to."""
+        own, fog, tick = self.paths(asked.view, start, limit), asked.view.fog, asked.view.tick
         rows, cols = own.cell.shape
+        decay = asked.decay(np.arange(limit + 1).clip(1))
         nearest, oldest = np.full((2, rows, -(-cols // STRIP)), UNKNOWN, dtype=np.int32)
-        survey(own.cell, limit, asked.view.fog.last_seen, own.row0, own.col0, nearest, oldest)
-        ages = np.clip(asked.view.tick - np.maximum(oldest, 0), 0, asked.pull.size - 1)
+        survey(own.cell, limit, fog.last_seen, own.row0, own.col0, nearest, oldest)
+        ages = np.clip(tick - np.maximum(oldest, 0), 0, asked.pull.size - 1)
         bounds: NDArray[np.float64] = asked.pull[ages] + decay[np.clip(nearest, 1, limit)]
         bounds[nearest == UNKNOWN] = -np.inf
-        return bounds
+        posts = self._posts.between(own.row0 + 1, own.row0 + rows - 2)
+        found = np.empty_like(posts)
+        count = posts_within(posts, *own[:3], limit, fog.last_seen, tick, asked.least, found)
+        return Surveyed(own, limit, decay, nearest, bounds, found[:count])
 
     def _rivals(self, asked: Question, undecided: NDArray[np.int64], known: int) -> Cells:
         """The paths of rivals to points that they may have a claim to."""
