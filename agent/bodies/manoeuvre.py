@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.bodies.kernels.manoeuvre import CLEARANCE, search
+from agent.bodies.kernels.manoeuvre import CLEARANCE, TOO_SHORT, search
+from agent.bodies.ways_left import WaysLeft, ways_back, ways_left
 from patrol.ground.swept_path import advance
 from patrol.pose import Drive
 
@@ -51,7 +52,10 @@ ASKEW = 0.05
 """How far its heading may be from what it should be, rad."""
 
 MARGIN = 8.0
-"""How much farther than the direct way, in turning radii, ways to a place are followed at first."""
+"""How much farther than twice the direct way, in turning radii, ways to a place may lead that count."""
+
+BEYOND = 2.5
+"""How much farther than to the car, in turning radii, they are followed at first."""
 
 NEAR = 0.5
 """A search ends where at most so many strides of the way are left."""
@@ -121,11 +125,7 @@ class Manoeuvres:
             self.drop()
         if not self._goes_on(view.pose):
             self.drop()
-            left = self._left(view, place)
-            if left is not None:
-                self._place = place
-                near = min(self._near, 0.5 * left[1])
-                self._search(view, *left, near=near, progress=AHEAD * self._spec.turning_radius)
+            self._approach(view, place)
         return self._take(view.pose)
 
     def proceed(self, pose: Pose) -> Drive | None:
@@ -152,8 +152,8 @@ class Manoeuvres:
         pose = view.pose
         if self._place is not None or not self._goes_on(pose):
             self.drop()
-            first = float(left[self._terrain.point_at(pose.x, pose.y)])
-            self._search(view, left, first, near=0.0, progress=math.inf)
+            here = self._terrain.point_at(pose.x, pose.y)
+            self._search(view, ways_back(self._terrain, left, *here), near=0.0, progress=math.inf)
         return self._take(pose)
 
     def _goes_on(self, pose: Pose) -> bool:
@@ -176,35 +176,28 @@ class Manoeuvres:
         self._expected = advance(pose, drive, self._step)
         return drive
 
-    def _left(self, view: View, place: Spot) -> tuple[NDArray[np.float64], float] | None:
-        """Lengths of the ways to a place from all points and from the car, m; None where no way leads there."""
-        pose, start = view.pose, view.start
-        if start is None:
-            return None
-        margin = MARGIN * self._spec.turning_radius
-        row, col = start[0] - 1, start[1] - 1
-        within = 2.0 * math.dist((pose.x, pose.y), place) + margin
-        left = view.lengths(place, within)
-        first = float(left[row, col])
-        if first + margin > within:
-            # The way winds: the lengths have to reach as far beyond the car as a search does.
-            left = view.lengths(place, first + margin if math.isfinite(first) else None)
-            first = float(left[row, col])
-        if not math.isfinite(first):
-            return None
-        if self._terrain.point_at(pose.x, pose.y) != (row, col):
-            first += math.dist(view.ground.centre(*start), (pose.x, pose.y))
-        return left, first
+    def _approach(self, view: View, place: Spot) -> None:
+        """Look for arcs that bring the car nearer to a place; none where no way leads there."""
+        turning = self._spec.turning_radius
+        for beyond in (BEYOND * turning, math.inf):
+            left = ways_left(view, place, MARGIN * turning, beyond)
+            if left is None:
+                return
+            self._place = place
+            if self._search(view, left, near=min(self._near, 0.5 * left.first), progress=AHEAD * turning):
+                return
 
-    def _search(self, view: View, left: NDArray[np.float64], first: float, *, near: float, progress: float) -> None:
+    def _search(self, view: View, left: WaysLeft, *, near: float, progress: float) -> bool:
         """Look for arcs that bring the car nearer.
 
         Args:
             view: Of this tick.
-            left: float64 (h, w), the way left from each point, m; infinite where none is known.
-            first: The way left from where the car is, m.
+            left: The ways left.
             near: How short the way left has to be, m.
             progress: How much shorter it has to become otherwise, m.
+
+        Returns:
+            Whether no way was asked for that is not known and may count.
         """
         pose, terrain = view.pose, self._terrain
         found = np.zeros(MOST_ARCS, dtype=np.int64)
@@ -215,14 +208,19 @@ class Manoeuvres:
             if count == 0:
                 count = search(
                     terrain.blocked,
+                    terrain.room,
                     closed,
-                    left,
+                    left.length,
+                    left.row0,
+                    left.col0,
+                    left.known,
+                    left.limit,
                     terrain.point,
                     *terrain.origin,
                     pose.x,
                     pose.y,
                     pose.heading,
-                    first,
+                    left.first,
                     self._arcs,
                     self._cell,
                     self._spec.radius,
@@ -233,8 +231,9 @@ class Manoeuvres:
                     MOST_NODES,
                     found,
                 )
-        for index in found[:count]:
+        for index in found[: max(0, count)]:
             self._plan.extend([self._drives[index]] * self._times)
+        return count != TOO_SHORT
 
     def _closed(self, view: View) -> NDArray[np.uint8]:
         """The points that are closed at this tick; of size 0 where there are none or the car is on one of them."""

@@ -257,13 +257,3 @@ def _within(first: int, end: int, size: int) -> tuple[int, int]:
     """Clip the range from ``first`` to before ``end`` to 0 to ``size``; the result may be empty."""
     low = min(max(0, first), size)
     return low, min(max(low, end), size)
-
-
-def eroded(mask: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
-    """The points of a mask whose neighbours, up to ``by`` rows and columns away, all belong to it."""
-    inner = np.pad(mask, by)
-    for axis in (0, 1):
-        size = inner.shape[axis] - 2 * by
-        shifts = [inner.take(range(shift, shift + size), axis=axis) for shift in range(2 * by + 1)]
-        inner = np.minimum.reduce(shifts)
-    return inner

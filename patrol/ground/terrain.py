@@ -113,6 +113,19 @@ class Terrain:
         """uint8 (height, width), read-only: 1 where bodies may not be, as the kernels of swept motion want it."""
         return frozen_grid(~self.free).view(np.uint8)
 
+    @cached_property
+    def room(self) -> NDArray[np.uint8]:
+        """uint8 (height, width), read-only: a lower bound of each point's distance from where bodies may not be.
+
+        Rows or columns, whichever are more, to the nearest such point (`patrol.ground.kernels.room`).
+        """
+        from patrol.ground.kernels.room import measure_room
+
+        room = np.empty(self.shape, dtype=np.uint8)
+        measure_room(self.blocked, room)
+        room.flags.writeable = False
+        return room
+
     def with_grids(self, free: BoolGrid, blocked: NDArray[np.uint8]) -> Terrain:
         """Take over `free` and `blocked` from somebody who has computed them, such as from files that many share.
 

@@ -8,11 +8,12 @@ import numpy as np
 from numba import njit, types
 
 MASK = types.Array(types.uint8, 2, "C", readonly=True)
-LENGTHS = types.Array(types.float64, 2, "C", readonly=True)
+LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
 ARCS = types.Array(types.float64, 2, "C", readonly=True)
 FOUND = types.Array(types.int64, 1, "C")
 float64 = types.float64
 int64 = types.int64
+uint64 = types.uint64
 
 HEADINGS = 32
 """Number of headings that are told apart."""
@@ -36,6 +37,9 @@ them a body comes less than that nearer to a wall."""
 TOUCHING = 5e-10
 """How much nearer than its radius a disc may be to a square and still only touch it, m."""
 
+TOO_SHORT = -1
+"""What `search` returns where it asks for a way that was not followed far enough."""
+
 
 @njit(types.boolean(MASK, float64, float64, float64, float64, float64, float64), cache=True, nogil=True)
 def _fits(blocked, point, ox, oy, x, y, radius):
@@ -44,33 +48,72 @@ def _fits(blocked, point, ox, oy, x, y, radius):
     inner = radius - TOUCHING
     if x - inner < ox or y - inner < oy or x + inner > ox + width * point or y + inner > oy + height * point:
         return False
+    first, last = math.floor((x - radius - ox) / point), math.floor((x + radius - ox) / point)
+    first, last = max(first, 0), min(last, width - 1)
     for row in range(math.floor((y - radius - oy) / point), math.floor((y + radius - oy) / point) + 1):
         if row < 0 or row >= height:
             continue
         low = oy + row * point
         up = max(low - y, 0.0, y - low - point)
-        for col in range(math.floor((x - radius - ox) / point), math.floor((x + radius - ox) / point) + 1):
-            if col < 0 or col >= width or blocked[row, col] == 0:
+        line = blocked[row, first : last + 1]
+        for k in range(line.size):
+            if line[k] == 0:
                 continue
-            left = ox + col * point
+            left = ox + (first + k) * point
             across = max(left - x, 0.0, x - left - point)
             if math.sqrt(up * up + across * across) < inner:
                 return False
     return True
 
 
+@njit(
+    types.boolean(
+        MASK, MASK, MASK, float64, float64, float64, float64, float64, float64, float64, float64, int64, float64
+    ),
+    cache=True,
+    nogil=True,
+)
+def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curvature, samples, radius):
+    """Whether a disc overlaps no blocked square and its centre no closed point at all samples of an arc.
+
+    Where there is room round a sample, the disc fits there and at the next samples too, as far as there is.
+    """
+    height, width = blocked.shape
+    spacing = abs(distance) / samples
+    sample = 1
+    while sample <= samples:
+        half = 0.5 * distance * sample / samples * curvature
+        chord = distance * sample / samples
+        chord *= math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0
+        nx = x + chord * math.cos(heading + half)
+        ny = y + chord * math.sin(heading + half)
+        row, col = math.floor((ny - oy) / point), math.floor((nx - ox) / point)
+        spare = -1.0
+        if 0 <= row < height and 0 <= col < width:
+            spare = (room[row, col] - 1) * point - radius
+        if spare < 0.0 and not _fits(blocked, point, ox, oy, nx, ny, radius):
+            return False
+        if closed.size > 0:
+            if closed[row, col] != 0:
+                return False
+            sample += 1
+        else:
+            sample += 1 + int(max(spare, 0.0) / spacing)
+    return True
+
+
 # fmt: off
 @njit(
     int64(
-        MASK, MASK, LENGTHS, float64, float64, float64, float64, float64, float64, float64, ARCS, float64, float64,
-        float64, float64, float64, float64, int64, FOUND,
+        MASK, MASK, MASK, LENGTHS, int64, int64, int64, int64, float64, float64, float64, float64, float64, float64,
+        float64, ARCS, float64, float64, float64, float64, float64, float64, int64, FOUND,
     ),
     cache=True,
     nogil=True,
 )
 def search(
-    blocked, closed, left, point, ox, oy, x, y, heading, first_left, arcs, cell, radius, clearance, turning,
-    near, progress, most, found,
+    blocked, room, closed, left, row0, col0, known, limit, point, ox, oy, x, y, heading, first_left, arcs, cell, radius,
+    clearance, turning, near, progress, most, found,
 ):
     """Find arcs that bring a car nearer to its goal.
 
@@ -80,8 +123,14 @@ def search(
 
     Args:
         blocked: uint8 (h, w), 1 where no body may be.
+        room: uint8 (h, w), see `patrol.ground.kernels.room.measure_room`.
         closed: uint8 (h, w), 1 where this body's centre may not be now; size 0 for nowhere.
-        left: float64 (h, w), the way left from each point, m; infinite where none is known.
+        left: int32 (m, n), the way left from each point of a window, in hundredths of a point.
+        row0: Row of the grid under the window's row 0.
+        col0: Column of the grid under the window's column 0.
+        known: The longest way that is known, in hundredths of a point; all longer ones and those from points outside
+            of the window are not.
+        limit: The longest way that counts, likewise; at least ``known``. Longer ones count as none.
         point: Side of a point, m.
         ox: x of the grid's origin, m.
         oy: y of the grid's origin, m.
@@ -100,15 +149,20 @@ def search(
         found: int64, filled in with the indices of the arcs in driving order, as far as there is room.
 
     Returns:
-        The number of arcs in ``found``; 0 when no arc leads nearer.
+        The number of arcs in ``found``; 0 when no arc leads nearer; `TOO_SHORT` when the search asks for a way that is
+        not known but may count.
     """
     count = 1
     px, py, ph, pleft = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     cost = np.empty(most)
     parent, by = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     px[0], py[0], ph[0], pleft[0], cost[0], parent[0], by[0] = x, y, heading, first_left, 0.0, -1, -1
-    known = {}
-    known[(int64(0), int64(0), int64(-1))] = float64(0.0)
+    # The last node of each cell that was come by, in a hash table, and each node's cell.
+    slots = 4
+    while slots < 4 * most:
+        slots *= 2
+    nodes = np.zeros(slots, dtype=np.int32)
+    cells = np.empty((most, 3), dtype=np.int64)
     heap, rank = np.empty(most, dtype=np.int64), np.empty(most)
     heap[0], rank[0] = 0, GREED * first_left
     size = 1
@@ -117,6 +171,22 @@ def search(
     longest = np.abs(arcs[:, 0]).max()
     # Between two samples a wall's corner gets in by at most s**2 / 8 * (1 / radius + curvature).
     spacing = min(0.5 * point, math.sqrt(8.0 * CLEARANCE / (1.0 / radius + 1.0 / turning)))
+    # What of an arc does not depend on where it begins: its samples, half its turn, its chord and its price; and the
+    # first arc with the same turn, which ends in the same direction.
+    samples, like = np.empty(arcs.shape[0], dtype=np.int64), np.empty(arcs.shape[0], dtype=np.int64)
+    halves, chords, prices = np.empty(arcs.shape[0]), np.empty(arcs.shape[0]), np.empty(arcs.shape[0])
+    for index in range(arcs.shape[0]):
+        distance, curvature = arcs[index, 0], arcs[index, 1]
+        number = math.ceil(abs(distance) / spacing)
+        half = 0.5 * distance * number / number * curvature
+        chord = distance * number / number
+        samples[index], halves[index] = number, half
+        chords[index] = chord * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
+        prices[index] = longest * (REVERSE if distance < 0.0 else 1.0) * (TURNING if curvature != 0.0 else 1.0)
+        like[index] = index
+        for other in range(index - 1, -1, -1):
+            like[index] = other if halves[other] == half else like[index]
+    across, up = np.empty(arcs.shape[0]), np.empty(arcs.shape[0])
     while size > 0:
         node = heap[0]
         size -= 1
@@ -140,43 +210,46 @@ def search(
             goal = node
             break
         for index in range(arcs.shape[0]):
-            distance, curvature = arcs[index, 0], arcs[index, 1]
-            samples = math.ceil(abs(distance) / spacing)
-            free = True
-            nx, ny, nh = px[node], py[node], ph[node]
-            for sample in range(1, samples + 1):
-                half = 0.5 * distance * sample / samples * curvature
-                chord = distance * sample / samples
-                chord *= math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0
-                nx = px[node] + chord * math.cos(ph[node] + half)
-                ny = py[node] + chord * math.sin(ph[node] + half)
-                nh = ph[node] + 2.0 * half
-                if not _fits(blocked, point, ox, oy, nx, ny, radius + clearance):
-                    free = False
-                    break
-                if closed.size > 0:
-                    row, col = math.floor((ny - oy) / point), math.floor((nx - ox) / point)
-                    if closed[row, col] != 0:
-                        free = False
-                        break
-            if not free:
-                continue
-            row, col = math.floor((ny - oy) / point), math.floor((nx - ox) / point)
-            there = left[row, col]
-            if math.isinf(there):
-                there = pleft[node] + abs(distance)
-            price = longest * (REVERSE if distance < 0.0 else 1.0) * (TURNING if curvature != 0.0 else 1.0)
+            distance, half = arcs[index, 0], halves[index]
+            if like[index] == index:
+                across[index], up[index] = math.cos(ph[node] + half), math.sin(ph[node] + half)
+            nx = px[node] + chords[index] * across[like[index]]
+            ny = py[node] + chords[index] * up[like[index]]
+            nh = ph[node] + 2.0 * half
+            price = prices[index]
             if by[node] >= 0 and (arcs[by[node], 0] < 0.0) != (distance < 0.0):
                 price += GEAR_CHANGE * turning
             price += cost[node]
             turn = int64(math.floor(nh * (HEADINGS / (2.0 * math.pi)) + 0.5)) % HEADINGS
-            key = (int64(math.floor(nx / cell)), int64(math.floor(ny / cell)), turn * 2 + int64(distance < 0.0))
-            if key in known and known[key] <= price:
+            cell_x, cell_y = int64(math.floor(nx / cell)), int64(math.floor(ny / cell))
+            cell_turn = turn * 2 + int64(distance < 0.0)
+            mixed = uint64(cell_x * 73856093 ^ cell_y * 19349663 ^ cell_turn * 83492791)
+            slot = int64((mixed ^ mixed >> uint64(17)) & uint64(slots - 1))
+            other = nodes[slot]
+            while other > 0:
+                if cells[other, 0] == cell_x and cells[other, 1] == cell_y and cells[other, 2] == cell_turn:
+                    break
+                slot = (slot + 1) & (slots - 1)
+                other = nodes[slot]
+            if other > 0 and cost[other] <= price:
                 continue
+            if not _is_free(
+                blocked, room, closed, point, ox, oy, px[node], py[node], ph[node], distance, arcs[index, 1],
+                samples[index], radius + clearance,
+            ):
+                continue
+            row, col = math.floor((ny - oy) / point) - row0, math.floor((nx - ox) / point) - col0
+            way = limit + 1
+            if 0 <= row < left.shape[0] and 0 <= col < left.shape[1]:
+                way = int64(left[row, col])
+            if way > known and known < limit:
+                return TOO_SHORT
+            there = way * (point / 100.0) if way <= limit else pleft[node] + abs(distance)
             if count >= most:
                 size = 0
                 break
-            known[key] = price
+            nodes[slot] = count
+            cells[count, 0], cells[count, 1], cells[count, 2] = cell_x, cell_y, cell_turn
             px[count], py[count], ph[count], pleft[count], cost[count] = nx, ny, nh, there, price
             parent[count], by[count] = node, index
             # The new entry rises from the end to its place.

@@ -14,17 +14,20 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.policies.potential_field.cells import around, cells_of
 from agent.policies.potential_field.force import PAPER_POINT, law_reach, log_distance_force, log_fow_force
 from agent.policies.potential_field.kernels.hardest import hardest, reaches
+from agent.policies.potential_field.nearby import Nearby, Question
 from agent.policies.potential_field.search import NO_RIVALS, Laid, Law, least_ways, part_within
 from agent.policies.potential_field.shunned import Shunned
 from agent.policies.potential_field.stands import nearest_in_sight
+from agent.policies.potential_field.target import Target
 from agent.ports import Bearing, Intent, Place
 from agent.routes.path_window import DIAGONAL, FAR
 from agent.routes.routes import LONGEST
@@ -33,6 +36,7 @@ from patrol.ground.footprint import Footprint
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from agent.policies.potential_field.nearby import Found
     from agent.ports import PolicySetup
     from agent.routes.ground import Spot
     from agent.routes.path_window import PathWindow
@@ -80,25 +84,6 @@ STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
-    """What a robot has committed itself to.
-
-    Attributes:
-        point: The terrain's point (row, col) that is to be seen.
-        stand: The point to go to. For a car this is the nearest one in sight of the target.
-        close: The point to go to where the first did not do: the point itself, or its post.
-        age: Of the point when it was chosen, ticks.
-        away: Whether it was chosen so that the robot leaves a circle in which it has stayed for too long.
-    """
-
-    point: tuple[int, int]
-    stand: tuple[int, int]
-    close: tuple[int, int]
-    age: int
-    away: bool
-
-
 class Commitment:
     """Chooses a target and keeps to it."""
 
@@ -134,6 +119,8 @@ class Commitment:
         self._least_age = 0
         self._least_at = 0
         self._near = math.ceil(NEAR_RANGES * sensor.range / self._point)
+        sight_points = sensor.range / self._point
+        self._nearby = Nearby(setup.posts, sight_points, 100 * self._near, self._width, self._hand_over)
         self._stretch = 1.0
         self._stretched_until = -1
         # What a car heads for depends on points in sight of its target, which may lie outside a window.
@@ -233,13 +220,9 @@ class Commitment:
         The paths' window may be shared, so it is used within this call only.
         """
         if self._paths is None and home is None and self._reach_known(view.tick):
-            # Whoever is nearer to a point this near is within the window too.
-            near = view.routes.window(2 * self._near)
-            laid = self._lay(view, near, start, rivals, 100 * self._near)
-            law = self._law(view, laid, 100 * self._near)
-            found = self._hardest(view, near, laid, law, None, near=True)
-            if found is not None:
-                return self._target_at(view, near, found, away=False)
+            nearby = self._nearby.find(self._question(view, rivals), start)
+            if nearby is not None:
+                return self._target_near(view, start, nearby)
         if home is None and self._widens:
             target = self._within_reach(view, start, rivals)
             if target is not None:
@@ -319,13 +302,43 @@ class Commitment:
 
     def _law(self, view: View, laid: Laid, limit: int) -> Law:
         """How hard the points pull to which paths are laid, up to a length in hundredths of a point."""
-        unit = self._point / PAPER_POINT / 100.0 / self._stretch
-        patrol, lengths = self._patrol, np.arange(laid.longest + 1).clip(1)
-        decay = log_distance_force(patrol.distance, lengths * unit, patrol.beta, patrol.length)
+        decay, pull = self._decay(np.arange(laid.longest + 1).clip(1)), self._pull(view)
+        return Law(pull, decay, float(pull[-1] + self._decay(np.array([limit]))[0]))
+
+    def _pull(self, view: View) -> NDArray[np.float64]:
+        """The logarithm of f by age, ticks."""
         fow = np.arange(view.mfow + 1).clip(1) / view.mfow
-        beyond = log_distance_force(patrol.distance, np.array([limit * unit]), patrol.beta, patrol.length)
-        pull = log_fow_force(patrol.fow, fow, patrol.alpha)
-        return Law(pull, decay, float(pull[-1] + beyond[0]))
+        return log_fow_force(self._patrol.fow, fow, self._patrol.alpha)
+
+    def _decay(self, lengths: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The logarithm of g, by lengths in hundredths of a point."""
+        unit, patrol = self._point / PAPER_POINT / 100.0 / self._stretch, self._patrol
+        return log_distance_force(patrol.distance, lengths.astype(np.float64) * unit, patrol.beta, patrol.length)
+
+    def _question(self, view: View, rivals: NDArray[np.int64]) -> Question:
+        """What is asked for first: a stale point that is not handed over."""
+        others = rivals - 1
+        least = self._stale(view)
+        return Question(view, self._pull(view), self._decay, others, self._shunned.now(view.tick), least)
+
+    @staticmethod
+    def _stale(view: View) -> int:
+        """The age below which points of the claimed ground are fresh, ticks."""
+        return max(1, math.ceil(WORTH_WHILE * view.mfow))
+
+    def _target_near(self, view: View, start: Element, found: Found) -> Target:
+        """The target at a point that was found nearby, with where to stand for it."""
+        stand = None
+        if self._sight is not None and self._slack:
+            cells = found.cells
+            stand = nearest_in_sight(self._sight, self._slack, cells, found.point)
+            if stand is None and cells.limit < found.limit:
+                cells = self._nearby.paths(view, start, found.limit)
+                stand = nearest_in_sight(self._sight, self._slack, cells, found.point)
+            found = found._replace(cells=cells)
+        stand = stand or found.close
+        self._expected = found.cells.length(*stand) + 200
+        return Target(found.point, stand, found.close, self._age(view, found.point), away=False)
 
     def _target_at(
         self, view: View, paths: PathWindow, found: tuple[tuple[int, int], tuple[int, int]], away: bool
@@ -345,7 +358,8 @@ class Commitment:
         # Who has to leave a circle must not stop within it, as soon as the point is in sight.
         if self._sight is not None and not away and (self._slack or self._paths is not None):
             ground = None if self._paths is None else view.ground.state
-            stand = nearest_in_sight(self._sight, self._slack, paths, point, ground) or close
+            cells = cells_of(paths, ground, around([point], self._sight.reach, view.ground.terrain.shape), LONGEST)
+            stand = nearest_in_sight(self._sight, self._slack, cells, point) or close
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
@@ -365,7 +379,6 @@ class Commitment:
         law: Law,
         home: Spot | None,
         *,
-        near: bool = False,
         decides: bool = False,
     ) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The point that pulls hardest and the point to stand on, each (row, col) of the terrain; None for none.
@@ -378,22 +391,22 @@ class Commitment:
             laid: From where the robot stands.
             law: How hard points pull.
             home: x and y in m, the centre of the circle in which the robot must not stand; None for no circle.
-            near: Whether the window is a small one: what is found has to pull harder than anything outside could.
-            decides: The same of a window that holds all of the claimed ground, where that need not pull harder.
+            decides: Whether the window holds all of the claimed ground, but not all of the terrain: what is found
+                elsewhere has to pull harder than anything outside could.
         """
         fog = view.fog
         grids = (paths.state, paths.length, paths.row0, paths.col0, *laid.part, fog.last_seen, fog.looked)
         posts = self._posts.between(paths.row0 + laid.part[0], paths.row0 + laid.part[1] - 1)
         left_out = self._shunned.now(view.tick)
         circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
-        stale = max(1, math.ceil(WORTH_WHILE * view.mfow))
+        stale = self._stale(view)
         rounds = ((self._hand_over, stale), (FAR, stale), (FAR, 1))
-        for hand_over, least in rounds[:1] if near else rounds[:2] if decides else rounds:
+        for hand_over, least in rounds[:2] if decides else rounds:
             best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
             for points in (None, posts):
                 forces = (view.tick, least, law.pull, law.decay, laid.rival, self._width, hand_over)
                 hardest(points, *grids, *forces, left_out, *circle, best, place)
-            if best[0] > (law.beyond if near or (decides and hand_over == FAR) else -np.inf):
+            if best[0] > (law.beyond if decides and hand_over == FAR else -np.inf):
                 row, col, stand_row, stand_col = (int(number) for number in place)
                 return (row, col), (stand_row, stand_col)
         return None

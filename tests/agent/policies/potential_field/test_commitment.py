@@ -16,10 +16,10 @@ from agent.policies.potential_field.commitment import (
     AT_HAND_S,
     NO_NEARER_S,
     Commitment,
-    Target,
 )
 from agent.policies.potential_field.policy import PotentialField
 from agent.policies.potential_field.shunned import LONGEST_SHUNNED_S, MOST_SHUNNED, SHUNNED_S
+from agent.policies.potential_field.target import Target
 from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose

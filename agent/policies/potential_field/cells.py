@@ -1,0 +1,105 @@
+"""Paths laid over a box of the ground that is no larger than they ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.routes.kernels.lengths import spread
+from agent.routes.kernels.wave import BLOCKED, SETTLED, STATUS
+
+if TYPE_CHECKING:
+    from agent.routes.ground import Ground
+    from agent.routes.path_window import PathWindow
+
+Box = tuple[int, int, int, int]
+"""First and end row, first and end column of the terrain; ends are exclusive."""
+
+ROOM = 2**12
+"""Entries for which a new wave has room; it makes more as needed."""
+
+
+class Cells(NamedTuple):
+    """The lengths of paths over a box.
+
+    Attributes:
+        cell: uint32 (m, n), as of `agent.routes.kernels.lengths`: 0 on blocked points, otherwise twice the length of
+            the path, in hundredths of a point, and perhaps 1; framed by one blocked point on every side.
+        row0: Row of the terrain under row 0.
+        col0: Column of the terrain under column 0.
+        limit: The longest path that is sure to be right, in hundredths of a point.
+    """
+
+    cell: NDArray[np.uint32]
+    row0: int
+    col0: int
+    limit: int
+
+    def length(self, row: int, col: int) -> int:
+        """The length of the path to a point (row, col) of the terrain that one leads to, in hundredths of a point."""
+        return int(self.cell[row - self.row0, col - self.col0]) >> 1
+
+
+NO_CELLS = Cells(np.zeros((0, 0), dtype=np.uint32), 0, 0, 0)
+"""Of robots that nobody has laid paths for."""
+
+
+def around(points: Sequence[tuple[int, int]], reach: int, shape: tuple[int, int]) -> Box:
+    """The box that holds all points within some rows and columns of others.
+
+    Args:
+        points: Rows and columns of the others.
+        reach: Rows and columns.
+        shape: Of the terrain.
+    """
+    rows, cols = zip(*points, strict=True)
+    top, left = max(0, min(rows) - reach), max(0, min(cols) - reach)
+    return top, min(shape[0], max(rows) + reach + 1), left, min(shape[1], max(cols) + reach + 1)
+
+
+class Layer:
+    """Lays paths; keeps its working memory."""
+
+    def __init__(self) -> None:
+        self._lists = np.zeros((2, ROOM), dtype=np.uint32)
+
+    def lay(self, ground: Ground, starts: Sequence[tuple[int, int]], box: Box, limit: int) -> Cells:
+        """Lay the paths from the nearest of several starts.
+
+        Args:
+            ground: What they lead over.
+            starts: Open points (row, col) of the terrain; those outside of the box are left out.
+            box: Paths that leave it are not known.
+            limit: The longest path, in hundredths of a point; at most 2**26.
+        """
+        top, bottom, left, right = box
+        state = np.zeros((bottom - top + 2, right - left + 2), dtype=np.uint8)
+        state[1:-1, 1:-1] = ground.state[top + 1 : bottom + 1, left + 1 : right + 1]
+        cell = np.empty(state.shape, dtype=np.uint32)
+        inside = sorted({(row, col) for row, col in starts if top <= row < bottom and left <= col < right})
+        begin = np.array([(row - top + 1) * state.shape[1] + col - left + 1 for row, col in inside], dtype=np.int64)
+        while not spread(state, cell.reshape(-1), self._lists, begin, limit):
+            self._lists = np.zeros((2, 4 * self._lists.shape[1]), dtype=np.uint32)
+        return Cells(cell, top - 1, left - 1, limit)
+
+
+def cells_of(paths: PathWindow, ground: NDArray[np.uint8] | None, box: Box, limit: int) -> Cells:
+    """The settled paths of a window over a box.
+
+    Args:
+        paths: The window.
+        ground: uint8, what is open now and what blocked, where paths lead over both; the window then holds all of it.
+        box: Of the terrain.
+        limit: The longest path, in hundredths of a point.
+    """
+    (rows, cols), (top, bottom, left, right) = paths.state.shape, box
+    first_row, first_col = max(0, top - paths.row0), max(0, left - paths.col0)
+    part = slice(first_row, min(rows, bottom - paths.row0)), slice(first_col, min(cols, right - paths.col0))
+    known = paths.state[part] & STATUS == SETTLED
+    if ground is not None:
+        known &= ground[part] & STATUS != BLOCKED
+    cell = np.where(known, paths.length[part].astype(np.uint32) << 1 | 1, 0).astype(np.uint32)
+    return Cells(cell, paths.row0 + first_row, paths.col0 + first_col, limit)
