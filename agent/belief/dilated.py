@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,23 @@ from patrol.ground.terrain import BoolGrid
 
 AGELESS = NOTHING
 """Dilated last-seen tick of points that are not ground; such points have no age."""
+
+
+class Blocks(NamedTuple):
+    """How old the points can be at most, by block of points.
+
+    Attributes:
+        oldest: int32 (m, n), a tick at which none of a block's points, and of those seen from its posts, had been last
+            seen before; without dilatation.
+        count: int32 (m, n), how many such points there are.
+        side: Of a block, in points.
+        reach: How many blocks away staleness comes from at most.
+    """
+
+    oldest: NDArray[np.int32]
+    count: NDArray[np.int32]
+    side: int
+    reach: int
 
 
 class Dilated:
@@ -44,7 +62,9 @@ class Dilated:
         rows, cols = (-(-size // SIDE) for size in ground.shape)
         whole = np.zeros((rows * SIDE, cols * SIDE), dtype=np.bool_)
         whole[: ground.shape[0], : ground.shape[1]] = ground
-        any_ground = whole.reshape(rows, SIDE, cols, SIDE).any(axis=(1, 3))
+        self._count = whole.reshape(rows, SIDE, cols, SIDE).sum(axis=(1, 3), dtype=np.int32)
+        any_ground = self._count > 0
+        np.add.at(self._count, (posts.rows[:, 2] // SIDE, posts.rows[:, 3] // SIDE), 1)
         self._outdated = np.full((rows, cols), NOTHING, dtype=np.int32)
         self._oldest = np.where(any_ground, np.int32(0), np.int32(NOTHING))
         self._newest = np.where(any_ground, np.int32(0), np.int32(-1))
@@ -71,6 +91,11 @@ class Dilated:
         # Both may compute at once, in several threads.
         other._boxes, other._scratch = np.zeros_like(self._boxes), np.zeros_like(self._scratch)
         return other
+
+    @property
+    def blocks(self) -> Blocks:
+        """How old the points can be at most, by block; not to be changed, and true until the next look."""
+        return Blocks(self._oldest, self._count, SIDE, self._reach_in_blocks)
 
     def changed(self, looks: list[Box]) -> None:
         """Take in what a tick's looks have changed in the fog.

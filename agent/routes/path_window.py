@@ -91,12 +91,38 @@ class PathWindow(ABC):
                 np.minimum(nearest, np.where(self.state & STATUS == SETTLED, self.length, FAR), out=nearest)
         return nearest
 
+    def nearness(
+        self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, span: int
+    ) -> Lengths:
+        """As `lengths_from`, for the part of the window that somebody reads.
+
+        Args:
+            ground: As it is now.
+            row: Row of `Ground.state` around which the window lies.
+            col: Column of `Ground.state` around which the window lies.
+            starts: Open elements (row, col) of `Ground.state`; those outside the window are left out.
+            limit: Longest path to follow, in hundredths of a point.
+            span: How many rows and columns around (row, col) are going to be read.
+
+        Returns:
+            int32 (m, n), as of `lengths_from`; it may be the same array at each call, and hold anything beyond the
+            span.
+        """
+        del span
+        return self.lengths_from(ground, row, col, starts, limit)
+
     def _place(self, ground: Ground, row: int, col: int) -> None:
         """Lay the window around (row, col) of the ground's state, with all paths unknown."""
+        self._lie(ground, row, col)
+        rows, cols = self.state.shape
+        top, left = self.row0 + 1, self.col0 + 1
+        self.state[1:-1, 1:-1] = ground.state[top + 1 : top + rows - 1, left + 1 : left + cols - 1]
+
+    def _lie(self, ground: Ground, row: int, col: int) -> None:
+        """Find where the window around (row, col) of the ground's state lies."""
         rows, cols = self.state.shape
         top = min(max(0, row - 1 - self.span), ground.state.shape[0] - rows)
         left = min(max(0, col - 1 - self.span), ground.state.shape[1] - cols)
-        self.state[1:-1, 1:-1] = ground.state[top + 1 : top + rows - 1, left + 1 : left + cols - 1]
         self.row0, self.col0 = top - 1, left - 1
 
     def _holds(self, row: int, col: int) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from agent.routes.ground import Ground
 from agent.routes.kernels.bends import follow
-from agent.routes.kernels.lengths import spread
+from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.ties import decide
 from agent.routes.kernels.wave import (
     ALL_WAYS,
@@ -21,7 +21,7 @@ from agent.routes.kernels.wave import (
     settle,
     show,
 )
-from agent.routes.path_window import Lengths, PathWindow, Place
+from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
 
 MOST = 2**26
@@ -48,6 +48,7 @@ class Wave(PathWindow):
         self._cell = np.zeros(self.state.size, dtype=np.uint32)
         self._lists = np.zeros((5, ROOM), dtype=np.uint32)
         self._mark = np.zeros(7, dtype=np.int64)
+        self._near: Lengths | None = None
         self._laid: Box | None = None
 
     def _begin(self) -> None:
@@ -60,10 +61,34 @@ class Wave(PathWindow):
         inside = sorted({(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts})
         begin = np.array([r * cols + c for r, c in inside if self._holds(r, c)], dtype=np.int64)
         limit = min(limit, MOST)
-        while not spread(self.state, self._cell, self._lists, begin, limit):
+        while not spread(self.state, 0, 0, self._cell, cols, self._lists, begin, limit, 0, rows, 0, cols):
             self._make_room()
         show(self._cell, self.state, self.length, 1, limit, 0, rows, 0, cols)
         return self.length.copy()
+
+    def nearness(
+        self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, span: int
+    ) -> Lengths:
+        """As `PathWindow.nearness`, into one array, and only where these paths can lead."""
+        self._lie(ground, row, col)
+        cols = self.state.shape[1]
+        inside = sorted({(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts})
+        places = [place for place in inside if self._holds(*place)]
+        if self._near is None:
+            self._near = np.empty_like(self.length)
+        middle = row - self.row0 - 1, col - self.col0 - 1
+        part = self._around([middle], span + 1)
+        limit = min(limit, MOST)
+        box = part
+        if places:
+            led = self._around(places, limit // 100 + 4)
+            box = min(part[0], led[0]), max(part[1], led[1]), min(part[2], led[2]), max(part[3], led[3])
+        begin = np.array([r * cols + c for r, c in places], dtype=np.int64)
+        window = (self._cell, cols)
+        while not spread(ground.state, self.row0 + 1, self.col0 + 1, *window, self._lists, begin, limit, *box):
+            self._make_room()
+        read(self._cell, self._near, limit, *part)
+        return self._near
 
     def extend(self, limit: int) -> None:
         """Settle every path up to ``limit`` hundredths of a point."""
@@ -103,6 +128,12 @@ class Wave(PathWindow):
             lay(self.state, self._sight, self._cell, laid[0], laid[1], laid[3], right)
         self._laid = box
         return box
+
+    def _around(self, places: Sequence[Place], reach: int) -> Box:
+        """The part of the window that is at most so many rows and columns from some of its points."""
+        (rows, cols), (down, across) = self.state.shape, zip(*places, strict=True)
+        top, left = max(0, min(down) - reach), max(0, min(across) - reach)
+        return top, min(rows, max(down) + reach + 1), left, min(cols, max(across) + reach + 1)
 
     def _start(self) -> None:
         """Let paths begin at the start."""

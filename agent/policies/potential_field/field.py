@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.belief.dilated import Blocks
 from agent.belief.posts import Posts
 from agent.policies.potential_field.claims import share_table
 from agent.policies.potential_field.direction import sector_table
 from agent.policies.potential_field.force import ForceLaw
+from agent.policies.potential_field.kernels.beyond import beyond
 from agent.policies.potential_field.kernels.force import gather
 from agent.routes.ground import Ground
 from agent.routes.path_window import PathWindow, Place
@@ -35,6 +37,18 @@ CLOSE_ENOUGH = 0.5
 
 UNCLAIMED = np.zeros(0)
 
+RUNGS = 10
+"""Number of lengths at which a robot may know enough, from `FIRST_LOOK` / 2 on."""
+
+RUNG = 1.15
+"""Ratio of one of these lengths to the one before."""
+
+ROUNDING = 1e-7
+"""No sum of fewer than 2^28 forces is off by a larger share of itself, in whatever order it is taken."""
+
+SURE = 0.25
+"""Share of what it lacks to be sure by which a robot wants to know enough at the length that it goes on to."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pull:
@@ -46,11 +60,14 @@ class Pull:
         near: The open element (row, col) of the ground, in sight of the robot, where it should stop because a place
             close by pulls about as hard as any other (see `Field.pull`); None for none.
         bend: The element where the path to the strongest single force first bends; None without any force.
+        sure: Where forces were left out, the number of sectors, strongest first, whose order and place before all
+            others they cannot change; None where none were left out.
     """
 
     sums: NDArray[np.float64]
     near: tuple[int, int] | None
     bend: tuple[int, int] | None = None
+    sure: int | None = None
 
 
 class Field:
@@ -102,6 +119,66 @@ class Field:
         self._sectors = patrol.sectors
         self._expected = round(100.0 * FIRST_LOOK / point)
         self._settled = 0
+        self._clear = int(np.count_nonzero(self._share == 1.0)) - self._share.size // 2
+        first = round(100.0 * FIRST_LOOK / point)
+        rungs = [round(0.5 * first * RUNG**rung) for rung in range(RUNGS)]
+        self._rungs = np.array([rung for rung in rungs if self._nearby <= rung < self.law.limit], dtype=np.int64)
+        self._rung = 0
+        self._may_stop = patrol.paths == "wave" and not self._as_vector
+
+    def lead(
+        self,
+        ground: Ground,
+        row: int,
+        col: int,
+        seen: NDArray[np.int32],
+        dilated: Callable[[int], NDArray[np.int32]],
+        tick: int,
+        mfow: int,
+        rivals: Sequence[Place] = (),
+        looked: NDArray[np.int32] | None = None,
+        blocks: Blocks | None = None,
+    ) -> Pull:
+        """The same as `pull`, but for sums of forces and what follows from them only as far as it is sure.
+
+        Forces are summed along paths up to some length. Of the longer ones, `beyond` bounds the sum and the greatest.
+        Where these can neither put another sector before the strongest one nor exert the strongest force, nothing that
+        is farther away can change which way a robot goes. Otherwise longer paths are followed, and at last all that
+        count.
+
+        Args:
+            ground: As of `pull`, like all others that are not listed.
+            blocks: How old the points can be at most.
+        """
+        if blocks is None or not self._may_stop or not self._rungs.size:
+            return self.pull(ground, row, col, seen, dilated, tick, mfow, rivals, looked)
+        by_age = self.law.pull(mfow)
+        bounds = np.zeros((2, self._rungs.size))
+        beyond(*blocks, row - 1, col - 1, tick, by_age, self.law.decay, self._rungs, bounds)
+        rung, asked = min(self._rung, self._rungs.size - 1), -1
+        while rung < self._rungs.size:
+            length = int(self._rungs[rung])
+            self._claim(ground, row, col, rivals, length)
+            self.paths.begin(ground, row, col)
+            self._settled = length
+            self.paths.extend(length)
+            nearby, forces = self._forces(), self._forces()
+            self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
+            self._gather(0, length, dilated(self._span(length)), seen, tick, by_age, forces)
+            ranked = -np.sort(-forces.sums)
+            gaps = ranked * (1.0 - ROUNDING) - np.append(ranked[1:], 0.0) * (1.0 + ROUNDING)
+            lack = bounds[0] * (1.0 + ROUNDING)
+            if gaps[0] > lack[rung] and forces.strongest[0] > bounds[1, rung]:
+                sure = int(np.argmin(np.append(gaps > lack[rung], False)))
+                enough = (SURE * gaps[0] > lack) & (forces.strongest[0] > bounds[1])
+                self._rung = int(np.argmax(enough)) if enough.any() else rung
+                close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
+                return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces), sure)
+            enough = (SURE * gaps[0] > lack) & (forces.strongest[0] > bounds[1])
+            enough[: rung + 1] = False
+            rung = int(np.argmax(enough)) if enough.any() else max(rung + 2, asked)
+            self._rung = min(rung, self._rungs.size - 1)
+        return self.pull(ground, row, col, seen, dilated, tick, mfow, rivals, looked)
 
     def pull(
         self,
@@ -135,7 +212,7 @@ class Field:
                 point's age; ``seen`` unless given.
         """
         by_age = self.law.pull(mfow)
-        self._claim(ground, row, col, rivals)
+        self._claim(ground, row, col, rivals, self.law.limit)
         self.paths.begin(ground, row, col)
         # Paths as long as at the last tick are likely to be asked for again: one wave is faster than three.
         self._settled = min(self.law.limit, self._expected)
@@ -164,14 +241,16 @@ class Field:
         up, across = divmod(int(self.paths.bend.reshape(-1)[forces.source[0]]), self.paths.state.shape[1])
         return up + self.paths.row0 + 1, across + self.paths.col0 + 1
 
-    def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
+    def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place], length: int) -> None:
         """Compute how near the rivals are to every point, before the window is used for the robot's own paths.
 
-        The rivals' paths ignore what is closed to this robot, above all a disc around the rival itself.
+        The rivals' paths ignore what is closed to this robot, above all a disc around the rival itself. They are
+        followed until they leave the whole of each force, to which the robot's own path is of some length at most.
         """
         self._contest = _Contest(self.paths.length, UNCLAIMED)
         if self._share.size and rivals:
-            lengths = self.paths.lengths_from(ground.static, row, col, rivals, self.law.limit)
+            limit = min(self.law.limit, length - self._clear + 1)
+            lengths = self.paths.nearness(ground.static, row, col, rivals, limit, self._span(length))
             self._contest = _Contest(lengths, self._share)
 
     def _forces(self) -> _Forces:
