@@ -37,10 +37,10 @@ CLOSE_ENOUGH = 0.5
 
 UNCLAIMED = np.zeros(0)
 
-RUNGS = 10
+RUNGS = 18
 """Number of lengths at which a robot may know enough, from `FIRST_LOOK` / 2 on."""
 
-RUNG = 1.15
+RUNG = 1.1
 """Ratio of one of these lengths to the one before."""
 
 ROUNDING = 1e-7
