@@ -111,7 +111,9 @@ class Dilated:
             return
         book = (self._outdated, self._oldest, self._newest)
         gap = self._gap
-        around = [self._blocks((top - gap, bottom + gap, left - gap, right + gap)) for top, bottom, left, right in looks]
+        around = [
+            self._blocks((top - gap, bottom + gap, left - gap, right + gap)) for top, bottom, left, right in looks
+        ]
         for box, (rows, cols) in zip(looks, around, strict=True):
             note(self._fog.last_seen, self._ground, self._carried, *book, *box)
             carried = (self._fog.last_seen, self._carried, self._outdated, self._newest)

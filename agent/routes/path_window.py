@@ -91,10 +91,8 @@ class PathWindow(ABC):
                 np.minimum(nearest, np.where(self.state & STATUS == SETTLED, self.length, FAR), out=nearest)
         return nearest
 
-    def nearness(
-        self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, span: int
-    ) -> Lengths:
-        """As `lengths_from`, for the part of the window that somebody reads.
+    def nearness(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, reach: int) -> Lengths:
+        """As `lengths_from`, but only for points to which the way from (row, col) is short.
 
         Args:
             ground: As it is now.
@@ -102,13 +100,13 @@ class PathWindow(ABC):
             col: Column of `Ground.state` around which the window lies.
             starts: Open elements (row, col) of `Ground.state`; those outside the window are left out.
             limit: Longest path to follow, in hundredths of a point.
-            span: How many rows and columns around (row, col) are going to be read.
+            reach: The points are those to which a path from (row, col) is no longer than this, in hundredths of a
+                point, at most 100 * span.
 
         Returns:
-            int32 (m, n), as of `lengths_from`; it may be the same array at each call, and hold anything beyond the
-            span.
+            int32 (m, n), as of `lengths_from` for these points; it may be the same array at each call.
         """
-        del span
+        del reach
         return self.lengths_from(ground, row, col, starts, limit)
 
     def _place(self, ground: Ground, row: int, col: int) -> None:

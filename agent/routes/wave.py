@@ -66,26 +66,25 @@ class Wave(PathWindow):
         show(self._cell, self.state, self.length, 1, limit, 0, rows, 0, cols)
         return self.length.copy()
 
-    def nearness(
-        self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, span: int
-    ) -> Lengths:
-        """As `PathWindow.nearness`, into one array, and only where these paths can lead."""
+    def nearness(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, reach: int) -> Lengths:
+        """As `PathWindow.nearness`, by one wave that goes only where paths to these points can lead."""
         self._lie(ground, row, col)
-        cols = self.state.shape[1]
-        inside = sorted({(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts})
-        places = [place for place in inside if self._holds(*place)]
+        middle, cols = (row - self.row0 - 1, col - self.col0 - 1), self.state.shape[1]
         if self._near is None:
             self._near = np.empty_like(self.length)
-        middle = row - self.row0 - 1, col - self.col0 - 1
-        part = self._around([middle], span + 1)
         limit = min(limit, MOST)
-        box = part
-        if places:
-            led = self._around(places, limit // 100 + 4)
-            box = min(part[0], led[0]), max(part[1], led[1]), min(part[2], led[2]), max(part[3], led[3])
-        begin = np.array([r * cols + c for r, c in places], dtype=np.int64)
-        window = (self._cell, cols)
-        while not spread(ground.state, self.row0 + 1, self.col0 + 1, *window, self._lists, begin, limit, *box):
+        # A point on such a path is no farther from the path's ends together than this, in rows or columns.
+        apart = (limit + reach) // 100 + 1
+        box = part = self._around(middle, middle, 2 * (reach // 100 + 1))
+        begin = []
+        for start_row, start_col in starts:
+            place = start_row - self.row0 - 1, start_col - self.col0 - 1
+            if self._holds(*place) and max(abs(place[0] - middle[0]), abs(place[1] - middle[1])) <= apart:
+                begin.append(place[0] * cols + place[1])
+                led = self._around(place, middle, apart)
+                box = min(box[0], led[0]), max(box[1], led[1]), min(box[2], led[2]), max(box[3], led[3])
+        origin, starting = (self.row0 + 1, self.col0 + 1), np.array(sorted(set(begin)), dtype=np.int64)
+        while not spread(ground.state, *origin, self._cell, cols, self._lists, starting, limit, *box):
             self._make_room()
         read(self._cell, self._near, limit, *part)
         return self._near
@@ -129,11 +128,14 @@ class Wave(PathWindow):
         self._laid = box
         return box
 
-    def _around(self, places: Sequence[Place], reach: int) -> Box:
-        """The part of the window that is at most so many rows and columns from some of its points."""
-        (rows, cols), (down, across) = self.state.shape, zip(*places, strict=True)
-        top, left = max(0, min(down) - reach), max(0, min(across) - reach)
-        return top, min(rows, max(down) + reach + 1), left, min(cols, max(across) + reach + 1)
+    def _around(self, one: Place, other: Place, apart: int) -> Box:
+        """The part of the window whose points have rows, and columns, no farther than this from two places together.
+
+        It is two points larger on each side, because the outermost points of a box count as blocked.
+        """
+        (rows, cols), (up, across) = self.state.shape, (one[0] + other[0], one[1] + other[1])
+        top, left = max(0, (up - apart) // 2 - 2), max(0, (across - apart) // 2 - 2)
+        return top, min(rows, (up + apart) // 2 + 4), left, min(cols, (across + apart) // 2 + 4)
 
     def _start(self) -> None:
         """Let paths begin at the start."""

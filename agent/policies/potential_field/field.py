@@ -15,8 +15,8 @@ from agent.belief.posts import Posts
 from agent.policies.potential_field.claims import share_table
 from agent.policies.potential_field.direction import sector_table
 from agent.policies.potential_field.force import ForceLaw
-from agent.policies.potential_field.kernels.beyond import beyond
 from agent.policies.potential_field.kernels.force import gather
+from agent.policies.potential_field.rungs import Rungs
 from agent.routes.ground import Ground
 from agent.routes.path_window import PathWindow, Place
 from agent.routes.region_paths import Regions
@@ -36,18 +36,6 @@ CLOSE_ENOUGH = 0.5
 """A place close by is worth a stop when it pulls with at least this share of the strongest force."""
 
 UNCLAIMED = np.zeros(0)
-
-RUNGS = 18
-"""Number of lengths at which a robot may know enough, from `FIRST_LOOK` / 2 on."""
-
-RUNG = 1.1
-"""Ratio of one of these lengths to the one before."""
-
-ROUNDING = 1e-7
-"""No sum of fewer than 2^28 forces is off by a larger share of itself, in whatever order it is taken."""
-
-SURE = 0.25
-"""Share of what it lacks to be sure by which a robot wants to know enough at the length that it goes on to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,10 +108,8 @@ class Field:
         self._expected = round(100.0 * FIRST_LOOK / point)
         self._settled = 0
         self._clear = int(np.count_nonzero(self._share == 1.0)) - self._share.size // 2
-        first = round(100.0 * FIRST_LOOK / point)
-        rungs = [round(0.5 * first * RUNG**rung) for rung in range(RUNGS)]
-        self._rungs = np.array([rung for rung in rungs if self._nearby <= rung < self.law.limit], dtype=np.int64)
-        self._rung = 0
+        self._first = min(self.law.limit, self._expected)
+        self._rungs = Rungs(self._first // 2, self._nearby, self.law.limit)
         self._may_stop = patrol.paths == "wave" and not self._as_vector
 
     def lead(
@@ -139,46 +125,46 @@ class Field:
         looked: NDArray[np.int32] | None = None,
         blocks: Blocks | None = None,
     ) -> Pull:
-        """The same as `pull`, but for sums of forces and what follows from them only as far as it is sure.
-
-        Forces are summed along paths up to some length. Of the longer ones, `beyond` bounds the sum and the greatest.
-        Where these can neither put another sector before the strongest one nor exert the strongest force, nothing that
-        is farther away can change which way a robot goes. Otherwise longer paths are followed, and at last all that
-        count.
+        """The forces on a robot, as far as they are needed to be sure which way it goes (`Rungs`).
 
         Args:
             ground: As of `pull`, like all others that are not listed.
-            blocks: How old the points can be at most.
+            row: As of `pull`.
+            col: As of `pull`.
+            seen: As of `pull`.
+            dilated: As of `pull`.
+            tick: As of `pull`.
+            mfow: As of `pull`.
+            rivals: As of `pull`.
+            looked: As of `pull`.
+            blocks: How old the points can be at most; None if nobody knows, and then no force is left out.
+
+        Returns:
+            As `pull`, but for the sums: those of the first sectors are less than the whole ones, in the same order.
         """
-        if blocks is None or not self._may_stop or not self._rungs.size:
-            return self.pull(ground, row, col, seen, dilated, tick, mfow, rivals, looked)
+        rungs, given = self._rungs, (ground, row, col, seen, dilated, tick, mfow, rivals, looked)
+        if blocks is None or not self._may_stop or not rungs.lengths.size:
+            return self.pull(*given)
         by_age = self.law.pull(mfow)
-        bounds = np.zeros((2, self._rungs.size))
-        beyond(*blocks, row - 1, col - 1, tick, by_age, self.law.decay, self._rungs, bounds)
-        rung, asked = min(self._rung, self._rungs.size - 1), -1
-        while rung < self._rungs.size:
-            length = int(self._rungs[rung])
+        rung = rungs.begin(blocks, row - 1, col - 1, tick, by_age, self.law.decay)
+        while rung < rungs.lengths.size:
+            length = int(rungs.lengths[rung])
             self._claim(ground, row, col, rivals, length)
             self.paths.begin(ground, row, col)
-            self._settled = length
             self.paths.extend(length)
+            self._settled = length
             nearby, forces = self._forces(), self._forces()
             self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
-            self._gather(0, length, dilated(self._span(length)), seen, tick, by_age, forces)
-            ranked = -np.sort(-forces.sums)
-            gaps = ranked * (1.0 - ROUNDING) - np.append(ranked[1:], 0.0) * (1.0 + ROUNDING)
-            lack = bounds[0] * (1.0 + ROUNDING)
-            if gaps[0] > lack[rung] and forces.strongest[0] > bounds[1, rung]:
-                sure = int(np.argmin(np.append(gaps > lack[rung], False)))
-                enough = (SURE * gaps[0] > lack) & (forces.strongest[0] > bounds[1])
-                self._rung = int(np.argmax(enough)) if enough.any() else rung
-                close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
-                return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces), sure)
-            enough = (SURE * gaps[0] > lack) & (forces.strongest[0] > bounds[1])
-            enough[: rung + 1] = False
-            rung = int(np.argmax(enough)) if enough.any() else max(rung + 2, asked)
-            self._rung = min(rung, self._rungs.size - 1)
-        return self.pull(ground, row, col, seen, dilated, tick, mfow, rivals, looked)
+            # Anew, and in the order of `pull`: of equal forces the first one counts.
+            standing = dilated(self._span(length))
+            self._gather(0, min(length, self._first), standing, seen, tick, by_age, forces)
+            if length > self._first:
+                self._gather(self._first, length, standing, seen, tick, by_age, forces)
+            strongest = float(forces.strongest[0])
+            if sure := rungs.sure(rung, forces.sums, strongest):
+                return self._found(nearby, forces, sure)
+            rung = rungs.after(rung, forces.sums, strongest)
+        return self.pull(*given)
 
     def pull(
         self,
@@ -220,15 +206,18 @@ class Field:
         nearby = self._forces()
         self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
         forces = self._forces()
-        first = min(self.law.limit, round(100.0 * FIRST_LOOK / self._point))
+        first = self._first
         self._gather(0, first, dilated(self._span(first)), seen, tick, by_age, forces)
         exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
         horizon = self.law.horizon(exerted, float(by_age[-1]))
         self._expected = max(first, horizon)
         if horizon > first:
             self._gather(first, horizon, dilated(self._span(horizon)), seen, tick, by_age, forces)
+        return self._found(nearby, forces)
+
+    def _found(self, nearby: _Forces, forces: _Forces, sure: int | None = None) -> Pull:
         close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
-        return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces))
+        return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces), sure)
 
     def _span(self, length: int) -> int:
         """How many rows and columns a path reaches at most, by its length in hundredths of a point."""
@@ -250,7 +239,7 @@ class Field:
         self._contest = _Contest(self.paths.length, UNCLAIMED)
         if self._share.size and rivals:
             limit = min(self.law.limit, length - self._clear + 1)
-            lengths = self.paths.nearness(ground.static, row, col, rivals, limit, self._span(length))
+            lengths = self.paths.nearness(ground.static, row, col, rivals, limit, length)
             self._contest = _Contest(lengths, self._share)
 
     def _forces(self) -> _Forces:

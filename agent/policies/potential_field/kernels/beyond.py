@@ -18,7 +18,9 @@ index = types.uint64
 """Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
 
 
-@njit(types.void(TICKS, TICKS, int64, int64, int64, int64, int64, TABLE, TABLE, LENGTHS, BOUNDS), cache=True, nogil=True)
+@njit(
+    types.void(TICKS, TICKS, int64, int64, int64, int64, int64, TABLE, TABLE, LENGTHS, BOUNDS), cache=True, nogil=True
+)
 def beyond(oldest, count, side, reach, row, col, tick, pull, decay, lengths, bounds):
     """Bound the forces of the points whose path is longer than a length, for several lengths.
 
