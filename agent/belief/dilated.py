@@ -24,13 +24,13 @@ class Blocks(NamedTuple):
     Attributes:
         oldest: int32 (m, n), a tick at which none of a block's points, and of those seen from its posts, had been last
             seen before; without dilatation.
-        count: int32 (m, n), how many such points there are.
+        points: int32 (m, n), how many such points there are.
         side: Of a block, in points.
         reach: How many blocks away staleness comes from at most.
     """
 
     oldest: NDArray[np.int32]
-    count: NDArray[np.int32]
+    points: NDArray[np.int32]
     side: int
     reach: int
 

@@ -21,7 +21,7 @@ from agent.routes.kernels.wave import (
     settle,
     show,
 )
-from agent.routes.path_window import FAR, Lengths, PathWindow, Place
+from agent.routes.path_window import Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
 
 MOST = 2**26
