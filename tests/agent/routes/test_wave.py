@@ -262,11 +262,11 @@ def test_nearness_is_exact_wherever_the_way_from_the_middle_is_short(
     is_open, row, col = random_map(values)
     places = np.argwhere(is_open)
     starts = [tuple(place) for place in places[np.random.default_rng(values[2]).integers(0, len(places), count)]]
-    window = Wave(*is_open.shape, 20)
+    window = Wave(is_open.shape[0], is_open.shape[1], 20)
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
     framed = [(int(r) + 1, int(c) + 1) for r, c in starts]
-    for _ in range(2):  # what an earlier call has left in the window does not count
-        found = window.nearness(ground, row + 1, col + 1, framed, limit, reach)
+    window.nearness(ground, row + 1, col + 1, [(row + 1, col + 1)], 1500, 1500)  # what it leaves behind does not count
+    found = window.nearness(ground, row + 1, col + 1, framed, limit, reach)
     inside = [
         (r, c)
         for r, c in starts

@@ -75,9 +75,7 @@ class Room:
         rivals = self.places[1:]
         ask = (self.ground, *self.places[0], self.fog.last_seen, self.standing, TICK, self.mfow, rivals, None)
         whole = self.field.pull(*ask)
-        for _ in range(3):
-            some = self.field.lead(*ask, self.dilated.blocks)
-        return whole, some
+        return whole, [self.field.lead(*ask, self.dilated.blocks) for _ in range(3)][-1]
 
 
 LAWS = [("f3", "g4"), ("f1", "g4"), ("f4", "g3"), ("f5", "g5"), ("f1", "g1"), ("f2", "g2")]
