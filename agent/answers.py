@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
+from agent.ports import Bearing, Intent, Place, PolicyFailed, Ranking, Stay, Steer
 from patrol.pose import Command
 
 MAX_FAILURE = 300
@@ -84,7 +84,9 @@ def _numbers(intent: Intent) -> list[tuple[str, object]]:
     match intent:
         case Bearing(bearings, near, bend, wander):
             alone = [] if wander is None else [("wander", wander)]
-            return [*_several("bearings", bearings), *alone, *_pair("near", near), *_pair("bend", bend)]
+            # A ranking is the project's own, and asking for all of it would have all of it worked out.
+            several = [] if isinstance(bearings, Ranking) else _several("bearings", bearings)
+            return [*several, *alone, *_pair("near", near), *_pair("bend", bend)]
         case Place(x, y, bend, lean, wander):
             alone = [] if wander is None else [("wander", wander)]
             return [("x", x), ("y", y), *_pair("bend", bend), *_pair("lean", lean), *alone]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.belief.contacts import Contacts
-from agent.belief.dilated import Dilated
+from agent.belief.dilated import Blocks, Dilated
 from agent.belief.posts import Posts
 from agent.routes.ground import Disc
 from patrol.ground.fog import Box, Fog
@@ -146,6 +146,11 @@ class Belief:
             outside the box may be out of date.
         """
         return self.fog.last_seen if self._dilated is None else self._dilated.within(box, self._tick)
+
+    @property
+    def blocks(self) -> Blocks | None:
+        """How old the points can be at most, by block; None without dilatation."""
+        return None if self._dilated is None else self._dilated.blocks
 
     def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
         """Those of some peers that were heard at a tick or later.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,23 @@ from patrol.ground.terrain import BoolGrid
 
 AGELESS = NOTHING
 """Dilated last-seen tick of points that are not ground; such points have no age."""
+
+
+class Blocks(NamedTuple):
+    """How old the points can be at most, by block of points.
+
+    Attributes:
+        oldest: int32 (m, n), a tick at which none of a block's points, and of those seen from its posts, had been last
+            seen before; without dilatation.
+        points: int32 (m, n), how many such points there are.
+        side: Of a block, in points.
+        reach: How many blocks away staleness comes from at most.
+    """
+
+    oldest: NDArray[np.int32]
+    points: NDArray[np.int32]
+    side: int
+    reach: int
 
 
 class Dilated:
@@ -34,7 +52,7 @@ class Dilated:
             reach: Half-width of the window, in points.
         """
         self._fog = fog
-        self._posts = posts
+        self._gap = posts.gap
         self._reach = reach
         self._reach_in_blocks = -(-reach // SIDE)
         self._ground = np.ascontiguousarray(ground).astype(np.uint8)
@@ -44,7 +62,13 @@ class Dilated:
         rows, cols = (-(-size // SIDE) for size in ground.shape)
         whole = np.zeros((rows * SIDE, cols * SIDE), dtype=np.bool_)
         whole[: ground.shape[0], : ground.shape[1]] = ground
-        any_ground = whole.reshape(rows, SIDE, cols, SIDE).any(axis=(1, 3))
+        self._count = whole.reshape(rows, SIDE, cols, SIDE).sum(axis=(1, 3), dtype=np.int32)
+        any_ground = self._count > 0
+        block = posts.rows[:, 2] // SIDE * cols + posts.rows[:, 3] // SIDE
+        in_block = np.bincount(block, minlength=rows * cols)
+        self._count += in_block.reshape(rows, cols).astype(np.int32)
+        self._posts_by_block = np.ascontiguousarray(posts.rows[np.argsort(block, kind="stable")])
+        self._block_ends = np.concatenate(([0], in_block.cumsum()))
         self._outdated = np.full((rows, cols), NOTHING, dtype=np.int32)
         self._oldest = np.where(any_ground, np.int32(0), np.int32(NOTHING))
         self._newest = np.where(any_ground, np.int32(0), np.int32(-1))
@@ -72,6 +96,11 @@ class Dilated:
         other._boxes, other._scratch = np.zeros_like(self._boxes), np.zeros_like(self._scratch)
         return other
 
+    @property
+    def blocks(self) -> Blocks:
+        """How old the points can be at most, by block; not to be changed, and true until the next look."""
+        return Blocks(self._oldest, self._count, SIDE, self._reach_in_blocks)
+
     def changed(self, looks: list[Box]) -> None:
         """Take in what a tick's looks have changed in the fog.
 
@@ -81,13 +110,15 @@ class Dilated:
         if not looks:
             return
         book = (self._outdated, self._oldest, self._newest)
-        gap = self._posts.gap
-        for top, bottom, left, right in looks:
-            note(self._fog.last_seen, self._ground, self._carried, *book, top, bottom, left, right)
-            posts = self._posts.between(top - gap, bottom + gap)
-            carry(posts, self._fog.last_seen, self._carried, self._outdated, self._newest, left - gap, right + gap)
-        for top, bottom, left, right in looks:
-            rows, cols = self._blocks((top - gap, bottom + gap, left - gap, right + gap))
+        gap = self._gap
+        around = [
+            self._blocks((top - gap, bottom + gap, left - gap, right + gap)) for top, bottom, left, right in looks
+        ]
+        for box, (rows, cols) in zip(looks, around, strict=True):
+            note(self._fog.last_seen, self._ground, self._carried, *book, *box)
+            carried = (self._fog.last_seen, self._carried, self._outdated, self._newest)
+            carry(self._posts_by_block, self._block_ends, *carried, *rows, *cols)
+        for rows, cols in around:
             fall_due(self._outdated, self._freshest, self._due, *rows, *cols, self._reach_in_blocks)
 
     def within(self, box: Box, tick: int) -> NDArray[np.int32]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from agent.belief.believed import Belief
 from agent.belief.contacts import Contacts
+from agent.belief.dilated import Blocks
 from agent.belief.kernels.look import look, show
 from agent.belief.marked_fog import MarkedFog
 from agent.routes.ground import Disc
@@ -103,6 +104,11 @@ class SharedBelief:
     def dilated_within(self, box: Box) -> NDArray[np.int32]:
         """As of `Belief`."""
         return self.group.belief.dilated_within(box)
+
+    @property
+    def blocks(self) -> Blocks | None:
+        """As of `Belief`."""
+        return self.group.belief.blocks
 
     @property
     def looked(self) -> NDArray[np.int32]:

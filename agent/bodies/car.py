@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from itertools import chain
 
 from agent.bodies.manoeuvre import Manoeuvres
 from agent.bodies.retreat import Retreat
@@ -90,16 +92,19 @@ class CarBody(BodyBase):
         start = view.start
         if start is None or not intent.bearings:
             return None, None
-        bearings = intent.bearings
+        bearings: Iterable[float] = intent.bearings
         centre = view.ground.centre(*start)
         if intent.bend is not None and self._unstuck.keeps_happening(view.tick):
             across, up = (there - here for there, here in zip(intent.bend, centre, strict=True))
-            bearings = (math.atan2(up, across), *bearings)
+            bearings = chain((math.atan2(up, across),), bearings)
+        strongest: tuple[float, Goal] | None = None
         for bearing in bearings:
             goal = self.goals.along(bearing, *start)
             if math.dist(goal.goal, centre) >= CLEAR_SHARE * self.stride:
                 return bearing, goal
-        return bearings[0], self.goals.along(bearings[0], *start)
+            strongest = strongest or (bearing, goal)
+        assert strongest is not None
+        return strongest
 
     def _approach(self, place: Place, view: View) -> Choice:
         """The way to a place, and parking there."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 from agent.bodies.back_off import BackOff
 from agent.bodies.giveway import nearest
@@ -83,10 +84,10 @@ class DifferentialBody(BodyBase):
             if self._steering.reach(Pose(*centre, 0.0), intent.near) >= to_near.enough > BARELY:
                 # The way is free from the centre of the robot's point, but not quite from where it stands on it.
                 yield self._option(centre, view.pose, intent.bearings[0], to_near.goal)
-        bearings = intent.bearings
-        if self._turns_to in bearings:
+        bearings: Iterable[float] = intent.bearings
+        if self._turns_to is not None and self._turns_to in intent.bearings:
             # A turn on the spot is followed by a step, so that a robot between two equal pulls gets away.
-            bearings = (self._turns_to, *bearings)
+            bearings = chain((self._turns_to,), intent.bearings)
         for bearing in bearings:
             goal = self.goals.along(bearing, *start)
             yield _Option(goal.refined, CLEAR_SHARE * self.stride, bearing, goal)

@@ -93,12 +93,36 @@ class PathWindow(ABC):
                 np.minimum(nearest, np.where(self.state & STATUS == SETTLED, self.length, FAR), out=nearest)
         return nearest
 
+    def nearness(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, reach: int) -> Lengths:
+        """As `lengths_from`, but only for points to which the way from (row, col) is short.
+
+        Args:
+            ground: As it is now.
+            row: Row of `Ground.state` around which the window lies.
+            col: Column of `Ground.state` around which the window lies.
+            starts: Open elements (row, col) of `Ground.state`; those outside the window are left out.
+            limit: Longest path to follow, in hundredths of a point.
+            reach: The points are those to which a path from (row, col) is no longer than this, in hundredths of a
+                point, at most 100 * span.
+
+        Returns:
+            int32 (m, n), as of `lengths_from` for these points; it may be the same array at each call.
+        """
+        del reach
+        return self.lengths_from(ground, row, col, starts, limit)
+
     def _place(self, ground: Ground, row: int, col: int) -> None:
         """Lay the window around (row, col) of the ground's state, with all paths unknown."""
+        self._lie(ground, row, col)
+        rows, cols = self.state.shape
+        top, left = self.row0 + 1, self.col0 + 1
+        self.state[1:-1, 1:-1] = ground.state[top + 1 : top + rows - 1, left + 1 : left + cols - 1]
+
+    def _lie(self, ground: Ground, row: int, col: int) -> None:
+        """Find where the window around (row, col) of the ground's state lies."""
         rows, cols = self.state.shape
         top = min(max(0, row - 1 - self.span), ground.state.shape[0] - rows)
         left = min(max(0, col - 1 - self.span), ground.state.shape[1] - cols)
-        self.state[1:-1, 1:-1] = ground.state[top + 1 : top + rows - 1, left + 1 : left + cols - 1]
         self.row0, self.col0 = top - 1, left - 1
 
     def _holds(self, row: int, col: int) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from agent.routes.ground import Ground
 from agent.routes.kernels.bends import follow
-from agent.routes.kernels.lengths import spread
+from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.ties import decide
 from agent.routes.kernels.wave import (
     ALL_WAYS,
@@ -48,6 +48,7 @@ class Wave(PathWindow):
         self._cell = np.zeros(self.state.size, dtype=np.uint32)
         self._lists = np.zeros((5, ROOM), dtype=np.uint32)
         self._mark = np.zeros(7, dtype=np.int64)
+        self._near: Lengths | None = None
         self._laid: Box | None = None
 
     def _begin(self) -> None:
@@ -60,10 +61,33 @@ class Wave(PathWindow):
         inside = sorted({(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts})
         begin = np.array([r * cols + c for r, c in inside if self._holds(r, c)], dtype=np.int64)
         limit = min(limit, MOST)
-        while not spread(self.state, self._cell, self._lists, begin, limit):
+        while not spread(self.state, 0, 0, self._cell, cols, self._lists, begin, limit, 0, rows, 0, cols):
             self._make_room()
         show(self._cell, self.state, self.length, 1, limit, 0, rows, 0, cols)
         return self.length.copy()
+
+    def nearness(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, reach: int) -> Lengths:
+        """As `PathWindow.nearness`, by one wave that goes only where paths to these points can lead."""
+        self._lie(ground, row, col)
+        middle, cols = (row - self.row0 - 1, col - self.col0 - 1), self.state.shape[1]
+        if self._near is None:
+            self._near = np.empty_like(self.length)
+        limit = min(limit, MOST)
+        # A point on such a path is no farther from the path's ends together than this, in rows or columns.
+        apart = (limit + reach) // 100 + 1
+        box = part = self._around(middle, middle, 2 * (reach // 100 + 1))
+        begin = []
+        for start_row, start_col in starts:
+            place = start_row - self.row0 - 1, start_col - self.col0 - 1
+            if self._holds(*place) and max(abs(place[0] - middle[0]), abs(place[1] - middle[1])) <= apart:
+                begin.append(place[0] * cols + place[1])
+                led = self._around(place, middle, apart)
+                box = min(box[0], led[0]), max(box[1], led[1]), min(box[2], led[2]), max(box[3], led[3])
+        origin, starting = (self.row0 + 1, self.col0 + 1), np.array(sorted(set(begin)), dtype=np.int64)
+        while not spread(ground.state, *origin, self._cell, cols, self._lists, starting, limit, *box):
+            self._make_room()
+        read(self._cell, self._near, limit, *part)
+        return self._near
 
     def extend(self, limit: int) -> None:
         """Settle every path up to ``limit`` hundredths of a point."""
@@ -103,6 +127,15 @@ class Wave(PathWindow):
             lay(self.state, self._sight, self._cell, laid[0], laid[1], laid[3], right)
         self._laid = box
         return box
+
+    def _around(self, one: Place, other: Place, apart: int) -> Box:
+        """The part of the window whose points have rows, and columns, no farther than this from two places together.
+
+        It is two points larger on each side, because the outermost points of a box count as blocked.
+        """
+        (rows, cols), (up, across) = self.state.shape, (one[0] + other[0], one[1] + other[1])
+        top, left = max(0, (up - apart) // 2 - 2), max(0, (across - apart) // 2 - 2)
+        return top, min(rows, (up + apart) // 2 + 4), left, min(cols, (across + apart) // 2 + 4)
 
     def _start(self) -> None:
         """Let paths begin at the start."""

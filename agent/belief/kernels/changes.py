@@ -6,12 +6,14 @@ in its window, stays as it is unless a point of the window that had this very ti
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, types
 
 MASK = types.Array(types.uint8, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C")
 FLAGS = types.Array(types.uint8, 2, "C")
 ROWS = types.Array(types.int32, 2, "C", readonly=True)
+ENDS = types.Array(types.int64, 1, "C", readonly=True)
 BOXES = types.Array(types.int64, 2, "C")
 int64 = types.int64
 
@@ -54,55 +56,66 @@ def note(last_seen, ground, carried, outdated, oldest, newest, first_row, last_r
         last_col: Last column of the box, inclusive.
     """
     height, width = last_seen.shape
+    begin, end = first_col // SIDE * SIDE, min((last_col // SIDE + 1) * SIDE, width)
+    # Along whole rows of the box, not of one block, so that many points are taken at a time.
+    least, most, before = np.empty((3, end - begin), dtype=np.int32)
     for up in range(first_row // SIDE, last_row // SIDE + 1):
-        for across in range(first_col // SIDE, last_col // SIDE + 1):
-            least, most, before = NOTHING, -1, outdated[up, across]
-            left, right = across * SIDE, min((across + 1) * SIDE, width)
-            for row in range(up * SIDE, min((up + 1) * SIDE, height)):
-                seen, kind, known = last_seen[row, left:right], ground[row, left:right], carried[row, left:right]
-                for col in range(seen.size):
-                    had = known[col]
-                    has = max(seen[col], 0) if kind[col] == 1 else had
-                    before = min(before, had if has != had else NOTHING)
-                    known[col] = has
-                    least = min(least, has if kind[col] != 0 else NOTHING)
-                    most = max(most, has if kind[col] != 0 else -1)
-            outdated[up, across], oldest[up, across], newest[up, across] = before, least, most
+        least[:] = NOTHING
+        most[:] = -1
+        before[:] = NOTHING
+        for row in range(up * SIDE, min((up + 1) * SIDE, height)):
+            seen, kind, known = last_seen[row, begin:end], ground[row, begin:end], carried[row, begin:end]
+            for k in range(before.size):
+                had = known[k]
+                has = max(seen[k], np.int32(0)) if kind[k] == 1 else had
+                before[k] = min(before[k], had if has != had else np.int32(NOTHING))
+                known[k] = has
+                least[k] = min(least[k], has if kind[k] != 0 else np.int32(NOTHING))
+                most[k] = max(most[k], has if kind[k] != 0 else np.int32(-1))
+        for across in range(begin // SIDE, last_col // SIDE + 1):
+            low, high = across * SIDE - begin, min((across + 1) * SIDE, width) - begin
+            outdated[up, across] = min(outdated[up, across], before[low:high].min())
+            oldest[up, across] = least[low:high].min()
+            newest[up, across] = most[low:high].max()
 
 
 @njit(
-    types.void(ROWS, TICKS, TICKS, TICKS, TICKS, int64, int64), cache=True, nogil=True
+    types.void(ROWS, ENDS, TICKS, TICKS, TICKS, TICKS, int64, int64, int64, int64), cache=True, nogil=True
 )
-def carry(posts, last_seen, carried, outdated, newest, first_col, last_col):
+def carry(posts, ends, last_seen, carried, outdated, newest, first_row, last_row, first_col, last_col):
     """Update the tick of posts: the oldest of their own and those of the points seen from them.
 
     Args:
-        posts: int32 (n, 4), row and column of a point and of its post, all or a part of the entries of
-            `agent.belief.posts.Posts`; entries of the same post are adjacent.
+        posts: int32 (n, 4), row and column of a point and of its post, sorted by the block of the post, row by row;
+            entries of the same post are adjacent.
+        ends: int64 (m n + 1,), for each block, row by row, which of ``posts`` is its first; that of the next one is its
+            end.
         last_seen: int32 (h, w), the tick at which each point was last seen.
         carried: int32 (h, w), the ticks with those of the posts; changed in place.
         outdated: As in `note`.
         newest: As in `note`; raised in place.
-        first_col: Posts left of this column stay as they are.
-        last_col: Posts right of this column stay as they are.
+        first_row: First row of the blocks whose posts are updated.
+        last_row: Last row of them, inclusive.
+        first_col: First column of them.
+        last_col: Last column of them, inclusive.
     """
-    index = 0
-    while index < posts.shape[0]:
-        row, col = posts[index, 2], posts[index, 3]
-        if col < first_col or col > last_col:
-            index += 1
-            continue
-        when = last_seen[row, col]
-        while index < posts.shape[0] and posts[index, 2] == row and posts[index, 3] == col:
-            when = min(when, last_seen[posts[index, 0], posts[index, 1]])
-            index += 1
-        when = max(when, 0)
-        had = carried[row, col]
-        if had != when:
-            carried[row, col] = when
-            up, across = row // SIDE, col // SIDE
-            outdated[up, across] = min(outdated[up, across], had)
-            newest[up, across] = max(newest[up, across], when)
+    cols = newest.shape[1]
+    for up in range(first_row, last_row + 1):
+        for across in range(first_col, last_col + 1):
+            at, end = ends[up * cols + across], ends[up * cols + across + 1]
+            most, before = newest[up, across], outdated[up, across]
+            while at < end:
+                row, col = posts[at, 2], posts[at, 3]
+                when = last_seen[row, col]
+                while at < end and posts[at, 2] == row and posts[at, 3] == col:
+                    when = min(when, last_seen[posts[at, 0], posts[at, 1]])
+                    at += 1
+                when = max(when, 0)
+                had = carried[row, col]
+                if had != when:
+                    carried[row, col] = when
+                    before, most = min(before, had), max(most, when)
+            newest[up, across], outdated[up, across] = most, before
 
 
 @njit(

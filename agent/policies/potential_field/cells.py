@@ -76,12 +76,11 @@ class Layer:
             limit: The longest path, in hundredths of a point; at most 2**26.
         """
         top, bottom, left, right = box
-        state = np.zeros((bottom - top + 2, right - left + 2), dtype=np.uint8)
-        state[1:-1, 1:-1] = ground.state[top + 1 : bottom + 1, left + 1 : right + 1]
-        cell = np.empty(state.shape, dtype=np.uint32)
+        rows, cols = bottom - top + 2, right - left + 2
+        cell, window = np.empty((rows, cols), dtype=np.uint32), (0, rows, 0, cols)
         inside = sorted({(row, col) for row, col in starts if top <= row < bottom and left <= col < right})
-        begin = np.array([(row - top + 1) * state.shape[1] + col - left + 1 for row, col in inside], dtype=np.int64)
-        while not spread(state, cell.reshape(-1), self._lists, begin, limit):
+        begin = np.array([(row - top + 1) * cols + col - left + 1 for row, col in inside], dtype=np.int64)
+        while not spread(ground.state, top, left, cell.reshape(-1), cols, self._lists, begin, limit, *window):
             self._lists = np.zeros((2, 4 * self._lists.shape[1]), dtype=np.uint32)
         return Cells(cell, top - 1, left - 1, limit)
 

@@ -22,7 +22,7 @@ from agent.policies.potential_field.separation import (
     occupied_areas,
     repel,
 )
-from agent.ports import Bearing, Intent, PolicySetup, Stay
+from agent.ports import Bearing, Intent, PolicySetup, Ranking, Stay
 from agent.routes.ground import Area, Disc
 from agent.view import View
 from patrol.pose import TAU
@@ -86,7 +86,7 @@ class PotentialField:
             # The body has to find its way back to the reachable ground first.
             return Bearing((), wander=self._random_step(view))
         pull = self._pull(view, start)
-        bearings = self._bearings(pull)
+        bearings = self._bearings(view, start, pull)
         wander = self._random_step(view)
         figures = dict(zip(self._names, pull.sums.tolist(), strict=False))
         if not bearings:
@@ -94,7 +94,7 @@ class PotentialField:
         centre = view.ground.centre
         near = None if pull.near is None else centre(*pull.near)
         bend = None if pull.bend is None or pull.bend == start else centre(*pull.bend)
-        return Bearing(tuple(bearings), near, bend, wander, figures=figures)
+        return Bearing(bearings, near, bend, wander, figures=figures)
 
     def _random_step(self, view: View) -> float | None:
         """The direction of a random step in rad, now and then; otherwise None."""
@@ -120,21 +120,37 @@ class PotentialField:
         if discs or areas:
             view.ground.close(discs, areas)
 
-    def _pull(self, view: View, start: tuple[int, int]) -> Pull:
-        """The forces at this tick, modified by other robots and by close obstacles."""
+    def _pull(self, view: View, start: tuple[int, int], *, whole: bool = False) -> Pull:
+        """The forces at this tick, modified by other robots and by close obstacles.
+
+        Args:
+            view: Of this tick.
+            start: The element of the ground on which the robot stands.
+            whole: Whether all of them are wanted. Otherwise those are left out that cannot change which way it goes.
+        """
         rivals = [(row, col) for row, col in self._rivals(view).tolist()]
         fog = view.fog
         assert self._field is not None
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
-        pull = self._field.pull(view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)
+        asked = (view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)
+        if not whole and self._fuzzy is None and "repulsion" not in self._separations:
+            return self._field.lead(*asked, fog.blocks)
+        pull = self._field.pull(*asked)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
         if "repulsion" in self._separations:
             repel(pull.sums, view.pose, view.peers, self._patrol)
         return pull
 
-    def _bearings(self, pull: Pull) -> list[float]:
+    def _bearings(self, view: View, start: tuple[int, int], pull: Pull) -> tuple[float, ...] | Ranking:
         """The bearings to try, rad, best first."""
+        if pull.sure is None:
+            return tuple(self._all_bearings(pull))
+        best = bearings_by_force(pull.sums)[: pull.sure]
+        return Ranking(best, lambda: self._all_bearings(self._pull(view, start, whole=True)))
+
+    def _all_bearings(self, pull: Pull) -> list[float]:
+        """The same where no force was left out."""
         if self._patrol.direction == "vector" and pull.sums.size:
             return bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), self._patrol.sectors)
         return bearings_by_force(pull.sums)

@@ -11,36 +11,55 @@ ALL_WAYS = 8
 BESIDE = 1
 STRETCH = 2400
 UNKNOWN = 2**27 - 1
+FAR = 2**31 - 1
 """As in `agent.routes.kernels.wave`."""
 
 CELLS = types.Array(types.uint32, 1, "C")
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 LISTS = types.Array(types.uint32, 2, "C")
+FOUND = types.Array(types.int32, 2, "C")
 STARTS = types.Array(types.int64, 1, "C", readonly=True)
 int64 = types.int64
 index = types.uint64
 """As in `agent.routes.kernels.wave`."""
 
 
-@njit(types.boolean(GRID, CELLS, LISTS, STARTS, int64), cache=True, nogil=True)
-def spread(state, cell, lists, starts, limit):
+# fmt: off
+@njit(
+    types.boolean(GRID, int64, int64, CELLS, int64, LISTS, STARTS, int64, int64, int64, int64, int64),
+    cache=True,
+    nogil=True,
+)
+def spread(state, row0, col0, cell, cols, lists, starts, limit, top, bottom, left, right):
     """Write the lengths of the paths from the nearest of several starts.
 
     Args:
-        state: uint8 (m, n), see `agent.routes.kernels.wave.HEMMED`; its outermost points are blocked.
-        cell: uint32 (m n,), see above; overwritten. Only lengths up to ``limit`` are sure to be right.
+        state: uint8, see `agent.routes.kernels.wave.HEMMED`.
+        row0: Row of ``state`` over the window's first row.
+        col0: Column of ``state`` over the window's first column.
+        cell: uint32, flat over the window, see above; overwritten in a box, whose outermost points are taken for
+            blocked. Only lengths up to ``limit`` are sure to be right, of paths that do not leave the box.
+        cols: Columns of the window.
         lists: uint32 (2 or more, k), working memory.
-        starts: int64 (s,), flat indices of the starts, which are open.
+        starts: int64 (s,), flat indices of the starts, which are open and lie within the box.
         limit: Longest path to follow, in hundredths of a point; at most 2**26.
+        top: First row of the box in the window.
+        bottom: End row, exclusive.
+        left: First column.
+        right: End column, exclusive.
 
     Returns:
         Whether there was room enough in ``lists``; if not, nothing that was written has any meaning.
     """
-    rows, cols = state.shape
-    for row in range(rows):
-        known, line = state[row], cell[row * cols : (row + 1) * cols]
-        for col in range(cols):
-            line[col] = UNKNOWN << 1 | (known[col] & 4) >> 2 if known[col] & 3 != 0 else 0
+    for row in range(top, bottom):
+        line = cell[row * cols + left : row * cols + right]
+        if row == top or row == bottom - 1:
+            line[:] = 0
+            continue
+        known = state[row0 + row, col0 + left : col0 + right]
+        for k in range(line.size):
+            line[k] = UNKNOWN << 1 | (known[k] & 4) >> 2 if known[k] & 3 != 0 else 0
+        line[0] = line[line.size - 1] = 0
     room = lists.shape[1] - 8
     for k in range(min(starts.size, room)):
         cell[index(starts[k])] = BESIDE
@@ -114,3 +133,28 @@ def spread(state, cell, lists, starts, limit):
         now, later = later, now
         waiting = put
     return waiting < room
+
+
+@njit(types.void(CELLS, FOUND, int64, int64, int64, int64, int64), cache=True, nogil=True)
+def read(cell, length, limit, top, bottom, left, right):
+    """Write the lengths that `spread` has found in a box.
+
+    Args:
+        cell: uint32 (m n,), as `spread` left it.
+        length: int32 (m, n), filled in within the box in hundredths of a point; FAR where no path is as short as the
+            limit.
+        limit: Longest path.
+        top: First row of the box in the window.
+        bottom: End row, exclusive.
+        left: First column.
+        right: End column, exclusive.
+    """
+    cols = length.shape[1]
+    past = types.uint32((limit + 1) << 1)
+    for row in range(top, bottom):
+        line, far = cell[row * cols + left : row * cols + right], length[row, left:right]
+        for k in range(far.size):
+            far[k] = line[k] >> types.uint32(1) if line[k] < past and line[k] != 0 else FAR
+
+
+# fmt: on

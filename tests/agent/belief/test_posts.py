@@ -27,7 +27,8 @@ def test_a_post_carries_the_oldest_of_what_it_sees(seed: int) -> None:
     carried = before.copy()
     outdated, newest = np.full((1, 1), NOTHING, dtype=np.int32), np.full((1, 1), -1, dtype=np.int32)
     assert max(shape) <= SIDE
-    carry(posts.rows, last_seen, carried, outdated, newest, 0, shape[1] - 1)
+    ends = np.array([0, len(posts.rows)])
+    carry(posts.rows, ends, last_seen, carried, outdated, newest, 0, 0, 0, 0)
     for place in places:
         row, col = divmod(int(place), shape[1])
         seen = [int(last_seen[row, col]), *(int(v) for v in last_seen[proxy == place])]

@@ -247,9 +247,52 @@ def test_a_wave_with_too_little_room_makes_more() -> None:
     assert np.array_equal(found, np.where(np.isfinite(reference), reference, FAR))
 
 
+@settings(max_examples=60)
+@given(
+    values=st.tuples(
+        st.integers(2, 60), st.integers(2, 60), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.3])
+    ),
+    limit=st.integers(0, 4000),
+    reach=st.integers(0, 2000),
+    count=st.integers(0, 4),
+)
+def test_nearness_is_exact_wherever_the_way_from_the_middle_is_short(
+    values: tuple[int, int, int, float], limit: int, reach: int, count: int
+) -> None:
+    is_open, row, col = random_map(values)
+    places = np.argwhere(is_open)
+    starts = [tuple(place) for place in places[np.random.default_rng(values[2]).integers(0, len(places), count)]]
+    window = Wave(is_open.shape[0], is_open.shape[1], 20)
+    ground = Ground(Terrain("t", is_open, 1.0), is_open)
+    framed = [(int(r) + 1, int(c) + 1) for r, c in starts]
+    window.nearness(ground, row + 1, col + 1, [(row + 1, col + 1)], 1500, 1500)  # what it leaves behind does not count
+    found = window.nearness(ground, row + 1, col + 1, framed, limit, reach)
+    inside = [
+        (r, c)
+        for r, c in starts
+        if window.row0 < r < window.row0 + found.shape[0] - 1 and window.col0 < c < window.col0 + found.shape[1] - 1
+    ]
+    nearest = np.full(is_open.shape, np.inf)
+    for r, c in inside:
+        nearest = np.minimum(nearest, lengths_within(is_open, window, r, c))
+    near = np.argwhere(lengths_within(is_open, window, row, col) <= reach)
+    expected = np.where(nearest <= limit, nearest, FAR)
+    for r, c in near:
+        assert found[r - window.row0, c - window.col0] == expected[r, c]
+
+
+def lengths_within(is_open: Bools, window: Wave, row: int, col: int) -> NDArray[np.float64]:
+    """Path lengths over the ground under a window."""
+    height, width = window.state.shape
+    part = slice(window.row0 + 1, window.row0 + height - 1), slice(window.col0 + 1, window.col0 + width - 1)
+    whole = np.full(is_open.shape, np.inf)
+    whole[part] = dijkstra_lengths(is_open[part], row - part[0].start, col - part[1].start)
+    return whole
+
+
 @pytest.mark.parametrize("other", [bends, lengths, ties])
 def test_kernels_of_the_wave_agree_on_what_is_in_cells_and_entries(other: ModuleType) -> None:
     """A kernel imports nothing of another file, so each has these numbers again."""
-    for name in ("ALL_WAYS", "BESIDE", "SEEN", "UNKNOWN", "STRETCH", "TIES", "BEYOND", "FULL"):
+    for name in ("ALL_WAYS", "BESIDE", "SEEN", "UNKNOWN", "STRETCH", "FAR", "TIES", "BEYOND", "FULL"):
         assert getattr(other, name, getattr(kernel, name)) == getattr(kernel, name)
     assert kernel.FAR == FAR
