@@ -25,7 +25,7 @@ from tests.routers import PATIENCE_S, routed
 pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 YARDS = Path(__file__).parents[2] / "examples" / "ros2-yards.yaml"
-SEEDS = (7, 8)
+SEEDS = (7, 8, 9, 10)
 NATIVE_SEEDS = range(1, 10)
 FORMATS = {"r1": "rmw_zenoh", "r2": "bridge", "r3": "rmw_zenoh-humble"}
 HALF_AN_HOUR_S = 1800.0
