@@ -6,6 +6,7 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -49,7 +50,7 @@ class Shared:
     Attributes:
         footprint: The scenario's sensor on its terrain.
         psi: Of `psi_of`.
-        scratch: Working memory, for minds that never think at the same time; each makes its own otherwise.
+        scratches: Working memory, one for each group of minds (`group_of`); those of one never think at the same time.
         company: Holds what they believe, as long as that is the same; None where each holds its own.
         posts: By the identity of a body's static fields, which live as long as the scenario.
         grounds: By the same, with nothing closed.
@@ -57,7 +58,7 @@ class Shared:
 
     footprint: Footprint
     psi: Psi
-    scratch: dict[str, PathWindow] | None = field(default_factory=dict)
+    scratches: Sequence[dict[str, PathWindow]] = field(default_factory=lambda: ({},))
     company: Company | None = None
     posts: dict[int, Posts] = field(default_factory=dict)
     grounds: dict[int, Ground] = field(default_factory=dict)
@@ -76,14 +77,14 @@ class Shared:
 
 
 def shared_by(
-    prepared: Prepared, footprint: Footprint | None = None, *, together: bool = True, believe: bool = False
+    prepared: Prepared, footprint: Footprint | None = None, *, groups: int = 1, believe: bool = False
 ) -> Shared:
     """What the minds of a scenario can share.
 
     Args:
         prepared: The scenario.
         footprint: Its sensor, when somebody else holds one that remembers.
-        together: Whether the minds think one at a time, so that they can share working memory too.
+        groups: How many minds may think at the same time, one of each group (`group_of`).
         believe: Whether they share beliefs, where the scenario lets them; then whoever calls them lets their company
             hear, and then each decide.
     """
@@ -92,8 +93,18 @@ def shared_by(
     company = None
     if believe and not sensor.leaves_age and scenario.radio.adaptive is None:
         speed = max(spec.speed for spec in scenario.roster)
-        company = Company([spec.number for spec in scenario.roster], scenario.step, speed, sensor, at_once=not together)
-    return Shared(sensor, psi_of(scenario, prepared.terrain), {} if together else None, company)
+        company = Company([spec.number for spec in scenario.roster], scenario.step, speed, sensor, at_once=groups > 1)
+    return Shared(sensor, psi_of(scenario, prepared.terrain), tuple({} for _ in range(groups)), company)
+
+
+def group_of(number: int, groups: int) -> int:
+    """The group of a robot's mind, from 0 on. The minds of one group share working memory.
+
+    Args:
+        number: The robot's.
+        groups: How many there are.
+    """
+    return number % groups
 
 
 def build_mind(
@@ -117,7 +128,7 @@ def build_mind(
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
     lengths = lengths_of(scenario, spec)
     radii = MappingProxyType({one.number: one.radius for one in scenario.roster})
-    scratch = {} if shared.scratch is None else shared.scratch
+    scratch = shared.scratches[group_of(number, len(shared.scratches))]
 
     def chance(tick: int, index: int, purpose: Purpose) -> float:
         return draw(scenario.seed, purpose, number, incarnation, tick, index)

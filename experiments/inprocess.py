@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agent.answers import policy_failure
-from agent.build import Shared, mind_maker, shared_by
+from agent.build import Shared, group_of, mind_maker, shared_by
 from agent.mind import MakeMind, Mind
 from agent.policies.found import policy_of
 from agent.ports import PolicyFailed
@@ -66,8 +66,8 @@ class InProcessFleet:
         Args:
             minds: By robot number.
             make: Makes a new one by robot number and incarnation.
-            threads: How many step at once. Their answers are put in roster order, so the trace does not depend on it;
-                minds that share scratch memory allow one only.
+            threads: How many step at once, one of each group (`agent.build.group_of`). Their answers are put in roster
+                order, so the trace does not depend on it.
             limit_s: Wall time, s, after which a decision counts as failed; None for no limit. It holds where minds
                 step in the main thread alone.
             company: In which the minds hear, where they share beliefs.
@@ -78,6 +78,7 @@ class InProcessFleet:
         self._failed: dict[int, str] = {}
         self._unmade: dict[int, str] = {}
         self._make = make
+        self._threads = threads
         self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
         self._sensed: Mapping[int, Sensed] = {}
 
@@ -99,10 +100,16 @@ class InProcessFleet:
             own = {number: as_received(self._sensed[number].pose) for number in numbers}
             self._company.hear(k, own, heard)
         if self._pool is None:
-            replies = [self._step(k, number, heard) for number in numbers]
+            replies = self._step_all(k, numbers, heard)
         else:
-            replies = list(self._pool.map(lambda number: self._step(k, number, heard), numbers))
-        return {number: reply for number, reply in zip(numbers, replies, strict=True) if reply is not None}
+            groups = [
+                [number for number in numbers if group_of(number, self._threads) == group]
+                for group in range(self._threads)
+            ]
+            replies = {}
+            for some in self._pool.map(lambda group: self._step_all(k, group, heard), groups):
+                replies |= some
+        return {number: reply for number in numbers if (reply := replies[number]) is not None}
 
     def lost(self) -> Sequence[tuple[int, Status, str]]:
         """Whose policy has failed in this tick; what else a mind raises fails the run."""
@@ -158,6 +165,9 @@ class InProcessFleet:
         self._minds.pop(number, None)
         if self._company is not None:
             self._company.leave(number)
+
+    def _step_all(self, k: int, numbers: Sequence[int], heard: Mapping[int, list[bytes]]) -> dict[int, Reply | None]:
+        return {number: self._step(k, number, heard) for number in numbers}
 
     def _step(self, k: int, number: int, heard: Mapping[int, list[bytes]]) -> Reply | None:
         begun = time.perf_counter()
@@ -216,7 +226,7 @@ def run_in_process(
     kind = policy_of(prepared.scenario)
     if not kind.ours:
         threads = 1  # so that one which hangs can be stopped
-    shared = shared_by(prepared, footprint, together=threads == 1, believe=share)
+    shared = shared_by(prepared, footprint, groups=threads, believe=share)
     make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared)
     try:
         minds = {number: make(number, FIRST_INCARNATION) for number in world.living}

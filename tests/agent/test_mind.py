@@ -41,7 +41,7 @@ def rooms() -> Terrain:
 
 def minds(scenario: Scenario, terrain: Terrain, starts: list[Pose]) -> list[Mind]:
     prepared = prepared_on(scenario, terrain, starts)
-    shared = shared_by(prepared, together=False)
+    shared = shared_by(prepared, groups=len(prepared.scenario.roster))
     return [build_mind(prepared, number, shared=shared) for number in (1, 2)]
 
 
