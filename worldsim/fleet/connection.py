@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from patrol.net.keys import FleetKeys
+from patrol.net.phases import PROTOCOL, HelloReply
 from patrol.net.tick_chain import TickChain
 from worldsim.mailbox import CountingMailbox
 
@@ -50,6 +51,20 @@ class RunIdentity:
     scenario: str
     chain: TickChain
     seat: Callable[[int, int], int] | None = None
+
+    def unlike(self, message: HelloReply) -> str:
+        """What of a process is not as in this run, and the remedy; empty when all is.
+
+        Args:
+            message: From the process.
+        """
+        if message.protocol != PROTOCOL:
+            versions = f"{message.protocol}, the world's is {PROTOCOL}"
+            return f"protocol ({versions}); run the same version of fogwatch on all hosts"
+        if message.scenario != self.scenario:
+            hashes = f"hash {message.scenario[:12]}, the world's is {self.scenario[:12]}"
+            return f"scenario ({hashes}); give all processes the same file"
+        return ""
 
 
 @dataclass(frozen=True, slots=True)

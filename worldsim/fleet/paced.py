@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from worldsim.radio.listener import Listener
 
 
+CUT_OFF_S = 2.0
+"""A robot that has said nothing for so long, and for two ticks, is cut off."""
+
+
 class PacedFleet:
     """A `worldsim.fleet.loop.Fleet` of processes that keeps to the clock.
 
@@ -97,12 +101,14 @@ class PacedFleet:
     def lost(self) -> list[tuple[int, Status, str]]:
         """The robots whose process is gone or whose mind has failed.
 
-        One that is only slow or paused is not lost: its watchdog has stopped it. While the router does not answer,
+        One that is only slow or paused is not lost: its watchdog has stopped it. Nor is one that was cut off and comes
+        back: nobody waits for it, so it may take its time. While the router does not answer,
         the ticks go on, every robot misses its deadlines, and none is lost.
         """
         if self._router is not None:
             self._router.answers()
-        gone = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
+        cut_off_s = max(CUT_OFF_S, 2.0 * self._tick_s)
+        gone = dict.fromkeys(self._sessions.gone(self._living, cut_off_s), "its process was gone")
         gone |= self._sessions.failed(self._living)
         for number, reason in gone.items():
             self._sessions.dismiss(number, f"left out: {reason}", orderly=False)

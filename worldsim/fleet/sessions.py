@@ -12,6 +12,7 @@ Time is what `now` says, and messages come from a mailbox, so that all of this c
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -43,6 +44,9 @@ POLL_S = 0.1
 HELLO_S = 1.0
 GRACE_S = 0.3
 """How long a token must have been gone, the router answering, before its robot counts as gone."""
+RETURN_S = 12.0
+"""The same for one that was cut off before. Its connection breaks when the network is back, and it makes another: of
+one attempt that was under way then 10 s may be left, and the next begins half a second later."""
 RECOVERY_S = 5.0
 """How long clients may take to reconnect to a router that has returned."""
 DISMISSAL_S = 2.0
@@ -88,6 +92,7 @@ class Sessions:
         self._expected: dict[int, int | None] = {number: None for number in connection.names if number not in absent}
         self._present: set[int] = set()
         self._absent_since: dict[int, float] = {}
+        self._heard: dict[int, float] = {}
         self._dismissed: dict[int, str] = {}
         self._failed: dict[int, str] = {}
         self._transcripts: dict[int, dict[tuple[int, int], WorldTranscript]] = {n: {} for n in connection.names}
@@ -200,6 +205,7 @@ class Sessions:
             return None
         if isinstance(message, ReplyA | ReplyB):
             if self._has_session(number, message):
+                self._heard[number] = self.now
                 if self._begun - MAX_TICKS <= message.k < self._begun:
                     return number, message
                 self._connection.mailbox.refused["ahead" if message.k >= self._begun else "late"] += 1
@@ -218,8 +224,14 @@ class Sessions:
             self._note_presence(number, present=message.present)
         return None
 
-    def gone(self, numbers: Iterable[int]) -> list[int]:
-        """Those of the robots whose process is gone."""
+    def gone(self, numbers: Iterable[int], cut_off_s: float = math.inf) -> list[int]:
+        """Those of the robots whose process is gone.
+
+        Args:
+            numbers: The robots.
+            cut_off_s: A robot that had said nothing for longer than this, in s, before its token went was cut off
+                rather than killed, and has `RETURN_S` to come back.
+        """
         now = self.now
         absent = [number for number in numbers if number in self._absent_since]
         if not absent:
@@ -228,7 +240,12 @@ class Sessions:
             self._trusted_from = now + RECOVERY_S
         if now < self._trusted_from:
             return []
-        return [number for number in absent if now >= self._absent_since[number] + GRACE_S]
+        return [number for number in absent if now >= self._absent_since[number] + self._grace_s(number, cut_off_s)]
+
+    def _grace_s(self, number: int, cut_off_s: float) -> float:
+        absent_since = self._absent_since[number]
+        was_cut_off = absent_since - self._heard.get(number, absent_since) > cut_off_s
+        return RETURN_S if was_cut_off else GRACE_S
 
     def failed(self, numbers: Iterable[int]) -> dict[int, str]:
         """Those of the numbers whose mind cannot go on, and why."""
@@ -252,6 +269,7 @@ class Sessions:
         self._expected.pop(number, None)
         self._dismissed.pop(number, None)
         self._failed.pop(number, None)
+        self._heard.pop(number, None)
 
     def expect(self, number: int, incarnation: int) -> None:
         """Expect a robot's new process, of that incarnation and no other."""
@@ -364,7 +382,7 @@ class Sessions:
 
     def _seat(self, number: int, message: HelloReply) -> None:
         """Give a process the seat that it is expected to take, unless it means something else than the world."""
-        if unlike := self._unlike(message):
+        if unlike := self._run.unlike(message):
             if self._gathering:
                 self._call_off(number, message, unlike)
             self._refuse_seat(number, message, f"{UNLIKE}{unlike}")
@@ -381,16 +399,6 @@ class Sessions:
         if number not in self._expected or self._expected[number] not in (None, message.incarnation):
             return False
         return self._run.seat is None or self._run.seat(number, message.incarnation) == message.instance
-
-    def _unlike(self, message: HelloReply) -> str:
-        """What of a process is not as in this world, and the remedy; empty when all is."""
-        if message.protocol != PROTOCOL:
-            versions = f"{message.protocol}, the world's is {PROTOCOL}"
-            return f"protocol ({versions}); run the same version of fogwatch on all hosts"
-        if message.scenario != self._run.scenario:
-            hashes = f"hash {message.scenario[:12]}, the world's is {self._run.scenario[:12]}"
-            return f"scenario ({hashes}); give all processes the same file"
-        return ""
 
     def _call_off(self, number: int, message: HelloReply, unlike: str) -> NoReturn:
         """Turn a process away, tell the others that the run cannot begin, and raise BadInput."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import pytest
@@ -25,7 +26,7 @@ from patrol.net.phases import (
 from patrol.pose import Pose, Velocity
 from tests.worldsim.fleet.net import CHAIN, HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
-from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Missing
+from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, RETURN_S, Interrupted, Missing
 
 # --- gathering -------------------------------------------------------------------------------------------------------
 
@@ -315,6 +316,34 @@ def test_a_world_that_falls_behind_gives_up_on_catching_up() -> None:
     fleet.phase_b(1, heard())
     assert net.time - began == pytest.approx(0.5)
     assert fleet.slipped_s == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("silent_s", [0.0, 60.0])
+@pytest.mark.parametrize("away_s", [RETURN_S - 1.0, RETURN_S + 1.0])
+def test_at_a_pace_a_robot_that_was_cut_off_may_take_longer_to_connect_again(silent_s: float, away_s: float) -> None:
+    net = Net()
+    net.gather()
+    fleet = PacedFleet(net.sessions, 0.5)
+    ticks = itertools.count()
+
+    def patrol(seconds: float) -> list[int]:
+        lost: list[int] = []
+        for k in itertools.islice(ticks, round(seconds / 0.5)):
+            fleet.phase_a(k, sensed(k))
+            fleet.phase_b(k, heard())
+            lost += [number for number, _, _ in fleet.lost()]
+        return lost
+
+    assert patrol(2.0) == []
+    net.mute = {2} if silent_s else set()
+    assert patrol(silent_s) == []
+    net.presence(2, False)
+    returns = away_s < RETURN_S and silent_s > 0.0
+    assert (2 in patrol(away_s)) is not returns
+    net.mute = set()
+    net.presence(2, True)
+    if returns:
+        assert patrol(RETURN_S) == []
 
 
 def test_at_a_pace_only_a_lost_token_loses_a_robot() -> None:
