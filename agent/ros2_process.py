@@ -109,7 +109,7 @@ def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals |
     _check_map(options, name, given, overrides)
     for spec in () if given is None else given.roster:
         if spec.name == name:
-            settings = settings.of_body(spec.speed, spec.radius - settings.margin)
+            settings = settings.of_body(spec.model, spec.limits)
     with ExitStack() as stack:
         try:
             link = _link(options, ending, say)

@@ -9,10 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from agent.robots.ros2.pose.localisation import RADIUS, SPEED, LocalisationSettings, Source
-from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings
+from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings, turn_rate_of
 from patrol.errors import BadInput, did_you_mean
-from patrol.pose import MODELS, Pose, wrap
+from patrol.pose import MODELS, Limits, Pose, wrap
 from patrol.process.supervision import add_supervision
+
+TURNING_RADIUS = 3.5
+"""A car's tightest turn unless options say otherwise, m, as in scenarios."""
 
 FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
 
@@ -104,7 +107,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--model", choices=MODELS, default="differential", help="how it moves (default: %(default)s)")
     add("--radius", type=float, default=RADIUS, metavar="M", help="of the round body (default: %(default)s m)")
     add("--speed", type=float, default=SPEED, metavar="M/S", help="top speed (default: %(default)s m/s)")
-    add("--turning-radius", type=float, metavar="M", help="a car's tightest turn")
+    add("--turning-radius", type=float, metavar="M", help=f"a car's tightest turn ({TURNING_RADIUS:g} m)")
     add("--wheelbase", type=float, default=0.3, metavar="M", help="a car's, for ackermann (default: %(default)s m)")
     add("--acceleration", type=float, default=1.0, metavar="M/S2", help="told at most (default: %(default)s m/s²)")
     add("--braking", type=float, metavar="M/S2", help="it surely brakes as hard as that (default: --acceleration)")
@@ -171,6 +174,8 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
     if options.drive == "ackermann" and options.scenario is None and options.model != "car":
         raise BadInput(f"--drive ackermann: steers a car, and --model is {options.model}; give --model car")
     start = None if options.start is None else _pose("--start", options.start)
+    turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
+    limits = Limits(options.speed, options.radius, turning_radius)
     return DriveSettings(
         drive=options.drive,
         base_frame=options.base_frame,
@@ -187,7 +192,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
             options.fresh,
             options.delay,
             options.speed,
-            options.radius,
+            turn_rate_of(options.model, limits),
         ),
         is_shared=options.shared_commands,
         sim_time=options.use_sim_time,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from agent.robots.ros2.pose.localisation import LocalisationSettings
+from patrol.pose import Limits
 
 TOPICS: Mapping[str, str] = {
     "odom": "its odometry",
@@ -59,14 +61,15 @@ class DriveSettings:
     sim_time: bool = False
     topics: Mapping[str, str] = field(default_factory=dict)
 
-    def of_body(self, speed: float, radius: float) -> DriveSettings:
-        """The same for another body.
+    def of_body(self, model: str, limits: Limits) -> DriveSettings:
+        """The same for a body of a scenario.
 
         Args:
-            speed: Its top speed, m/s.
-            radius: m.
+            model: Its model.
+            limits: Its own; the radius holds the margin.
         """
-        return replace(self, localisation=replace(self.localisation, speed=speed, radius=radius))
+        turn_rate = turn_rate_of(model, replace(limits, radius=limits.radius - self.margin))
+        return replace(self, localisation=replace(self.localisation, speed=limits.speed, turn_rate=turn_rate))
 
     @property
     def commands(self) -> str | None:
@@ -80,3 +83,14 @@ class DriveSettings:
             usual: Its usual name.
         """
         return self.topics.get(usual, "/clock" if usual == "clock" else usual)
+
+
+def turn_rate_of(model: str, limits: Limits) -> float:
+    """How fast a body can turn, rad/s: a car along its tightest turn, others as fast as their rim goes at top speed.
+
+    Args:
+        model: Its model.
+        limits: Its own.
+    """
+    round_m = limits.turning_radius if model == "car" else limits.radius
+    return limits.speed / round_m if round_m > 0.0 else math.inf

@@ -91,7 +91,7 @@ class LocalisationSettings:
         fresh_s: How long ago the newest odometry may have arrived, s.
         delay_s: How old odometry is when it arrives, s; None to go by its stamps.
         speed: The robot's top speed, m/s: by how much its odometry may change.
-        radius: Of its body, m: it turns no faster than its rim goes at that speed.
+        turn_rate: How fast it can turn, rad/s.
     """
 
     source: Source = Source.TF
@@ -100,12 +100,7 @@ class LocalisationSettings:
     fresh_s: float = 0.3
     delay_s: float | None = None
     speed: float = SPEED
-    radius: float = RADIUS
-
-    @property
-    def turn_rate(self) -> float:
-        """How fast the robot can turn, rad/s."""
-        return self.speed / self.radius if self.radius > 0.0 else math.inf
+    turn_rate: float = SPEED / RADIUS
 
 
 class Localisation:

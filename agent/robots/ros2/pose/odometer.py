@@ -24,6 +24,12 @@ SETTLED_S = 1.0
 JUMP_M, JUMP_RAD = 0.5, 1.0
 """What odometry may be off without having jumped, m and rad: the noise of its poses, and what a message comes late."""
 
+USUAL_S = 0.1
+"""Time between two messages of which none between them is missing, s."""
+
+MOST_RAD = 3.0
+"""A turn that is larger is a jump, however fast the robot can turn: of nearly half a turn nobody can say which way."""
+
 BACK_S = 0.1
 """By how much arrivals must go back for a clock to have been set back, s."""
 
@@ -64,7 +70,8 @@ class Odometer:
 
     Args:
         speed: The robot's top speed, m/s; one that moves faster must say so in its odometry.
-        turn_rate: How fast it can turn, rad/s; the same holds.
+        turn_rate: How fast it can turn, rad/s. While messages are missing, it may have; between others it turns as both
+            of them say.
         fresh_s: After how long without a message the robot counts as silent, s.
         delay_s: How old messages are when they arrive, s, so that their stamps mean nothing; None to go by the stamps.
     """
@@ -170,11 +177,12 @@ class Odometer:
         lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
         time_s = min(lapsed_s, SETTLED_S) + self._fresh_s  # messages that waited arrive together
         speed = max(self._speed, min(_speed(before.twist), _speed(after.twist)))
-        turn_rate = max(self._turn_rate, min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)))
+        told = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)) * time_s
+        unseen = self._turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
         moved = math.dist((before.pose.x, before.pose.y), (after.pose.x, after.pose.y))
         turned = abs(wrap(after.pose.heading - before.pose.heading))
         long_ago = after.arrived_s - before.arrived_s > self._fresh_s  # it may have turned all round
-        return moved <= JUMP_M + speed * time_s and (long_ago or turned <= JUMP_RAD + turn_rate * time_s)
+        return moved <= JUMP_M + speed * time_s and (long_ago or turned <= min(JUMP_RAD + max(told, unseen), MOST_RAD))
 
 
 def _speed(twist: Twist) -> float:

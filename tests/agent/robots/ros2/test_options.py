@@ -20,6 +20,7 @@ from patrol.pose import Pose
 from patrol.ros2.formats import FORMATS as KNOWN
 from patrol.ros2.messages import OccupancyGrid
 from patrol.ros2.names import LATCHED
+from patrol.scenario import load_scenario
 from patrol.scenario.model import TerrainSpec
 from tests.ros2_hub import Hub
 
@@ -159,3 +160,10 @@ def test_map_fog_and_path_are_latched_and_another_map_is_left_alone() -> None:
     other = Hub()
     other.link("map_server", "robot1").publisher("map", OccupancyGrid, LATCHED)
     assert not show_map(other.link("fogwatch", "robot1"), settings, terrain, 1)
+
+
+def test_a_car_turns_as_a_scenarios_car_does_unless_its_turning_radius_is_given() -> None:
+    usual = load_scenario({"terrain": {"builtin": "open"}, "robots": {"model": "car"}}).roster[0].turning_radius
+    for more, radius in (((), usual), (("--turning-radius", "2"), 2.0)):
+        given = drive_settings(options("--model", "car", "--speed", "1", *more))
+        assert given.localisation.turn_rate == 1.0 / radius

@@ -14,7 +14,8 @@ from agent.robots.ros2.pose.localisation import (
     Source,
 )
 from agent.robots.ros2.pose.odometer import SETTLED_S
-from patrol.pose import Pose
+from agent.robots.ros2.settings import DriveSettings
+from patrol.pose import Limits, Pose
 from patrol.ros2.frames import composed
 from patrol.ros2.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Transform, Twist
 
@@ -251,16 +252,29 @@ def test_small_jumps_one_after_the_other_are_a_jump() -> None:
     assert "odometry has jumped" in localisation.why
 
 
-def test_odometry_that_turns_at_once_has_jumped() -> None:
-    localisation = with_tf()
-    localisation.odometry(odometry(NOW + 0.05, Pose(1.0, 0.0, 2.5)), NOW + 0.05)
+@pytest.mark.parametrize("turn_rate", [1.0, 8.0])
+def test_odometry_that_turns_at_once_has_jumped(turn_rate: float) -> None:
+    localisation = with_tf(turn_rate=turn_rate)
+    localisation.odometry(odometry(NOW + 0.05, Pose(1.0, 0.0, 1.6)), NOW + 0.05)
     assert localisation.at(NOW + 0.05) is None
 
 
-@pytest.mark.parametrize(("speed", "radius", "steady"), [(2.0, 0.25, True), (2.0, 2.0, False)])
-def test_a_robot_that_turns_as_fast_as_it_can_has_not_jumped(speed: float, radius: float, steady: bool) -> None:
+def test_half_a_turn_is_a_jump_however_fast_the_robot_can_turn() -> None:
+    localisation = with_tf(turn_rate=100.0)
+    localisation.odometry(odometry(NOW + 0.25, Pose(1.0, 0.0, 3.1)), NOW + 0.25)
+    assert localisation.at(NOW + 0.25) is None
+
+
+@pytest.mark.parametrize(("model", "turn_rate"), [("differential", 8.0), ("car", 0.5)])
+def test_how_fast_a_body_can_turn_is_its_own_without_the_margin(model: str, turn_rate: float) -> None:
+    settings = DriveSettings(margin=0.25).of_body(model, Limits(2.0, 0.5, 4.0))
+    assert settings.localisation.turn_rate == turn_rate
+
+
+@pytest.mark.parametrize(("turn_rate", "steady"), [(8.0, True), (1.0, False)])
+def test_a_robot_that_turns_as_fast_as_it_can_has_not_jumped(turn_rate: float, steady: bool) -> None:
     """The messages of 0.25 s are lost, in which it began to turn on the spot at 8 rad/s."""
-    localisation = with_tf(speed=speed, radius=radius)
+    localisation = with_tf(turn_rate=turn_rate)
     localisation.odometry(odometry(NOW + 0.25, Pose(1.0, 0.0, 2.0), Twist(0.0, 0.0, 8.0)), NOW + 0.25)
     assert (localisation.at(NOW + 0.25) is not None) is steady
 
