@@ -179,6 +179,7 @@ def _record(
     from worldsim.output.record import Recorder, header_of
     from worldsim.output.ticks_table import TicksTable
     from worldsim.run_record import INTERRUPTED, PutOff, recording
+    from worldsim.wiring import put_off
     from worldsim.world import World
 
     scenario, options = prepared.scenario, wiring.options
@@ -196,7 +197,7 @@ def _record(
         feed = wiring.feed(world, journal, header, fleet, operator)
         recorder = Recorder(feed, scenario.spares)
         later = PutOff(*wiring.sinks(world, recorder, table, feed.between))
-        wiring.put_off(later, world, fleet, operator, feed)
+        put_off(later, world, fleet, operator, feed.rest)
         reason = INTERRUPTED
         begin_collection()
         give_back_file_pages()

@@ -239,36 +239,6 @@ class Wiring:
         fleet.meanwhile = meanwhile
         return feed
 
-    def put_off(
-        self,
-        later: PutOff,
-        world: World,
-        fleet: LockstepFleet | PacedFleet,
-        operator: Operator | None,
-        feed: Feed,
-    ) -> None:
-        """Have what robots do not wait for done while the world waits for them.
-
-        Args:
-            later: What is written of the tick before.
-            world: Brings the true fog up to date.
-            fleet: Says when nobody waits for the world.
-            operator: Rests where no tick is due; None where nobody can ask.
-            feed: Shows the run to those who watch.
-        """
-
-        def aside() -> None:
-            later.settle()  # first: what is told of the tick before is told by its own fog
-            world.observe()
-
-        def rest() -> None:
-            later.settle()
-            feed.rest()
-
-        fleet.aside = aside
-        if operator is not None:
-            operator.rest = rest
-
     def sinks(
         self, world: World, recorder: Recorder, table: TicksTable, between: Callable[[], None]
     ) -> tuple[Callable[[TickRecord], None], Callable[[Event], None]]:
@@ -341,3 +311,40 @@ def _asking(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
         return answer
 
     return ask
+
+
+def put_off(
+    later: PutOff,
+    world: World,
+    fleet: LockstepFleet | PacedFleet,
+    operator: Operator | None,
+    between: Callable[[], None],
+) -> None:
+    """Have what robots do not wait for done while the world waits for them.
+
+    Args:
+        later: What is written of the tick before.
+        world: Brings the true fog up to date.
+        fleet: Says when nobody waits for the world.
+        operator: Rests where no tick is due; None where nobody can ask.
+        between: Called now and then where no tick is due.
+    """
+
+    def aside() -> None:
+        later.settle()  # first: what is told of the tick before is told by its own fog
+        world.observe()
+
+    def rest() -> None:
+        later.settle()
+        between()
+
+    during = fleet.meanwhile
+
+    def meanwhile() -> None:
+        later.settle()  # a robot takes its time, so nobody waits for the world
+        during()
+
+    fleet.aside = aside
+    fleet.meanwhile = meanwhile
+    if operator is not None:
+        operator.rest = rest

@@ -12,7 +12,7 @@ HEAD = "k,time_s,mfow_s,fog_mean_s,seen,living,sent,delivered,dropped,collisions
 
 
 class TicksTable:
-    """Writes ticks.csv as the run goes; each line reaches the operating system when its tick is done."""
+    """Writes ticks.csv as the run goes; each line reaches the operating system as soon as it is written."""
 
     def __init__(self, path: Path, step: float) -> None:
         """Create the file.

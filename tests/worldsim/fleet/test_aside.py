@@ -16,6 +16,7 @@ from worldsim.fleet.loop import run_ticks
 from worldsim.fleet.paced import PacedFleet
 from worldsim.output.record import Recorder, header_of
 from worldsim.run_record import COMPLETED, MemoryJournal, PutOff
+from worldsim.wiring import put_off
 
 
 class Waiting(RandomFleet):
@@ -158,3 +159,19 @@ def test_the_true_fog_takes_in_a_tick_once(lab: Lab) -> None:
     assert record.seen == world.truth.fog.seen
     world.observe()  # between two ticks there is nothing to observe
     assert np.array_equal(world.truth.fog.last_seen, once)
+
+
+def test_a_tick_is_written_while_a_robot_keeps_the_world_waiting(lab: Lab) -> None:
+    net = Net()
+    fleet = fleet_of(net, deadline_s=5.0)
+    written: list[tuple[int, float]] = []
+    later = PutOff(lambda record: written.append((record.k, net.time)), lambda _: None)
+    put_off(later, lab.patrol(), fleet, None, lambda: None)
+    later.tick(TickRecord(0, (), (), (), (), 0, 0.0, 0))
+    net.mute = {2}
+    began = net.time
+    fleet.phase_a(1, sensed(1))
+    assert [number for number, _, _ in fleet.lost()] == [2]
+    [(k, at)] = written
+    assert k == 0
+    assert at - began < 1.0 < net.time - began
