@@ -46,7 +46,7 @@ def by_all_paths(nearby: Nearby, asked: Question, start: tuple[int, int]) -> Cho
             others = [(row + 1, col + 1) for row, col in asked.others.tolist()]
             rival = wave.lengths_from(view.ground.static, *start, others, limit)
         lengths = wave.lengths_from(view.ground, *start, [start], limit)
-        decay = asked.decay(np.arange(int(lengths[lengths < FAR].max()) + 1).clip(1))
+        decay = asked.decay.table(int(lengths[lengths < FAR].max()))
         best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
         for points in (None, nearby._posts.rows):
             hardest(
