@@ -220,7 +220,7 @@ class Commitment:
         The paths' window may be shared, so it is used within this call only.
         """
         if self._paths is None and home is None:
-            known = self._reach_known(view.tick)
+            known = view.tick < self._stretched_until
             if known or self._measure_nearby(view, start, rivals):
                 nearby = self._nearby.find(self._question(view, rivals), start, whole=not known)
                 if nearby is not None:
@@ -263,10 +263,6 @@ class Commitment:
             reach *= 2
         return None
 
-    def _reach_known(self, tick: int) -> bool:
-        """Whether it is known how far the claimed ground reaches, from not long ago."""
-        return tick < self._stretched_until
-
     def _lay(
         self, view: View, paths: PathWindow, start: Element, rivals: NDArray[np.int64], limit: int, more: int = 0
     ) -> Laid:
@@ -297,12 +293,12 @@ class Commitment:
         return Laid(rival, part, max(1, longest), claimed, handed)
 
     def _measure(self, tick: int, laid: Laid) -> None:
-        """Stretch the law's unit to the reach of the claimed ground, now and then."""
-        if not self._reach_known(tick):
+        """Stretch the law's unit to the reach of the claimed ground, unless that was done not long ago."""
+        if tick >= self._stretched_until:
             self._reaches(tick, laid.claimed or laid.longest)
 
     def _measure_nearby(self, view: View, start: Element, rivals: NDArray[np.int64]) -> bool:
-        """The same without a window, if that can be done; whether it was."""
+        """The same without a window, if that can be done. Returns whether it was."""
         claimed = self._nearby.claimed(view, start, rivals - 1)
         if claimed:
             self._reaches(view.tick, claimed)
