@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.kernels.lengths import spread
+from agent.routes.kernels.lengths import claimed, spread
 from agent.routes.kernels.wave import BLOCKED, SETTLED, STATUS
 
 if TYPE_CHECKING:
@@ -81,8 +81,34 @@ class Layer:
         inside = sorted({(row, col) for row, col in starts if top <= row < bottom and left <= col < right})
         begin = np.array([(row - top + 1) * cols + col - left + 1 for row, col in inside], dtype=np.int64)
         while not spread(ground.state, top, left, cell.reshape(-1), cols, self._lists, begin, limit, *window):
-            self._lists = np.zeros((2, 4 * self._lists.shape[1]), dtype=np.uint32)
+            self._make_room()
         return Cells(cell, top - 1, left - 1, limit)
+
+    def claimed(self, ground: Ground, start: tuple[int, int], rivals: NDArray[np.int64], limit: int) -> int:
+        """The longest path to a point to which no rival has a shorter one.
+
+        Args:
+            ground: What all paths lead over.
+            start: An open point (row, col) of the terrain.
+            rivals: int64 (n, 2), the points on which rivals stand; those off the terrain are left out.
+            limit: The longest path that counts, in hundredths of a point; at most 2**26.
+
+        Returns:
+            Its length in hundredths of a point.
+        """
+        rows, cols = ground.state.shape
+        cell = np.empty(rows * cols, dtype=np.uint32)
+        up, across = rivals[:, 0], rivals[:, 1]
+        inside = (up >= 0) & (up < rows - 2) & (across >= 0) & (across < cols - 2)
+        others = (up[inside] + 1) * cols + across[inside] + 1
+        begin = (start[0] + 1) * cols + start[1] + 1
+        while (longest := int(claimed(ground.state, cell, self._lists, begin, others, limit))) < 0:
+            self._make_room()
+        return longest
+
+    def _make_room(self) -> None:
+        """Make room for more entries."""
+        self._lists = np.zeros((2, 4 * self._lists.shape[1]), dtype=np.uint32)
 
 
 def cells_of(paths: PathWindow, ground: NDArray[np.uint8] | None, box: Box, limit: int) -> Cells:

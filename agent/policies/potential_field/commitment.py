@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.potential_field.cells import around, cells_of
-from agent.policies.potential_field.force import PAPER_POINT, law_reach, log_distance_force, log_fow_force
+from agent.policies.potential_field.force import law_reach, log_fow_force
 from agent.policies.potential_field.kernels.hardest import hardest, reaches
 from agent.policies.potential_field.nearby import Nearby, Question
-from agent.policies.potential_field.search import NO_RIVALS, Laid, Law, least_ways, part_within
+from agent.policies.potential_field.search import NO_RIVALS, Decay, Laid, Law, least_ways, part_within
 from agent.policies.potential_field.shunned import Shunned
 from agent.policies.potential_field.stands import nearest_in_sight
 from agent.policies.potential_field.target import Target
@@ -121,7 +121,7 @@ class Commitment:
         self._near = math.ceil(NEAR_RANGES * sensor.range / self._point)
         sight_points = sensor.range / self._point
         self._nearby = Nearby(setup.posts, sight_points, 100 * self._near, self._width, self._hand_over)
-        self._stretch = 1.0
+        self._decay = Decay(setup.patrol, self._point)
         self._stretched_until = -1
         # What a car heads for depends on points in sight of its target, which may lie outside a window.
         self._widens = paths is None and not self._slack and width_m > 0.0
@@ -219,10 +219,12 @@ class Commitment:
 
         The paths' window may be shared, so it is used within this call only.
         """
-        if self._paths is None and home is None and self._reach_known(view.tick):
-            nearby = self._nearby.find(self._question(view, rivals), start)
-            if nearby is not None:
-                return self._target_near(view, start, nearby)
+        if self._paths is None and home is None:
+            known = view.tick < self._stretched_until
+            if known or self._measure_nearby(view, start, rivals):
+                nearby = self._nearby.find(self._question(view, rivals), start, whole=not known)
+                if nearby is not None:
+                    return self._target_near(view, start, nearby)
         if home is None and self._widens:
             target = self._within_reach(view, start, rivals)
             if target is not None:
@@ -261,10 +263,6 @@ class Commitment:
             reach *= 2
         return None
 
-    def _reach_known(self, tick: int) -> bool:
-        """Whether it is known how far the claimed ground reaches, from not long ago."""
-        return tick < self._stretched_until
-
     def _lay(
         self, view: View, paths: PathWindow, start: Element, rivals: NDArray[np.int64], limit: int, more: int = 0
     ) -> Laid:
@@ -295,25 +293,31 @@ class Commitment:
         return Laid(rival, part, max(1, longest), claimed, handed)
 
     def _measure(self, tick: int, laid: Laid) -> None:
-        """Stretch the law's unit to the reach of the claimed ground, now and then."""
-        if not self._reach_known(tick):
-            self._stretch = max(1.0, (laid.claimed or laid.longest) / self._reach)
-            self._stretched_until = tick + round(STRETCHED_S / self._step)
+        """Stretch the law's unit to the reach of the claimed ground, unless that was done not long ago."""
+        if tick >= self._stretched_until:
+            self._reaches(tick, laid.claimed or laid.longest)
+
+    def _measure_nearby(self, view: View, start: Element, rivals: NDArray[np.int64]) -> bool:
+        """The same without a window, if that can be done. Returns whether it was."""
+        claimed = self._nearby.claimed(view, start, rivals - 1)
+        if claimed:
+            self._reaches(view.tick, claimed)
+        return bool(claimed)
+
+    def _reaches(self, tick: int, length: int) -> None:
+        """The claimed ground reaches as far as a length in hundredths of a point."""
+        self._decay.stretch(max(1.0, length / self._reach))
+        self._stretched_until = tick + round(STRETCHED_S / self._step)
 
     def _law(self, view: View, laid: Laid, limit: int) -> Law:
         """How hard the points pull to which paths are laid, up to a length in hundredths of a point."""
-        decay, pull = self._decay(np.arange(laid.longest + 1).clip(1)), self._pull(view)
-        return Law(pull, decay, float(pull[-1] + self._decay(np.array([limit]))[0]))
+        decay, pull = self._decay.table(laid.longest), self._pull(view)
+        return Law(pull, decay, float(pull[-1] + self._decay.of(np.array([limit]))[0]))
 
     def _pull(self, view: View) -> NDArray[np.float64]:
         """The logarithm of f by age, ticks."""
         fow = np.arange(view.mfow + 1).clip(1) / view.mfow
         return log_fow_force(self._patrol.fow, fow, self._patrol.alpha)
-
-    def _decay(self, lengths: NDArray[np.int64]) -> NDArray[np.float64]:
-        """The logarithm of g, by lengths in hundredths of a point."""
-        unit, patrol = self._point / PAPER_POINT / 100.0 / self._stretch, self._patrol
-        return log_distance_force(patrol.distance, lengths.astype(np.float64) * unit, patrol.beta, patrol.length)
 
     def _question(self, view: View, rivals: NDArray[np.int64]) -> Question:
         """What is asked for first: a stale point that is not handed over."""

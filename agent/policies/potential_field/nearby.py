@@ -21,9 +21,8 @@ from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, UNKNOW
 from agent.routes.routes import LONGEST
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from agent.belief.posts import Posts
+    from agent.policies.potential_field.search import Decay
     from agent.routes.routes import Element
     from agent.view import View
 
@@ -86,7 +85,7 @@ class Question(NamedTuple):
     Attributes:
         view: Of this tick.
         pull: As log_pull of `agent.policies.potential_field.kernels.hardest.hardest`.
-        decay: The logarithm of g, by lengths in hundredths of a point, float64.
+        decay: The logarithm of g.
         others: int64 (n, 2), the points (row, col) of the terrain on which rivals stand.
         shunned: int64 (n, 3), see `agent.policies.potential_field.kernels.hardest.hardest`.
         least: Points younger than this are left out, ticks.
@@ -94,14 +93,14 @@ class Question(NamedTuple):
 
     view: View
     pull: NDArray[np.float64]
-    decay: Callable[[NDArray[np.int64]], NDArray[np.float64]]
+    decay: Decay
     others: NDArray[np.int64]
     shunned: NDArray[np.int64]
     least: int
 
     def beyond(self, limit: int) -> float:
         """The hardest that a point could pull whose path is longer than a limit in hundredths of a point."""
-        return float(self.pull[-1] + self.decay(np.array([limit]))[0])
+        return float(self.pull[-1] + self.decay.of(np.array([limit]))[0])
 
 
 class Nearby:
@@ -126,19 +125,20 @@ class Nearby:
         self._first = max(0, min(math.ceil(100.0 * BEYOND_SIGHT * sight), near - self._decided))
         self._layer = Layer()
 
-    def find(self, asked: Question, start: Element) -> Found | None:
+    def find(self, asked: Question, start: Element, *, whole: bool = False) -> Found | None:
         """The point that pulls hardest, unless a rival's way there is shorter by more than is handed over.
 
         Args:
             asked: In this tick.
             start: The element of the ground on which the robot stands.
+            whole: Whether to choose as if nothing but the whole terrain were looked at.
 
         Returns:
             None where nothing within the small window pulls, or nothing bounds how far away something could.
         """
-        best, limit = None, self._near
+        best, limit, known = None, self._near, LONGEST if whole else self._near
         for limit in (self._first, self._near) if self._first >= EVERY else (self._near,):
-            best = self._hardest(asked, self._survey(asked, start, limit), limit, self._near)
+            best = self._hardest(asked, self._survey(asked, start, limit), limit, known)
             if best is not None:
                 break
         if best is None or best.force > asked.beyond(limit):
@@ -147,10 +147,29 @@ class Nearby:
         if needed is None:
             return None
         own, least = self._survey(asked, start, needed), best.force
+        if whole:
+            return self._hardest(asked, own, needed, known, least)
         best = self._hardest(asked, own, min(needed, self._near), self._near, least)
         if needed <= self._near or (best is not None and best.force > asked.beyond(self._near)):
             return best
         return self._hardest(asked, own, needed, LONGEST, least)
+
+    def claimed(self, view: View, start: Element, others: NDArray[np.int64]) -> int | None:
+        """How far the robot's claimed ground reaches.
+
+        Args:
+            view: Of this tick.
+            start: The element of the ground on which it stands.
+            others: int64 (n, 2), the points (row, col) of the terrain on which rivals stand.
+
+        Returns:
+            Hundredths of a point; 0 where it claims nothing but its own place. None while something is closed, because
+            rivals' paths then lead over other ground than the robot's own.
+        """
+        if view.ground.static is not view.ground:
+            return None
+        rivals = others if self._width > 0.0 else NOBODY
+        return self._layer.claimed(view.ground, (start[0] - 1, start[1] - 1), rivals, LONGEST)
 
     def paths(self, view: View, start: Element, limit: int) -> Cells:
         """The robot's own paths.
@@ -166,7 +185,7 @@ class Nearby:
     def _needed(self, asked: Question, force: float, least: int) -> int | None:
         """The length from which on nothing pulls as hard as a force, hundredths of a point; None without one."""
         limits = np.arange(least, 100 * sum(asked.view.ground.terrain.shape), EVERY)
-        weaker = np.flatnonzero(asked.pull[-1] + asked.decay(limits) < force - ROUNDING * (1.0 + abs(force)))
+        weaker = np.flatnonzero(asked.pull[-1] + asked.decay.of(limits) < force - ROUNDING * (1.0 + abs(force)))
         return int(limits[weaker[0]]) if weaker.size else None
 
     def _hardest(
@@ -215,7 +234,7 @@ class Nearby:
         """Lay the robot's own paths up to a length in hundredths of a point, and find what they lead to."""
         own, fog, tick = self.paths(asked.view, start, limit), asked.view.fog, asked.view.tick
         rows, cols = own.cell.shape
-        decay = asked.decay(np.arange(limit + 1).clip(1))
+        decay = asked.decay.table(limit)
         nearest, oldest = np.full((2, rows, -(-cols // STRIP)), UNKNOWN, dtype=np.int32)
         survey(own.cell, limit, fog.last_seen, own.row0, own.col0, nearest, oldest)
         ages = np.clip(tick - np.maximum(oldest, 0), 0, asked.pull.size - 1)

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.policies.potential_field.force import PAPER_POINT, log_distance_force
+
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
     from agent.routes.routes import Element
+    from patrol.scenario import PatrolSpec
 
 NO_RIVALS = np.zeros((0, 0), dtype=np.int32)
 """The lengths of rivals' paths where there are no rivals."""
@@ -45,6 +48,54 @@ class Law(NamedTuple):
     pull: NDArray[np.float64]
     decay: NDArray[np.float64]
     beyond: float
+
+
+class Decay:
+    """The logarithm of g by length, with a unit of length that may be stretched."""
+
+    def __init__(self, patrol: PatrolSpec, point: float) -> None:
+        """Compute nothing yet.
+
+        Args:
+            patrol: The scenario's section `patrol`, with the function's name and constants.
+            point: Side of the terrain's points, m.
+        """
+        self._patrol = patrol
+        self._point = point
+        self._stretch = 1.0
+        self._table = np.zeros(0)
+
+    def stretch(self, by: float) -> None:
+        """Choose the unit of length.
+
+        Args:
+            by: How many times as long it is as the paper's.
+        """
+        if by != self._stretch:
+            self._stretch, self._table = by, self._table[:0]
+
+    def of(self, lengths: NDArray[np.int64]) -> NDArray[np.float64]:
+        """By lengths above 0.
+
+        Args:
+            lengths: In hundredths of a point.
+        """
+        unit, patrol = self._point / PAPER_POINT / 100.0 / self._stretch, self._patrol
+        return log_distance_force(patrol.distance, lengths.astype(np.float64) * unit, patrol.beta, patrol.length)
+
+    def table(self, longest: int) -> NDArray[np.float64]:
+        """By length in hundredths of a point; 0 counts as 1.
+
+        Args:
+            longest: The last length.
+
+        Returns:
+            float64 (longest + 1,), read-only.
+        """
+        if self._table.size <= longest:
+            self._table = self.of(np.arange(max(longest + 1, 2 * self._table.size)).clip(1))
+            self._table.flags.writeable = False
+        return self._table[: longest + 1]
 
 
 def least_ways(start: Element, others: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -25,6 +25,113 @@ index = types.uint64
 
 
 # fmt: off
+@njit(types.void(GRID, int64, int64, CELLS, int64, int64, int64, int64, int64, int64), cache=True, nogil=True)
+def _clear(state, row0, col0, cell, cols, unknown, top, bottom, left, right):
+    """Make the cells of a box ready, with all paths unknown; see `spread`."""
+    for row in range(top, bottom):
+        line = cell[row * cols + left : row * cols + right]
+        if row == top or row == bottom - 1:
+            line[:] = 0
+            continue
+        known = state[row0 + row, col0 + left : col0 + right]
+        for k in range(line.size):
+            line[k] = unknown << 1 | (known[k] & 4) >> 2 if known[k] & 3 != 0 else 0
+        line[0] = line[line.size - 1] = 0
+
+
+@njit(types.boolean(CELLS, int64, LISTS, int64, int64, int64), cache=True, nogil=True)
+def _run(cell, cols, lists, starts, limit, scale):
+    """Let paths run from the entries in the first of the lists.
+
+    Args:
+        cell: See `spread`; what a cell holds above its lowest bit is counted in hundredths of a point over ``scale``.
+        cols: See `spread`.
+        lists: See `spread`.
+        starts: Number of entries.
+        limit: Longest path to follow, as counted.
+        scale: 1, or 2 for `claimed`: then it is over as soon as no path with an even count goes on.
+
+    Returns:
+        See `spread`.
+    """
+    waiting, end, now, later, room = starts, 0, lists[0], lists[1], lists.shape[1] - 8
+    straight_step, diagonal_step = 200 * scale, 282 * scale
+    while waiting > 0 and waiting < room and end < limit:
+        if scale == 2:
+            own = 0
+            for k in range(waiting):
+                own += 1 - (cell[index(now[index(k)] >> types.uint32(4))] >> types.uint32(1) & types.uint32(1))
+            if own == 0:
+                return True
+        end = min(end + STRETCH * scale, limit)
+        stop = end << 1 | 1
+        done, put = 0, 0
+        while done < waiting < room and put < room:
+            entry = int64(now[index(done)])
+            done += 1
+            here, only = entry >> 4, entry & 15
+            known = int64(cell[index(here)])
+            if known > stop:
+                later[index(put)] = entry
+                put += 1
+                continue
+            for way in range(4):
+                if only != ALL_WAYS and only & 3 != way:
+                    continue
+                across, up = 1 if way % 3 == 0 else -1, cols if way < 2 else -cols
+                way_across, way_up = 4 if across == 1 else 6, 5 if up > 0 else 7
+                at, far = here, known & ~1
+                # A diagonal run has straight ones to both sides at each of its points, but not where all ways begin.
+                sides, straight, step = 2, way_across, across
+                if only > 3:
+                    sides, straight, step = 1, way + 4, (1, cols, -1, -cols)[way]
+                while waiting < room and put < room:
+                    for side in range(sides):
+                        if side == 1:
+                            straight, step = way_up, up
+                        there, away = at + step, far + straight_step
+                        beyond = int64(cell[index(there)])
+                        while away < beyond & ~1:
+                            cell[index(there)] = away | beyond & 1
+                            if beyond & BESIDE != 0 or away > stop:
+                                on = there << 4 | (ALL_WAYS if beyond & BESIDE != 0 else straight)
+                                if away > stop:
+                                    later[index(put)] = on
+                                    put += 1
+                                else:
+                                    now[index(waiting)] = on
+                                    waiting += 1
+                                break
+                            there += step
+                            away += straight_step
+                            beyond = int64(cell[index(there)])
+                    if only < ALL_WAYS and only > 3:
+                        break
+                    if sides == 1 and (cell[index(at + across)] == 0 or cell[index(at + up)] == 0):
+                        break
+                    sides, straight, step = 2, way_across, across
+                    at += across + up
+                    far += diagonal_step
+                    beyond = int64(cell[index(at)])
+                    if far >= beyond & ~1:
+                        break
+                    cell[index(at)] = far | beyond & 1
+                    if beyond & BESIDE != 0 or far > stop:
+                        on = at << 4 | (ALL_WAYS if beyond & BESIDE != 0 else way)
+                        if far > stop:
+                            later[index(put)] = on
+                            put += 1
+                        else:
+                            now[index(waiting)] = on
+                            waiting += 1
+                        break
+        if max(waiting, put) >= room:
+            return False
+        now, later = later, now
+        waiting = put
+    return waiting < room
+
+
 @njit(
     types.boolean(GRID, int64, int64, CELLS, int64, LISTS, STARTS, int64, int64, int64, int64, int64),
     cache=True,
@@ -51,88 +158,51 @@ def spread(state, row0, col0, cell, cols, lists, starts, limit, top, bottom, lef
     Returns:
         Whether there was room enough in ``lists``; if not, nothing that was written has any meaning.
     """
-    for row in range(top, bottom):
-        line = cell[row * cols + left : row * cols + right]
-        if row == top or row == bottom - 1:
-            line[:] = 0
-            continue
-        known = state[row0 + row, col0 + left : col0 + right]
-        for k in range(line.size):
-            line[k] = UNKNOWN << 1 | (known[k] & 4) >> 2 if known[k] & 3 != 0 else 0
-        line[0] = line[line.size - 1] = 0
-    room = lists.shape[1] - 8
-    for k in range(min(starts.size, room)):
+    _clear(state, row0, col0, cell, cols, UNKNOWN, top, bottom, left, right)
+    for k in range(min(starts.size, lists.shape[1] - 8)):
         cell[index(starts[k])] = BESIDE
         lists[0, k] = starts[k] << 4 | ALL_WAYS
-    waiting, end, now, later = starts.size, 0, lists[0], lists[1]
-    while waiting > 0 and waiting < room and end < limit:
-        end = min(end + STRETCH, limit)
-        stop = end << 1 | 1
-        done, put = 0, 0
-        while done < waiting < room and put < room:
-            entry = int64(now[index(done)])
-            done += 1
-            here, only = entry >> 4, entry & 15
-            known = int64(cell[index(here)])
-            if known > stop:
-                later[index(put)] = entry
-                put += 1
-                continue
-            for way in range(4):
-                if only != ALL_WAYS and only & 3 != way:
-                    continue
-                across, up = 1 if way % 3 == 0 else -1, cols if way < 2 else -cols
-                way_across, way_up = 4 if across == 1 else 6, 5 if up > 0 else 7
-                at, far = here, known & ~1
-                # A diagonal run has straight ones to both sides at each of its points, but not where all ways begin.
-                sides, straight, step = 2, way_across, across
-                if only > 3:
-                    sides, straight, step = 1, way + 4, (1, cols, -1, -cols)[way]
-                while waiting < room and put < room:
-                    for side in range(sides):
-                        if side == 1:
-                            straight, step = way_up, up
-                        there, away = at + step, far + 200
-                        beyond = int64(cell[index(there)])
-                        while away < beyond & ~1:
-                            cell[index(there)] = away | beyond & 1
-                            if beyond & BESIDE != 0 or away > stop:
-                                on = there << 4 | (ALL_WAYS if beyond & BESIDE != 0 else straight)
-                                if away > stop:
-                                    later[index(put)] = on
-                                    put += 1
-                                else:
-                                    now[index(waiting)] = on
-                                    waiting += 1
-                                break
-                            there += step
-                            away += 200
-                            beyond = int64(cell[index(there)])
-                    if only < ALL_WAYS and only > 3:
-                        break
-                    if sides == 1 and (cell[index(at + across)] == 0 or cell[index(at + up)] == 0):
-                        break
-                    sides, straight, step = 2, way_across, across
-                    at += across + up
-                    far += 282
-                    beyond = int64(cell[index(at)])
-                    if far >= beyond & ~1:
-                        break
-                    cell[index(at)] = far | beyond & 1
-                    if beyond & BESIDE != 0 or far > stop:
-                        on = at << 4 | (ALL_WAYS if beyond & BESIDE != 0 else way)
-                        if far > stop:
-                            later[index(put)] = on
-                            put += 1
-                        else:
-                            now[index(waiting)] = on
-                            waiting += 1
-                        break
-        if max(waiting, put) >= room:
-            return False
-        now, later = later, now
-        waiting = put
-    return waiting < room
+    return _run(cell, cols, lists, starts.size, limit, 1)
+
+
+@njit(int64(GRID, CELLS, LISTS, int64, STARTS, int64), cache=True, nogil=True)
+def claimed(state, cell, lists, start, rivals, limit):
+    """The longest path from a start to a point to which no rival has a shorter one.
+
+    All paths grow at once, and a point's cell holds the shortest: twice its length if it begins at the start, or 1 more
+    if it begins at a rival, so that a tie is the start's. What lies on a shortest path to a point that a rival is not
+    nearer to is itself such a point. So it is over when the start's paths have been cut off on every side.
+
+    Args:
+        state: uint8 (m, n), see `agent.routes.kernels.wave.HEMMED`.
+        cell: uint32 (m n,), overwritten.
+        lists: See `spread`.
+        start: Flat index of the start, which is open.
+        rivals: int64 (s,), flat indices of where the rivals' paths start.
+        limit: Longest path that counts, in hundredths of a point; at most 2**26.
+
+    Returns:
+        Its length in hundredths of a point; -1 if there was not room enough in ``lists``.
+    """
+    rows, cols = state.shape
+    _clear(state, 0, 0, cell, cols, 8 * UNKNOWN, 0, rows, 0, cols)
+    starts = rivals.size + 1
+    if starts > lists.shape[1] - 8:
+        return -1
+    for k in range(rivals.size):
+        cell[index(rivals[k])] = 1 << 1 | BESIDE
+        lists[0, k] = rivals[k] << 4 | ALL_WAYS
+    cell[index(start)] = BESIDE
+    lists[0, rivals.size] = start << 4 | ALL_WAYS
+    if not _run(cell, cols, lists, starts, 2 * limit + 1, 2):
+        return -1
+    most, past = types.uint32(0), types.uint32(4 * limit + 4)
+    for row in range(1, rows - 1):
+        line = cell[row * cols : row * cols + cols]
+        for k in range(line.size):
+            own = line[k] & types.uint32(2) == 0 and line[k] < past
+            most = max(most, line[k] if own else types.uint32(0))
+    return int64(most >> types.uint32(2))
 
 
 @njit(types.void(CELLS, FOUND, int64, int64, int64, int64, int64), cache=True, nogil=True)

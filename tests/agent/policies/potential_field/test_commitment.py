@@ -269,13 +269,16 @@ def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives(monk
         sensor={"range": 1.5},
     )
     found = []
-    for widens in (True, False):
+    for widens, measures in ((True, False), (False, False), (False, True)):
         robots, targets = Robots(given), []
         decided: list[bool] = []
         for number in range(len(starts)):
             commitment = commitment_of(robots, number)
             assert commitment._widens
             commitment._widens = widens
+            if not measures:
+                # As while something is closed.
+                monkeypatch.setattr(commitment._nearby, "claimed", lambda *_: None)
             whole = commitment._within_reach
 
             def counted(*what: Any, search: Any = whole, decided: list[bool] = decided) -> Target | None:
@@ -289,7 +292,7 @@ def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives(monk
             targets.append([target_of(robots, number) for number in range(len(starts))])
         found.append(targets)
         assert any(decided) == widens
-    assert found[0] == found[1]
+    assert found[0] == found[1] == found[2]
 
 
 # --- leaving a circle ------------------------------------------------------------------------------------------------

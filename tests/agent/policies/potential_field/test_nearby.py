@@ -13,13 +13,14 @@ from agent.policies.potential_field.cells import Layer, around, cells_of
 from agent.policies.potential_field.kernels.hardest import hardest
 from agent.policies.potential_field.kernels.stands import nearest_stand
 from agent.policies.potential_field.nearby import Found, Nearby, Question
-from agent.policies.potential_field.search import NO_RIVALS
+from agent.policies.potential_field.search import NO_RIVALS, Decay
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR
 from agent.routes.routes import LONGEST
 from agent.routes.wave import Wave
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
+from patrol.scenario import PatrolSpec
 from tests.agent.plans import Robots, prepared_in
 
 Choice = tuple[tuple[int, int], tuple[int, int]]
@@ -36,17 +37,17 @@ def cluttered(seed: int, shape: tuple[int, int], blocks: int, point: float = 0.2
     return Terrain("cluttered", passable, point)
 
 
-def by_all_paths(nearby: Nearby, asked: Question, start: tuple[int, int]) -> Choice | None:
+def by_all_paths(nearby: Nearby, asked: Question, start: tuple[int, int], whole: bool) -> Choice | None:
     """The same choice by windows over the whole terrain; None where not even the small one would hold a point."""
     view, wave = asked.view, asked.view.routes.window()
-    for near in (True, False):
+    for near in (False,) if whole else (True, False):
         limit = nearby._near if near else LONGEST
         rival = NO_RIVALS
         if nearby._width > 0.0 and len(asked.others):
             others = [(row + 1, col + 1) for row, col in asked.others.tolist()]
             rival = wave.lengths_from(view.ground.static, *start, others, limit)
         lengths = wave.lengths_from(view.ground, *start, [start], limit)
-        decay = asked.decay(np.arange(int(lengths[lengths < FAR].max()) + 1).clip(1))
+        decay = asked.decay.table(int(lengths[lengths < FAR].max()))
         best, place = np.array([-np.inf]), np.zeros(4, dtype=np.int64)
         for points in (None, nearby._posts.rows):
             hardest(
@@ -97,9 +98,11 @@ def test_it_is_the_point_that_pulls_hardest_of_all(
     limits: list[int] = []
     found, real = [], Nearby.find
 
-    def checked(self: Nearby, asked: Question, start: tuple[int, int]) -> Found | None:
-        result = real(self, asked, start)
-        wanted = by_all_paths(self, asked, start)
+    def checked(self: Nearby, asked: Question, start: tuple[int, int], *, whole: bool = False) -> Found | None:
+        result = real(self, asked, start, whole=whole)
+        other = real(self, asked, start, whole=not whole)
+        assert other is None or (other.point, other.close) == by_all_paths(self, asked, start, not whole)
+        wanted = by_all_paths(self, asked, start, whole)
         assert result is None or (result.point, result.close) == wanted
         found.append(result is not None)
         if result is not None:
@@ -125,6 +128,35 @@ def test_a_box_holds_the_lengths_of_paths_that_do_not_leave_it(seed: int) -> Non
             known = int(cells.cell[row - cells.row0, col - cells.col0])
             length = known >> 1 if 0 < known <= 2 * limit + 1 else FAR
             assert length == whole[row + 1, col + 1]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_claimed_ground_reaches_as_far_as_the_paths_of_all_robots_say(seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    terrain = cluttered(seed, (60, 70), int(dice.integers(0, 60)))
+    ground, wave = Ground(terrain, terrain.passable), Wave(60, 70, 70)
+    open_points = np.argwhere(terrain.passable)
+    start, *others = open_points[dice.integers(0, len(open_points), int(dice.integers(1, 8)))].tolist()
+    if seed % 5 == 0:
+        others.append(start)
+    rivals = np.array(others, dtype=np.int64).reshape(-1, 2)
+    rival = wave.lengths_from(ground, 1, 1, [(row + 1, col + 1) for row, col in others], LONGEST)
+    own = wave.lengths_from(ground, 1, 1, [(start[0] + 1, start[1] + 1)], LONGEST)
+    off = np.vstack([rivals, [[-1, 3], [60, 3], [3, 70]]])
+    for limit in (LONGEST, int(dice.integers(0, 4000))):
+        expected = int(own[(own <= np.minimum(rival, limit))].max())
+        assert Layer().claimed(ground, (start[0], start[1]), off, limit) == expected
+
+
+@pytest.mark.parametrize("name", ["g1", "g2", "g3", "g4", "g5"])
+def test_a_table_of_g_holds_what_each_length_gives_by_itself(name: str) -> None:
+    decay = Decay(PatrolSpec.model_validate({"distance": name}), 0.1)
+    for stretch in (1.0, 3.7, 1.0):
+        decay.stretch(stretch)
+        for longest in (0, 7, 500, 120, 9001):
+            table = decay.table(longest)
+            alone = [decay.of(np.array([max(length, 1)]))[0] for length in range(longest + 1)]
+            assert table.tolist() == alone
 
 
 def test_where_there_is_not_room_enough_it_makes_more() -> None:
