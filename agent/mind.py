@@ -86,7 +86,7 @@ class Mind:
         self._ground = ground
         self._routes = routes
         self._chance = chance
-        self._ours = ours
+        self._ours = policy if ours else None  # not what somebody puts in its place
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
@@ -123,7 +123,7 @@ class Mind:
         """
         view = self._look(sensed)
         try:
-            intent = checked(self.policy.decide(view), ours=self._ours)
+            intent = checked(self.policy.decide(view), ours=self.policy is self._ours)
         except PolicyFailed:
             raise
         except (Exception, SystemExit) as error:
