@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from agent.ports import Bearing, Intent, Place, PolicyFailed, Ranking, Stay, Steer
+from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
 from patrol.pose import Command
 
 MAX_FAILURE = 300
@@ -39,8 +39,13 @@ def policy_failure(k: int, failed: BaseException) -> str:
     return f"its policy failed at tick {k}: {printable}"[:MAX_FAILURE]
 
 
-def checked(intent: object) -> Intent:
+def checked(intent: object, *, ours: bool = False) -> Intent:
     """An intent whose numbers can be used; numpy's become Python's, so that they fare alike wherever a mind runs.
+
+    Args:
+        intent: What a policy has returned.
+        ours: Whether the policy is the project's own. Its bearings are not looked at: to ask for all of them would
+            have all of them worked out.
 
     Raises:
         PolicyFailed: It is no intent, or a number in it is none that a body can compute with.
@@ -52,16 +57,17 @@ def checked(intent: object) -> Intent:
         raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
     if not isinstance(intent.figures, Mapping) or not all(isinstance(name, str) for name in intent.figures):
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
-    plain = _plain_numbers(intent)
-    for name, value in _numbers(plain):
+    plain = _plain_numbers(intent, ours)
+    for name, value in _numbers(plain, ours):
         if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
             raise PolicyFailed(f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9")
     return plain
 
 
-def _plain_numbers(intent: Intent) -> Intent:
-    """The same with Python's numbers in place of numpy's."""
-    given = {name: getattr(intent, name) for name in intent.__match_args__ if name not in ("state", "figures")}
+def _plain_numbers(intent: Intent, ours: bool) -> Intent:
+    """The same with Python's numbers in place of numpy's, and a tuple of bearings in place of any other sequence."""
+    left = ("state", "figures", "bearings") if ours else ("state", "figures")
+    given = {name: getattr(intent, name) for name in intent.__match_args__ if name not in left}
     plain = {name: _plain(value) for name, value in given.items()}
     changed = {name: value for name, value in plain.items() if value is not given[name]}
     return replace(intent, **changed) if changed else intent
@@ -72,20 +78,21 @@ def _plain(value: Any) -> Any:
         return value.item()
     if isinstance(value, np.ndarray):
         return tuple(value.tolist())
-    if isinstance(value, tuple | list) and any(isinstance(one, np.generic) for one in value):
-        return tuple(_plain(one) for one in value)
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        # Read once: what is no tuple itself might hold other numbers when the body reads it.
+        read = value if type(value) is tuple else tuple(value)
+        return tuple(_plain(one) for one in read) if any(isinstance(one, np.generic) for one in read) else read
     if isinstance(value, Command) and any(isinstance(number, np.generic) for number in value.numbers):
         return type(value)(*(_plain(number) for number in value.numbers))
     return value
 
 
-def _numbers(intent: Intent) -> list[tuple[str, object]]:
+def _numbers(intent: Intent, ours: bool) -> list[tuple[str, object]]:
     """Every number of an intent that a body computes with, by name."""
     match intent:
         case Bearing(bearings, near, bend, wander):
             alone = [] if wander is None else [("wander", wander)]
-            # A ranking is the project's own, and asking for all of it would have all of it worked out.
-            several = [] if isinstance(bearings, Ranking) else _several("bearings", bearings)
+            several = [] if ours else _several("bearings", bearings)
             return [*several, *alone, *_pair("near", near), *_pair("bend", bend)]
         case Place(x, y, bend, lean, wander):
             alone = [] if wander is None else [("wander", wander)]

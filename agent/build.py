@@ -195,7 +195,7 @@ def build_mind(
         key=key,
     )
     fog = FogView(belief, fields.patrolled, posts)
-    return Mind(facts, belief, fog, ground, Routes(ground, scratch), policy, body, chance)
+    return Mind(facts, belief, fog, ground, Routes(ground, scratch), policy, body, chance, ours=kind.ours)
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:

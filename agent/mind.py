@@ -61,7 +61,22 @@ class Mind:
         policy: Policy,
         body: Body,
         chance: Draw,
+        *,
+        ours: bool = False,
     ) -> None:
+        """Put together what `agent.build` has made.
+
+        Args:
+            facts: What never changes.
+            belief: What the robot believes of others and of the fog.
+            fog: The same as a policy sees it.
+            ground: Where the body fits now.
+            routes: Over that ground.
+            policy: Decides.
+            body: Carries it out.
+            chance: Draws.
+            ours: Whether the policy is the project's own, so that its bearings need not be read before the body does.
+        """
         self.facts = facts
         self.spec = facts.spec
         self.belief = belief
@@ -71,6 +86,7 @@ class Mind:
         self._ground = ground
         self._routes = routes
         self._chance = chance
+        self._ours = policy if ours else None  # not what somebody puts in its place
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
@@ -107,12 +123,12 @@ class Mind:
         """
         view = self._look(sensed)
         try:
-            intent = self.policy.decide(view)
+            intent = checked(self.policy.decide(view), ours=self.policy is self._ours)
         except PolicyFailed:
             raise
         except (Exception, SystemExit) as error:
             raise PolicyFailed(f"raised {type(error).__name__}: {error}") from error
-        choice = self.body.obey(checked(intent), view)
+        choice = self.body.obey(intent, view)
         goal = choice.goal
         return Decision(
             command=choice.command,

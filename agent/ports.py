@@ -13,10 +13,10 @@ unstuck and giving way are the body's business, so that policies compete on equa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Protocol, overload, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from patrol.exchange import Sensed
 from patrol.pose import Command
@@ -49,56 +49,12 @@ class State(StrEnum):
 # --- what a policy wants ---------------------------------------------------------------------------------------------
 
 
-class Ranking(Sequence[float]):
-    """Bearings, best first, of which the first few are known and all others are worked out when somebody asks for them.
-
-    To be read in the tick in which it was made, because only then the others can be worked out.
-    """
-
-    def __init__(self, first: Sequence[float], whole: Callable[[], Sequence[float]]) -> None:
-        """Work out nothing yet.
-
-        Args:
-            first: The best bearings, at least one, rad.
-            whole: Works out all of them, beginning with these; called once at most.
-        """
-        self._known = tuple(first)
-        self._whole: Callable[[], Sequence[float]] | None = whole
-
-    def __iter__(self) -> Iterator[float]:
-        at = 0
-        while at < len(self._known) or at < len(self._all()):
-            yield self._known[at]
-            at += 1
-
-    def __bool__(self) -> bool:
-        return bool(self._known)
-
-    def __len__(self) -> int:
-        return len(self._all())
-
-    def __contains__(self, bearing: object) -> bool:
-        return bearing is not None and (bearing in self._known or bearing in self._all())
-
-    @overload
-    def __getitem__(self, at: int) -> float: ...
-    @overload
-    def __getitem__(self, at: slice) -> tuple[float, ...]: ...
-    def __getitem__(self, at: int | slice) -> float | tuple[float, ...]:
-        return self._known[at] if isinstance(at, int) and 0 <= at < len(self._known) else self._all()[at]
-
-    def _all(self) -> tuple[float, ...]:
-        if self._whole is not None:
-            self._known, self._whole = tuple(self._whole()), None
-        return self._known
-
-
 @dataclass(frozen=True, slots=True)
 class Bearing:
     """Go in the first of these directions in which the body can move.
 
     Attributes:
-        bearings: rad, best first; a tuple, or a `Ranking`.
+        bearings: rad, best first.
         near: A place in sight, x and y in m, at which a body that can stop there should; None for none.
         bend: Where the way to what pulls hardest first bends, x and y in m; a body that keeps getting stuck heads for
             it. None where there is none.
@@ -107,7 +63,7 @@ class Bearing:
         figures: For telemetry.
     """
 
-    bearings: tuple[float, ...] | Ranking
+    bearings: tuple[float, ...]
     near: Spot | None = None
     bend: Spot | None = None
     wander: float | None = None

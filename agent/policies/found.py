@@ -65,9 +65,9 @@ def policy_of(scenario: Scenario) -> PolicyKind:
 
 
 def _paper() -> Any:
-    from agent.policies.potential_field.policy import PotentialField  # here: its kernels take time to load
+    from agent.policies.potential_field.lazy import LazyPotentialField  # here: its kernels take time to load
 
-    return PotentialField
+    return LazyPotentialField
 
 
 def _load(patrol: PatrolSpec) -> Any:

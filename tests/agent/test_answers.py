@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -132,6 +133,29 @@ def test_a_command_is_a_command(command: Any) -> None:
 def test_bearings_are_a_tuple(bearings: Any) -> None:
     with pytest.raises(PolicyFailed, match=r"returned an intent with bearings = .*, which is no tuple of numbers"):
         checked(Bearing(bearings))
+
+
+class Fickle(Sequence[float]):
+    """Holds other numbers each time that it is read, and in the end none."""
+
+    def __init__(self, *numbers: Any) -> None:
+        self.numbers = list(numbers)
+
+    def __len__(self) -> int:
+        return 1
+
+    def __getitem__(self, at: Any) -> Any:
+        if at:
+            raise IndexError(at)
+        return self.numbers.pop(0)
+
+
+def test_a_sequence_of_ones_own_is_read_once() -> None:
+    intent = checked(Bearing(Fickle(0.5, math.nan)))  # type: ignore[arg-type]
+    assert intent == Bearing((0.5,))
+    for bad in (math.nan, "north", None):
+        with pytest.raises(PolicyFailed, match="returned Bearing with bearings = "):
+            checked(Bearing(Fickle(bad, 0.5)))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("spot", [3.0, (), (1.0,), (1.0, 2.0, 3.0), "ab"], ids=repr)

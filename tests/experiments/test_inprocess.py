@@ -195,7 +195,7 @@ import time
 
 from pydantic import BaseModel
 
-from agent.ports import Stay
+from agent.ports import Bearing, Stay
 
 
 class Failing:
@@ -212,9 +212,16 @@ class Failing:
                 raise RuntimeError("no idea")
             if self.how == "rubbish":
                 return "patrolling"
+            if self.how == "torn":
+                return Bearing(Torn((1.0,)))
             while True:
                 time.sleep(0.01)
         return Stay("resting")
+
+
+class Torn(tuple):
+    def __iter__(self):
+        raise KeyError("gone")
 """
 
 
@@ -229,6 +236,7 @@ def failing(folder: Path, **options: str) -> Scenario:
     [
         ("raise", "its policy failed at tick 4: raised RuntimeError: no idea (failing.py:20)"),
         ("rubbish", "its policy failed at tick 4: returned str; return Bearing, Place, Stay or Steer"),
+        ("torn", "its policy failed at tick 4: raised KeyError: 'gone' (failing.py:32)"),
         ("hang", "its policy failed at tick 4: took longer than 0.3 s to decide"),
     ],
 )

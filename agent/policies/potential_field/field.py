@@ -159,6 +159,11 @@ class Field:
             standing = dilated(self._span(length))
             self._gather(0, min(length, self._first), standing, seen, tick, by_age, forces)
             if length > self._first:
+                horizon = self._horizon(forces, by_age)
+                if length > horizon:
+                    # `pull` leaves out forces that would be summed here, so the orders may differ.
+                    rungs.keep_within(horizon)
+                    break
                 self._gather(self._first, length, standing, seen, tick, by_age, forces)
             strongest = float(forces.strongest[0])
             if sure := rungs.sure(rung, forces.sums, strongest):
@@ -208,9 +213,8 @@ class Field:
         forces = self._forces()
         first = self._first
         self._gather(0, first, dilated(self._span(first)), seen, tick, by_age, forces)
-        exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
-        horizon = self.law.horizon(exerted, float(by_age[-1]))
-        self._expected = max(first, horizon)
+        horizon = self._horizon(forces, by_age)
+        self._expected = horizon
         if horizon > first:
             self._gather(first, horizon, dilated(self._span(horizon)), seen, tick, by_age, forces)
         return self._found(nearby, forces)
@@ -218,6 +222,11 @@ class Field:
     def _found(self, nearby: _Forces, forces: _Forces, sure: int | None = None) -> Pull:
         close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
         return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces), sure)
+
+    def _horizon(self, forces: _Forces, by_age: NDArray[np.float64]) -> int:
+        """The longest path to be followed, by the forces of the first round; see `ForceLaw`."""
+        exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
+        return max(self._first, self.law.horizon(exerted, float(by_age[-1])))
 
     def _span(self, length: int) -> int:
         """How many rows and columns a path reaches at most, by its length in hundredths of a point."""

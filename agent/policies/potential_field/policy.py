@@ -22,7 +22,7 @@ from agent.policies.potential_field.separation import (
     occupied_areas,
     repel,
 )
-from agent.ports import Bearing, Intent, PolicySetup, Ranking, Stay
+from agent.ports import Bearing, Intent, PolicySetup, Stay
 from agent.routes.ground import Area, Disc
 from agent.view import View
 from patrol.pose import TAU
@@ -85,8 +85,7 @@ class PotentialField:
         if start is None:
             # The body has to find its way back to the reachable ground first.
             return Bearing((), wander=self._random_step(view))
-        pull = self._pull(view, start)
-        bearings = self._bearings(view, start, pull)
+        pull, bearings = self._ranked(view, start)
         wander = self._random_step(view)
         figures = dict(zip(self._names, pull.sums.tolist(), strict=False))
         if not bearings:
@@ -120,20 +119,25 @@ class PotentialField:
         if discs or areas:
             view.ground.close(discs, areas)
 
-    def _pull(self, view: View, start: tuple[int, int], *, whole: bool = False) -> Pull:
+    def _ranked(self, view: View, start: tuple[int, int]) -> tuple[Pull, tuple[float, ...]]:
+        """The forces at this tick, and the bearings to try, rad, best first."""
+        pull = self._pull(view, start)
+        return pull, self._bearings(pull)
+
+    def _pull(self, view: View, start: tuple[int, int], *, lead: bool = False) -> Pull:
         """The forces at this tick, modified by other robots and by close obstacles.
 
         Args:
             view: Of this tick.
             start: The element of the ground on which the robot stands.
-            whole: Whether all of them are wanted. Otherwise those are left out that cannot change which way it goes.
+            lead: Whether those may be left out that cannot change which way it goes first.
         """
         rivals = [(row, col) for row, col in self._rivals(view).tolist()]
         fog = view.fog
         assert self._field is not None
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
         asked = (view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)
-        if not whole and self._fuzzy is None and "repulsion" not in self._separations:
+        if lead and self._fuzzy is None and "repulsion" not in self._separations:
             return self._field.lead(*asked, fog.blocks)
         pull = self._field.pull(*asked)
         if self._fuzzy is not None:
@@ -142,15 +146,8 @@ class PotentialField:
             repel(pull.sums, view.pose, view.peers, self._patrol)
         return pull
 
-    def _bearings(self, view: View, start: tuple[int, int], pull: Pull) -> tuple[float, ...] | Ranking:
-        """The bearings to try, rad, best first."""
-        if pull.sure is None:
-            return tuple(self._all_bearings(pull))
-        best = bearings_by_force(pull.sums)[: pull.sure]
-        return Ranking(best, lambda: self._all_bearings(self._pull(view, start, whole=True)))
-
-    def _all_bearings(self, pull: Pull) -> list[float]:
-        """The same where no force was left out."""
+    def _bearings(self, pull: Pull) -> tuple[float, ...]:
+        """The bearings to try where no force was left out, rad, best first."""
         if self._patrol.direction == "vector" and pull.sums.size:
-            return bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), self._patrol.sectors)
-        return bearings_by_force(pull.sums)
+            return tuple(bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), self._patrol.sectors))
+        return tuple(bearings_by_force(pull.sums))

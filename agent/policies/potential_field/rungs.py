@@ -2,7 +2,8 @@
 
 Forces are summed along paths up to one of a few lengths, the rungs. Of all that lies beyond each rung, bounds of the
 sum and of the greatest force are known before any path is. Sums only grow. So where the bounds neither put another
-sector before the strongest one nor exceed the greatest force so far, the rest can be left out.
+sector before the strongest one nor exceed the greatest force so far, the rest can be left out. The
+sums of all forces end at the horizon, so a rung beyond it, which holds forces that they lack, never does.
 """
 
 from __future__ import annotations
@@ -103,6 +104,15 @@ class Rungs:
         left = self.lengths.size
         self._likely = min(self._first_to_do(rung + 1, sums, strongest, rung + STRIDE), left - 1)
         return self._likely if self._likely > rung else left
+
+    def keep_within(self, longest: int) -> None:
+        """Begin the next time with a rung no longer than this.
+
+        Args:
+            longest: In hundredths of a point.
+        """
+        within = int(np.searchsorted(self.lengths, longest, side="right"))
+        self._likely = max(0, min(self._likely, within - 1))
 
     def _first_to_do(self, first: int, sums: FloatArray, strongest: float, otherwise: int) -> int:
         """The first rung, of ``first`` and later ones, that is likely to do."""

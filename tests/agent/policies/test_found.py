@@ -14,7 +14,7 @@ import yaml
 
 from agent.build import build_mind
 from agent.policies.found import GROUP, policy_of
-from agent.policies.potential_field.policy import PotentialField
+from agent.policies.potential_field.lazy import LazyPotentialField
 from agent.ports import PolicyFailed, State
 from patrol.errors import BadInput
 from patrol.pose import Pose
@@ -106,7 +106,7 @@ def refused(scenario: Scenario) -> str:
 def test_the_papers_policy_is_the_default() -> None:
     for scenario in (load_scenario({"terrain": {"builtin": "open"}}), named("potential-field")):
         kind = policy_of(scenario)
-        assert (kind.name, kind.make, kind.options, kind.ours) == ("potential-field", PotentialField, {}, True)
+        assert (kind.name, kind.make, kind.options, kind.ours) == ("potential-field", LazyPotentialField, {}, True)
         assert scenario.patrol.policy_sha256 is None
 
 

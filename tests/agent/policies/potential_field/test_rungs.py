@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -18,7 +18,7 @@ from agent.policies.potential_field.field import Field, Pull
 from agent.policies.potential_field.force import ForceLaw
 from agent.policies.potential_field.kernels.beyond import beyond
 from agent.policies.potential_field.rungs import Rungs
-from agent.routes.ground import Ground
+from agent.routes.ground import Area, Ground
 from agent.routes.wave import Wave
 from experiments.inprocess import run_in_process
 from patrol.ground.fields import StaticFields
@@ -31,9 +31,13 @@ TICK = 300
 
 
 class Room:
-    """A terrain with walls and hidden points, seen in patches, and a field of forces over it."""
+    """A terrain with walls and hidden points, seen in patches, and a field of forces over it.
 
-    def __init__(self, seed: int, **patrol: Any) -> None:
+    With ``kept_out`` no body may enter some areas that are patrolled from outside, and others are closed for this tick.
+    With ``leaving_age`` the robot looks around in a way that leaves some of the points' age.
+    """
+
+    def __init__(self, seed: int, *, kept_out: bool = False, leaving_age: bool = False, **patrol: Any) -> None:
         dice = np.random.default_rng(seed)
         shape = int(dice.integers(90, 260)), int(dice.integers(90, 260))
         passable = np.ones(shape, dtype=np.bool_)
@@ -43,14 +47,21 @@ class Room:
         rows, cols = (dice.integers(0, size, 5) for size in shape)
         passable[rows, cols] = True
         self.places = [(int(row) + 1, int(col) + 1) for row, col in zip(rows, cols, strict=True)]
+        keep_out, closed = np.zeros((2, *shape), dtype=np.bool_)
+        extra = np.random.default_rng((seed, 1))
+        for area in (keep_out, closed) if kept_out else ():
+            for row, col in extra.integers(0, shape, (4, 2)):
+                area[row : row + int(extra.integers(1, 30)), col : col + int(extra.integers(1, 30))] = True
+            area[rows, cols] = False
+        reach = passable & ~keep_out
         proxy = np.full(shape, -1, dtype=np.int32)
-        hidden = np.argwhere(~passable[:, :-1] & passable[:, 1:])
+        hidden = np.argwhere(~reach[:, :-1] & reach[:, 1:])
         for row, col in hidden[dice.random(len(hidden)) < 0.5]:
             proxy[row, col] = row * shape[1] + col + 1
-        patrolled = passable | (proxy >= 0)
-        fields, posts = StaticFields(passable, passable, patrolled, proxy), Posts(proxy)
+        patrolled = reach | (proxy >= 0)
+        fields, posts = StaticFields(reach, reach, patrolled, proxy), Posts(proxy)
         self.fog = Fog(patrolled)
-        self.dilated = Dilated(self.fog, passable, posts, int(dice.integers(0, 20)))
+        self.dilated = Dilated(self.fog, reach, posts, int(dice.integers(0, 20)))
         boxes = []
         for _ in range(int(dice.integers(1, 60))):
             row, col = (int(dice.integers(0, size)) for size in shape)
@@ -60,7 +71,14 @@ class Room:
             boxes.append((row, row + seen.shape[0] - 1, col, col + seen.shape[1] - 1))
         self.dilated.changed(boxes)
         self.mfow = TICK - max(0, int(self.fog.last_seen[patrolled].min()))
-        self.ground = Ground(Terrain("room", passable, POINT), passable)
+        self.looked = self.fog.last_seen
+        if leaving_age:
+            self.looked = self.looked.copy()
+            row, col = (int(place) for place in (rows[0], cols[0]))
+            span = int(extra.integers(1, 60))
+            self.looked[max(0, row - span) : row + span, max(0, col - span) : col + span] = TICK
+        self.ground = Ground(Terrain("room", passable, POINT, keep_out=keep_out), reach)
+        self.ground.close(areas=[Area(closed)] if closed.any() else [])
         spec = PatrolSpec.model_validate({"dilatation": 0, **patrol})
         self.field = Field(spec, fields, posts, POINT, {})
         self.law = ForceLaw(spec, POINT, int(patrolled.sum()), 400 * sum(shape))
@@ -73,7 +91,7 @@ class Room:
     def both(self) -> tuple[Pull, Pull]:
         """With all forces, and with those that are needed, asked a few times as by a robot that stays."""
         rivals = self.places[1:]
-        ask = (self.ground, *self.places[0], self.fog.last_seen, self.standing, TICK, self.mfow, rivals, None)
+        ask = (self.ground, *self.places[0], self.fog.last_seen, self.standing, TICK, self.mfow, rivals, self.looked)
         whole = self.field.pull(*ask)
         return whole, [self.field.lead(*ask, self.dilated.blocks) for _ in range(3)][-1]
 
@@ -87,11 +105,23 @@ LAWS = [("f3", "g4"), ("f1", "g4"), ("f4", "g3"), ("f5", "g5"), ("f1", "g1"), ("
     law=st.sampled_from(LAWS),
     separation=st.sampled_from(["none", "claims"]),
     sectors=st.sampled_from([4, 8, 16]),
+    tolerance=st.sampled_from([0.0, 1e-16, 1e-8, 1e-3, 0.05, 0.5]),
+    kept_out=st.booleans(),
+    leaving_age=st.booleans(),
 )
+@example(71457, ("f5", "g4"), "none", 32, 1e-3, False, False)
+@example(71061, ("f5", "g5"), "none", 16, 0.5, False, False)
 def test_what_is_left_out_changes_no_order_no_stop_and_no_bend(
-    seed: int, law: tuple[str, str], separation: str, sectors: int
+    seed: int,
+    law: tuple[str, str],
+    separation: str,
+    sectors: int,
+    tolerance: float,
+    kept_out: bool,
+    leaving_age: bool,
 ) -> None:
-    whole, some = Room(seed, fow=law[0], distance=law[1], separation=separation, sectors=sectors).both()
+    patrol = {"fow": law[0], "distance": law[1], "separation": separation, "sectors": sectors, "tolerance": tolerance}
+    whole, some = Room(seed, kept_out=kept_out, leaving_age=leaving_age, **patrol).both()
     expected = bearings_by_force(whole.sums)
     sure = sectors if some.sure is None else some.sure
     assert bearings_by_force(some.sums)[:sure] == expected[:sure]
