@@ -42,8 +42,8 @@ LOGS = {ROUTER: "router", WORLD: "world", PAGE: "page", FORK_SERVER: "fork-serve
 NOT_JUDGED = (PAGE, FORK_SERVER)
 """Whose exit codes say nothing about the run."""
 
-ROUTER_S = 10.0
-"""How long a router may take to listen."""
+ROUTER_S = 60.0
+"""How long a router may take to listen, on a machine with much else to do; one that ends is noticed at once."""
 GOODBYE_S = 5.0
 """How long processes may take to leave by themselves once the run is over."""
 PAGE_WAIT_S = "86400"

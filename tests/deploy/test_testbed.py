@@ -54,6 +54,12 @@ class Ran:
 Bed = Callable[..., Ran]
 
 
+def spaces() -> set[str]:
+    """The namespaces of all test beds, of those too that others run meanwhile."""
+    listed = subprocess.run(["ip", "netns", "list"], capture_output=True, text=True, check=False).stdout
+    return {line for line in listed.splitlines() if line.startswith("fogwatch-")}
+
+
 @pytest.fixture
 def bed(tmp_path: Path) -> Iterator[Bed]:
     """Runs a scenario in the test bed; skips where that is not possible."""
@@ -67,9 +73,9 @@ def bed(tmp_path: Path) -> Iterator[Bed]:
             pytest.skip(done.stderr.strip())
         return Ran(done.returncode, done.stdout + done.stderr, out)
 
+    before = spaces()
     yield run
-    spaces = subprocess.run(["ip", "netns", "list"], capture_output=True, text=True, check=False).stdout
-    assert "fogwatch-" not in spaces, "namespaces are left"
+    assert not spaces() - before, "namespaces are left"
 
 
 def decided(ticks: Sequence[TickRecord], place: int) -> list[int]:
