@@ -21,7 +21,7 @@ from patrol.process.forking import Orders, adopting_orphans, ask_for_fork, can_f
 FORK_SERVER = "the fork server"
 """A name that no robot can have."""
 READY_S = 60.0
-"""How long it may take to load, on a machine with much else to do."""
+"""How long the launcher waits for it to load, on a machine with much else to do."""
 ANSWER_S = 10.0
 """How long it may take to fork."""
 _TICK_S = 0.05
@@ -89,7 +89,6 @@ class ForkServer:
         self._stop = stop
         self._control: socket.socket | None = None
         self._asking = threading.Lock()  # robots are started again on a thread of its own
-        self._until = time.monotonic() + READY_S
         self._adopting = ExitStack()
         if not can_fork() or not self._adopting.enter_context(adopting_orphans()):
             return
@@ -143,12 +142,13 @@ class ForkServer:
     def _ready(self) -> bool:
         """Wait until it has loaded; False, and no longer of use, where that fails or takes too long."""
         pipe = self._children.by_name[FORK_SERVER].start
-        while pipe is not None and not self._stop() and time.monotonic() < self._until:
+        until = time.monotonic() + READY_S
+        while pipe is not None:
             if (report := pipe.report(_TICK_S)) is not None:
                 if report.ready:
                     return True
                 break
-            if pipe.ended:
+            if pipe.ended or self._stop() or time.monotonic() >= until:
                 break
         self._give_up()
         return False

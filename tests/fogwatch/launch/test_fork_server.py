@@ -10,11 +10,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from fogwatch.launch.children import Child, Children
-from fogwatch.launch.fork_server import FORK_SERVER, ForkServer
+from fogwatch.launch.fork_server import FORK_SERVER, READY_S, ForkServer
 from patrol.process.forking import can_fork
 from patrol.process.lifeline import INTERRUPTED
 from patrol.process.readiness import StartFailure, StartPipe, StartReport
@@ -204,6 +205,28 @@ def test_a_server_that_stands_still_is_given_up(office: Office) -> None:
     assert office.make("r2") is None
     assert server.process.wait() == -signal.SIGKILL, "it makes no process later on that nobody knows of"
     assert office.make("r2") is None
+
+
+def test_a_server_that_has_loaded_makes_agents_however_late(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
+    office.made("r1")
+    late = time.monotonic() + 2 * READY_S
+    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: late))
+    assert office.make("r2") is not None
+    assert office.children.by_name[FORK_SERVER].poll() is None
+
+
+def test_the_time_to_load_counts_from_the_first_wait(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
+    late = time.monotonic() + 2 * READY_S  # so long the launcher has prepared a large ground
+    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: late))
+    assert office.make("r1") is not None
+
+
+def test_a_server_that_does_not_load_in_time_is_given_up(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, READY_S])
+    office.children.by_name[FORK_SERVER].process.send_signal(signal.SIGSTOP)
+    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: next(clock)))
+    assert office.make("r1") is None
+    assert office.children.by_name[FORK_SERVER].process.wait() == -signal.SIGKILL
 
 
 def test_a_server_that_cannot_load_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
