@@ -15,6 +15,8 @@ from pathlib import Path
 
 _MAPPINGS = Path("/proc/self/smaps")
 _READ_ONLY = ("r--p", "r-xp", "r--s")
+_CHANGED = {"Anonymous:", "Swap:"}
+"""The lines of smaps that count changed pages. Where one of them is missing, nobody knows."""
 _MADV_DONTNEED = 4
 
 
@@ -32,7 +34,8 @@ def unchanged(lines: Iterable[str]) -> Iterator[tuple[int, int]]:
     """The mappings of files whose pages can be read from the files again.
 
     What is mapped read-only may have been changed for this process all the same, by the linker, when it put a library
-    together, or by a debugger. Such pages are anonymous, and where there are any, the whole mapping stays.
+    together, or by a debugger. Such pages are anonymous, in memory or swapped out, and where there may be any, the
+    whole mapping stays.
 
     Args:
         lines: Of smaps, see proc(5).
@@ -41,13 +44,15 @@ def unchanged(lines: Iterable[str]) -> Iterator[tuple[int, int]]:
         The first address of each, and the one after its last.
     """
     mapping: tuple[int, int] | None = None
+    without: set[str] = set()
     for line in lines:
         words = line.split(maxsplit=5)
         if not words[0].endswith(":"):
             is_file = len(words) > 5 and words[5].startswith("/")
             begin, _, end = words[0].partition("-")
             mapping = (int(begin, 16), int(end, 16)) if is_file and words[1] in _READ_ONLY else None
-        elif words[0] == "Anonymous:" and words[1] != "0":
-            mapping = None
-        elif words[0] == "VmFlags:" and mapping is not None:
+            without = set()
+        elif words[1:2] == ["0"]:
+            without.add(words[0])
+        elif words[0] == "VmFlags:" and mapping is not None and without >= _CHANGED:
             yield mapping
