@@ -190,6 +190,40 @@ def test_agents_leave_when_their_launcher_has_died_and_so_does_the_server(tmp_pa
     until(lambda: not any(runs(pid) for pid in pids))
 
 
+@pytest.mark.parametrize("died_before", [False, True])
+def test_a_server_that_loads_dies_with_its_launcher(died_before: bool, tmp_path: Path) -> None:
+    loads = (
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "from agent import fork_server\n"
+        "def load():\n"
+        "    Path(sys.argv[-1]).touch()\n"
+        "    time.sleep(3600)\n"
+        "fork_server._load = load\n"
+        "fork_server.main(sys.argv[1:-1])\n"
+    )
+    launches = (
+        "import os, subprocess, sys, time\n"
+        "_, program, folder, died_before = sys.argv\n"
+        "end, other = os.pipe()\n"
+        "if int(died_before):\n"
+        "    os.close(other)\n"
+        "command = [sys.executable, '-c', program, '--lifeline', str(end), folder + '/loading']\n"
+        "print(subprocess.Popen(command, pass_fds=[end]).pid, flush=True)\n"
+        "time.sleep(3600)\n"
+    )
+    command = [sys.executable, "-c", launches, loads, str(tmp_path), str(int(died_before))]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3]) as launcher:
+        assert launcher.stdout is not None
+        server = int(launcher.stdout.readline())
+        if not died_before:
+            until((tmp_path / "loading").exists)
+            launcher.kill()
+        until(lambda: not runs(server))
+        launcher.kill()
+    assert (tmp_path / "loading").exists() is not died_before
+
+
 def runs(pid: int) -> bool:
     """Whether a process lives; a dead one may wait for whoever takes in orphans."""
     try:
