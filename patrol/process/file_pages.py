@@ -2,8 +2,8 @@
 
 A process maps whole files: libraries, and the grids that a launcher has prepared. What its start reads of them stays in
 its memory, although much of it is never read again: of libllvmlite, which puts compiled kernels into the process, that
-is most of its code. So the process gives all such pages back when it is ready. What it still needs comes from the
-system's cache as it is used, which costs less than a millisecond altogether.
+is most of its code. So the process gives all such pages back when it has loaded, before it opens connections. What it
+still needs comes from the system's cache as it is used, which costs less than a millisecond altogether.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ _MADV_DONTNEED = 4
 
 
 def give_back_file_pages() -> None:
-    """Give back all pages of files of which this process cannot hold changes; outside Linux nothing happens."""
+    """Give back all pages of files of which this process cannot hold changes; outside Linux nothing happens.
+
+    Called while no library's thread maps memory: that could take the place of a file that has just been seen.
+    """
     with suppress(OSError, AttributeError):
         text = _MAPPINGS.read_text(encoding="utf-8", errors="replace")
         advise = ctypes.CDLL(None).madvise
