@@ -13,10 +13,11 @@ import sys
 from collections.abc import Sequence
 
 from patrol.process.command_line import show_as
+from patrol.process.file_pages import give_back_file_pages
 from patrol.process.forking import Orders, serve_forks, threads
 from patrol.process.freed_memory import keep_freed_memory
 from patrol.process.garbage import hold_collection
-from patrol.process.lifeline import continue_when_orphaned, run_process
+from patrol.process.lifeline import die_when_orphaned, run_process
 from patrol.process.readiness import StartFailure, report_failure, report_ready
 
 NEEDED = ("agent.process", "agent.mind_loop", "agent.policies.potential_field.policy", "patrol.net.phases")
@@ -33,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code, of the server or of an agent.
     """
     options = _options(arguments)
-    continue_when_orphaned()
+    die_when_orphaned(options.lifeline)
     _load()
     if (count := threads()) > 1:
         report_failure(options.ready, StartFailure.OTHER, f"cannot fork: a library runs threads ({count} in all)")
@@ -53,6 +54,7 @@ def _load() -> None:
     importlib.import_module("agent.build")
     for module in NEEDED:
         importlib.import_module(module)
+    give_back_file_pages()
 
 
 def _be(orders: Orders, output: int) -> int:
@@ -72,7 +74,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     for name, says in (
         ("--control", "descriptor on which the launcher asks for processes"),
         ("--ready", "descriptor on which this process reports that it is ready"),
-        ("--lifeline", "descriptor that the agents inherit"),
+        ("--lifeline", "descriptor that ends with the launcher, and that the agents inherit"),
     ):
         parser.add_argument(name, type=int, metavar="FD", help=says)
     parser.add_argument("--room", help="blanks, in the place of which the agents show their command lines")

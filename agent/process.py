@@ -118,6 +118,7 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
     spec, keys = mind.spec, met.keys
     numbers = {one.name: one.number for one in scenario.roster}
     callers = callers_of(keys, numbers)
+    give_back_file_pages()
     links = open_links(met.router, on_air, options.wait, log.info, lambda: bool(ending), met.credentials, callers)
     if links is None:
         return INTERRUPTED
@@ -149,7 +150,6 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
         told = Both(told, TickFigures(mind, process.vitals, log))
     limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
     begin_collection()
-    give_back_file_pages()
     try:
         failure = run_mind(mind, robot, radio, told, limit_s)
     finally:

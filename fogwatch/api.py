@@ -277,12 +277,13 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         for static in (folder.static, _unfinished(folder.static)):
             shutil.rmtree(static, ignore_errors=True)
 
+    if not folder.journal.exists():
+        raise KeyboardInterrupt if launch.interrupted else Failed(launch.describe_end(WORLD))
+
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge
 
-    if not folder.journal.exists():
-        raise KeyboardInterrupt if launch.interrupted else Failed(launch.describe_end(WORLD))
     if exit_codes[WORLD] != 0:
         options.display.say(launch.describe_end(WORLD))
     try:

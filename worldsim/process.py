@@ -136,6 +136,7 @@ def _wiring(
     from patrol.net.open_links import open_links
     from worldsim.wiring import Wiring
 
+    give_back_file_pages()
     callers = callers_of(met.keys, {spec.name: spec.number for spec in scenario.roster})
     links = open_links(met.router, radio, options.wait, _LOG.info, lambda: bool(ending), met.credentials, callers)
     if links is None:
@@ -200,7 +201,6 @@ def _record(
         put_off(later, world, fleet, operator, feed.rest)
         reason = INTERRUPTED
         begin_collection()
-        give_back_file_pages()
         began = time.monotonic()
         try:
             reason = run_ticks(world, fleet, later.tick, later.event, wiring.leaving, control, operator, later.settle)

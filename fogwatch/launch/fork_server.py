@@ -10,20 +10,23 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from types import MappingProxyType
 
 from fogwatch.launch.children import Child, Children
-from patrol.process.command_line import ROOM
+from patrol.process.command_line import room_for
 from patrol.process.forking import Orders, adopting_orphans, ask_for_fork, can_fork
 
 FORK_SERVER = "the fork server"
 """A name that no robot can have."""
 READY_S = 60.0
-"""How long it may take to load, on a machine with much else to do."""
+"""How long the launcher waits for it to load, on a machine with much else to do."""
 ANSWER_S = 10.0
 """How long it may take to fork."""
+OF_MINDS = MappingProxyType({"OPENBLAS_NUM_THREADS": "1"})
+"""In the environment of all minds of ours: OpenBLAS would have threads, and no mind does linear algebra."""
 _TICK_S = 0.05
 
 
@@ -50,8 +53,8 @@ class Forked:
             if self._code is None:
                 try:
                     ended, status = os.waitpid(self.pid, os.WNOHANG)
-                except ChildProcessError:  # whoever runs this process ignores how children end, as subprocess knows too
-                    ended, status = self.pid, 0
+                except ChildProcessError:  # its exit code is lost, which counts as 0, as subprocess has it
+                    ended, status = (self.pid if self._is_gone() else 0), 0
                 if ended:
                     self._code = os.waitstatus_to_exitcode(status)
             return self._code
@@ -59,9 +62,21 @@ class Forked:
     def wait(self) -> int:
         """Wait until it has ended; its exit code."""
         while (code := self.poll()) is None:
-            with suppress(ChildProcessError):  # another thread has just looked
+            try:
                 os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
+            except ChildProcessError:  # another thread has just looked, or it is nobody's to wait for
+                time.sleep(_TICK_S)
         return code
+
+    def _is_gone(self) -> bool:
+        """Whether a process that is no child any more has ended: the system keeps none where SIGCHLD is ignored."""
+        if signal.getsignal(signal.SIGCHLD) == signal.SIG_IGN:
+            return True
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return True
+        return False
 
     def send_signal(self, sig: int) -> None:
         """Send a signal, unless it is known to have ended."""
@@ -77,35 +92,43 @@ class Forked:
 class ForkServer:
     """Makes the agents of a run. Without one, or once it has failed, each is started by itself."""
 
-    def __init__(self, children: Children, log: Path, stop: Callable[[], bool]) -> None:
+    def __init__(
+        self, children: Children, log: Path, stop: Callable[[], bool], commands: Iterable[Sequence[str]]
+    ) -> None:
         """Start it, where the system is one for it; it loads while the launcher does other things.
 
         Args:
             children: The processes of the run.
             log: The file that the server's own output goes to.
             stop: Asked while the launcher waits for it.
+            commands: The command lines that the agents will have, about; the longest counts.
+
+        Raises:
+            OSError: It cannot be started.
         """
         self._children = children
         self._stop = stop
         self._control: socket.socket | None = None
         self._asking = threading.Lock()  # robots are started again on a thread of its own
-        self._until = time.monotonic() + READY_S
+        self._over = False
         self._adopting = ExitStack()
         if not can_fork() or not self._adopting.enter_context(adopting_orphans()):
             return
         self._control, theirs = socket.socketpair()
         self._control.settimeout(ANSWER_S)
-        with theirs:
-            arguments = ["--control", str(theirs.fileno()), "--room", ROOM]
-            children.spawn(
-                FORK_SERVER,
-                "agent.fork_server",
-                arguments,
-                log,
-                inherit=[theirs.fileno()],
-                reports_start=True,
-                environment={"OPENBLAS_NUM_THREADS": "1"},  # it would have threads; no mind does linear algebra
-            )
+        try:
+            with theirs:
+                self._spawn(theirs.fileno(), log, commands)
+        except BaseException:
+            self.close()
+            raise
+
+    def _spawn(self, control: int, log: Path, commands: Iterable[Sequence[str]]) -> None:
+        module, arguments = "agent.fork_server", ["--control", str(control), "--room"]
+        arguments.append(room_for(commands, self._children.command(module, [*arguments, ""])))
+        self._children.spawn(
+            FORK_SERVER, module, arguments, log, inherit=[control], reports_start=True, environment=OF_MINDS
+        )
 
     def make(
         self, name: str, module: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]
@@ -135,7 +158,11 @@ class ForkServer:
             return None if pid is None else self._children.take_in(name, Forked(pid), log)
 
     def close(self) -> None:
-        """Have it end; what it has made goes on."""
+        """Have it end; what it has made goes on. Whoever asks it for a child meanwhile gets none."""
+        self._over = True
+        if (control := self._control) is not None:
+            with suppress(OSError):  # whoever asks has just given up
+                control.shutdown(socket.SHUT_RDWR)
         with self._asking:
             self._hang_up()
             self._adopting.close()
@@ -143,12 +170,13 @@ class ForkServer:
     def _ready(self) -> bool:
         """Wait until it has loaded; False, and no longer of use, where that fails or takes too long."""
         pipe = self._children.by_name[FORK_SERVER].start
-        while pipe is not None and not self._stop() and time.monotonic() < self._until:
+        until = time.monotonic() + READY_S
+        while pipe is not None:
             if (report := pipe.report(_TICK_S)) is not None:
                 if report.ready:
                     return True
                 break
-            if pipe.ended:
+            if pipe.ended or self._over or self._stop() or time.monotonic() >= until:
                 break
         self._give_up()
         return False

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from fogwatch.launch.child_control import ProcessControlServer
 from fogwatch.launch.children import Child, Children
-from fogwatch.launch.fork_server import FORK_SERVER, ForkServer
+from fogwatch.launch.fork_server import FORK_SERVER, OF_MINDS, ForkServer
 from fogwatch.launch.live_table import RunDisplay
 from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.private import Secrets
@@ -42,6 +42,10 @@ LOGS = {ROUTER: "router", WORLD: "world", PAGE: "page", FORK_SERVER: "fork-serve
 NOT_JUDGED = (PAGE, FORK_SERVER)
 """Whose exit codes say nothing about the run."""
 
+AGENT = "agent"
+"""The module that a robot's process runs."""
+LATEST = 9999
+"""As often as a robot may be started until its command line is cut short in `ps`."""
 ROUTER_S = 60.0
 """How long a router may take to listen, on a machine with much else to do; one that ends is noticed at once."""
 GOODBYE_S = 5.0
@@ -113,9 +117,10 @@ class Launch:
             Failed: The router did not start.
         """
         self.folder.logs.mkdir(exist_ok=True)
-        if self.alike and len(self.robots) > 1:  # first, because it has most to load
-            self._fork_server = ForkServer(self.children, self._log(FORK_SERVER), self.stop)
         secrets = self._secrets = Secrets(self.fleet, self.robots)
+        if self.alike and len(self.robots) > 1:  # before the others, because it has most to load
+            commands = [self.children.command(AGENT, self._agent_arguments(name, LATEST)) for name in self.robots]
+            self._fork_server = ForkServer(self.children, self._log(FORK_SERVER), self.stop, commands)
         self._start_router()
         secrets.for_members(self._endpoint)
         write_pointer(self.folder.access, self.fleet, self._endpoint, secrets.name)
@@ -160,10 +165,10 @@ class Launch:
         children = self.children
         if self.interrupted:
             children.signal([WORLD], signal.SIGTERM)
+        if self._fork_server is not None:  # first: the world may be waiting for a robot that this is to make
+            self._fork_server.close()
         if self._control is not None:
             self._control.close()
-        if self._fork_server is not None:
-            self._fork_server.close()
         children.signal(self.robots, signal.SIGCONT)  # one that is paused could not leave
         world = children.by_name.get(WORLD)
         if world is not None and self.folder.journal.exists() and (self.interrupted or world.poll() == 0):
@@ -274,14 +279,18 @@ class Launch:
                 self._spawn_agent(name, FIRST_INCARNATION)
 
     def _spawn_agent(self, name: str, incarnation: int) -> None:
-        common = self._common_arguments(self._of_run.of_robot(name))
-        arguments = [*common, "--robot", name, "--incarnation", str(incarnation)]
         seat = {SEAT: str(seat_of(self._of_run.token, self.fleet, name, incarnation))}
-        what = name, "agent", arguments, self._log(name)
+        what = name, AGENT, self._agent_arguments(name, incarnation), self._log(name)
         agent = None if self._fork_server is None else self._fork_server.make(*what, seat)
         if agent is None:
-            agent = self.children.spawn(*what, environment=seat)
+            if self._fork_server is not None and self.stop():  # nobody waits for it to load all by itself
+                return
+            agent = self.children.spawn(*what, environment={**(OF_MINDS if self.alike else {}), **seat})
         agent.incarnation = incarnation
+
+    def _agent_arguments(self, name: str, incarnation: int) -> list[str]:
+        common = self._common_arguments(self._of_run.of_robot(name))
+        return [*common, "--robot", name, "--incarnation", str(incarnation)]
 
     def _log(self, name: str) -> Path:
         return self.folder.log(f"robot-{name}" if name in self.robots else LOGS[name])

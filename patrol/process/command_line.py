@@ -1,23 +1,30 @@
 """The command line that ``ps`` shows of a process, for processes that were forked and have that of another.
 
 The kernel shows what stands where a process's arguments once stood. A process may write there, but gets no more room,
-so a process that is going to fork is started with an argument of blanks (`ROOM`).
+so a process that is going to fork is started with an argument of blanks (`room_for`).
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-
-ROOM = " " * 4096
-"""An argument that makes room for longer command lines; a longer one than that is cut short."""
 
 _START, _END = 48, 49
 """Fields of /proc/PID/stat, by proc(5), counted from 1."""
 _NAMED = 2
 """The last field before those that can be split at blanks."""
+
+
+def room_for(commands: Iterable[Sequence[str]], own: Sequence[str]) -> str:
+    """An argument of blanks that makes room for longer command lines; a longer one than was told is cut short.
+
+    Args:
+        commands: The command lines that are going to be shown.
+        own: The command line of the process that is going to show one of them, without the blanks.
+    """
+    return " " * (max(len(_line(words)) for words in commands) - len(_line(own)))
 
 
 def show_as(words: Sequence[str]) -> None:
@@ -31,5 +38,8 @@ def show_as(words: Sequence[str]) -> None:
         start, end = (int(fields[number - _NAMED - 1]) for number in (_START, _END))
         if 0 < start < end:
             room = end - start
-            line = b"".join(word.encode(errors="replace") + b"\0" for word in words)
-            ctypes.memmove(start, line[: room - 1].ljust(room, b"\0"), room)
+            ctypes.memmove(start, _line(words)[: room - 1].ljust(room, b"\0"), room)
+
+
+def _line(words: Sequence[str]) -> bytes:
+    return b"".join(word.encode(errors="replace") + b"\0" for word in words)

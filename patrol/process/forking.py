@@ -21,6 +21,7 @@ import json
 import os
 import socket
 import sys
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -131,7 +132,8 @@ def ask_for_fork(control: socket.socket, orders: Orders, output: int) -> int | N
         Its process id; None where the server cannot make it.
 
     Raises:
-        OSError: The server has gone, or does not answer in time.
+        OSError: The server has gone, or does not answer in time, or what it has made is no child of this process. A
+            process that is not told what to be ends.
     """
     ours, theirs = socket.socketpair()
     with ours:
@@ -144,6 +146,7 @@ def ask_for_fork(control: socket.socket, orders: Orders, output: int) -> int | N
             raise ConnectionResetError
         ours.settimeout(control.gettimeout())
         pid = int.from_bytes(ours.recv(_PID_BYTES, socket.MSG_WAITALL), "little")
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)  # raises where it is another's child
         told = {"command": [*orders.command], "environment": {**orders.environment}}
         message = json.dumps(told).encode()
         sent = socket.send_fds(ours, [message], [output])
@@ -156,6 +159,40 @@ def can_fork() -> bool:
     return sys.platform == "linux"
 
 
+class _Adopters:
+    """How many want this process to take in orphans: the setting is the whole process's, which may run several fleets.
+
+    Attributes:
+        count: How many.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._changing = threading.Lock()
+        self._adopted_before = False
+
+    def add(self) -> bool:
+        """One more; whether the system does so."""
+        with self._changing:
+            before = adopts_orphans()
+            if before is None or not adopt_orphans(True):
+                return False
+            if self.count == 0:
+                self._adopted_before = before
+            self.count += 1
+            return True
+
+    def remove(self) -> None:
+        """One less; the last one leaves the setting as the first has found it."""
+        with self._changing:
+            self.count -= 1
+            if self.count == 0 and not self._adopted_before:
+                adopt_orphans(False)
+
+
+adopters = _Adopters()
+
+
 @contextmanager
 def adopting_orphans() -> Iterator[bool]:
     """Meanwhile, this process becomes the parent of those of its descendants whose own parents end.
@@ -163,14 +200,30 @@ def adopting_orphans() -> Iterator[bool]:
     Yields:
         Whether the system does so.
     """
-    before = ctypes.c_int(0)
-    adopts = False
-    with suppress(OSError, AttributeError):
-        prctl = ctypes.CDLL(None).prctl
-        adopts = prctl(_PR_GET_CHILD_SUBREAPER, ctypes.byref(before), 0, 0, 0) == 0
-        adopts = adopts and prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) == 0
+    adopts = adopters.add()
     try:
         yield adopts
     finally:
-        if adopts and not before.value:
-            prctl(_PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
+        if adopts:
+            adopters.remove()
+
+
+def adopts_orphans() -> bool | None:
+    """Whether this process takes in orphans; None where the system knows no such thing."""
+    says = ctypes.c_int(0)
+    with suppress(OSError, AttributeError):
+        if ctypes.CDLL(None).prctl(_PR_GET_CHILD_SUBREAPER, ctypes.byref(says), 0, 0, 0) == 0:
+            return bool(says.value)
+    return None
+
+
+def adopt_orphans(whether: bool) -> bool:
+    """Have this process take in orphans from now on, or no more.
+
+    Args:
+        whether: Which.
+
+    Returns:
+        Whether the system did so.
+    """
+    return bool(ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, int(whether), 0, 0, 0) == 0)

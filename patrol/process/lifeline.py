@@ -10,6 +10,7 @@ import contextlib
 import ctypes
 import math
 import os
+import select
 import signal
 import sys
 import threading
@@ -117,7 +118,7 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
             signal.signal(number, by_signal)
     if lifeline is not None:
-        continue_when_orphaned()
+        _when_orphaned(signal.SIGCONT)  # a stopped process continues, so that it can notice
         threading.Thread(target=_hold, args=(lifeline, ending, on_death), daemon=True).start()
     return ending
 
@@ -183,7 +184,21 @@ def _hold(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
     leave(INTERRUPTED)
 
 
-def continue_when_orphaned() -> None:
-    """Have a stopped process continue when its parent dies, so that it can notice; where the system offers that."""
+def die_when_orphaned(lifeline: int | None) -> None:
+    """Have the system kill this process as soon as its parent dies; for one that must not run a thread for that.
+
+    The end of the thread that has started this process counts as the parent's death. What this process forks is not
+    killed with it.
+
+    Args:
+        lifeline: A file descriptor, which tells whether the parent has died before; None without a launcher.
+    """
+    _when_orphaned(signal.SIGKILL)
+    if lifeline is not None and select.select([lifeline], [], [], 0)[0]:
+        leave(INTERRUPTED)
+
+
+def _when_orphaned(number: signal.Signals) -> None:
+    """Have the system send a signal to this process when its parent dies, where the system offers that."""
     with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)

@@ -101,3 +101,25 @@ def test_a_fleet_of_processes_from_python(tmp_path: Path) -> None:
     assert many.trace_hash == one.trace_hash
     assert many.verdict.valid
     assert told
+
+
+INTERRUPTED = """
+import sys
+import fogwatch
+from fogwatch.launch.launcher import Launch
+
+def watch(launch):
+    launch.interrupted = True
+
+Launch.start, Launch.watch, Launch.finish = lambda launch: None, watch, lambda launch: {}
+try:
+    fogwatch.run("open", overrides={"point": 1.0, "duration": 10}, out=sys.argv[1], in_process=False)
+except KeyboardInterrupt:
+    print({"worldsim.output.summary", "worldsim.verdict.judge"} & sys.modules.keys())
+"""
+
+
+def test_a_run_that_is_interrupted_before_its_first_tick_loads_no_judge(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", INTERRUPTED, str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout == "set()\n"

@@ -6,16 +6,18 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from fogwatch.launch.children import Child, Children
-from fogwatch.launch.fork_server import FORK_SERVER, ForkServer
-from patrol.process.forking import can_fork
+from fogwatch.launch.fork_server import FORK_SERVER, READY_S, Forked, ForkServer
+from patrol.process.forking import adopt_orphans, adopters, can_fork
 from patrol.process.lifeline import INTERRUPTED
 from patrol.process.readiness import StartFailure, StartPipe, StartReport
 
@@ -25,19 +27,27 @@ PATIENCE_S = 120.0
 SCENARIO = "duration: 10\nterrain: {builtin: open}\npoint: 1.0\nrobots: [{}, {}]\n"
 
 
+def arguments_of(name: str, folder: Path) -> list[str]:
+    given = ["--router", "tcp/127.0.0.1:1", "--fleet", "f", "--scenario", str(folder / "scenario.yaml")]
+    return [*given, "--static", str(folder / "never"), "--robot", name]
+
+
 class Office:
     """A launcher's children and its fork server."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.children = Children(lambda: False)
-        self.server = ForkServer(self.children, folder / "server.log", lambda: False)
+        self.server = ForkServer(self.children, folder / "server.log", lambda: False, [self.command(folder)])
         (folder / "scenario.yaml").write_text(SCENARIO, encoding="utf-8")
 
-    def make(self, name: str, secret: str = "", *more: str) -> Child | None:
+    def command(self, folder: Path) -> list[str]:
+        """The longest command line."""
+        return self.children.command("agent", arguments_of("r1", folder))
+
+    def make(self, name: str, secret: str = "") -> Child | None:
         """An agent that waits for static fields that never come."""
-        arguments = ["--router", "tcp/127.0.0.1:1", "--fleet", "f", "--scenario", str(self.folder / "scenario.yaml")]
-        arguments += ["--static", str(self.folder / "never"), "--robot", name, *more]
+        arguments = arguments_of(name, self.folder)
         return self.server.make(name, "agent", arguments, self.folder / f"{name}.log", {"SECRET": secret})
 
     def made(self, name: str, secret: str = "") -> Child:
@@ -125,7 +135,9 @@ def test_an_agent_is_a_process_of_its_own_and_a_child_of_the_launcher(lasting: O
         pid = child.process.pid
         assert int(fact(pid, "PPid")) == os.getpid()
         assert os.getsid(pid) == pid, "Ctrl-C reaches the launcher alone"
-        words = Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").decode().split("\0")
+        line = Path(f"/proc/{pid}/cmdline").read_bytes().decode()
+        words = line.rstrip("\0").split("\0")
+        assert len(line) - len("\0".join(words)) < len("--ready\0 1000\0"), "no more room than it needs"
         assert words[:4] == [sys.executable, "-P", "-m", "agent"]
         assert words[words.index("--robot") + 1] == name
         held = descriptors(pid)
@@ -178,6 +190,40 @@ def test_agents_leave_when_their_launcher_has_died_and_so_does_the_server(tmp_pa
     until(lambda: not any(runs(pid) for pid in pids))
 
 
+@pytest.mark.parametrize("died_before", [False, True])
+def test_a_server_that_loads_dies_with_its_launcher(died_before: bool, tmp_path: Path) -> None:
+    loads = (
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "from agent import fork_server\n"
+        "def load():\n"
+        "    Path(sys.argv[-1]).touch()\n"
+        "    time.sleep(3600)\n"
+        "fork_server._load = load\n"
+        "fork_server.main(sys.argv[1:-1])\n"
+    )
+    launches = (
+        "import os, subprocess, sys, time\n"
+        "_, program, folder, died_before = sys.argv\n"
+        "end, other = os.pipe()\n"
+        "if int(died_before):\n"
+        "    os.close(other)\n"
+        "command = [sys.executable, '-c', program, '--lifeline', str(end), folder + '/loading']\n"
+        "print(subprocess.Popen(command, pass_fds=[end]).pid, flush=True)\n"
+        "time.sleep(3600)\n"
+    )
+    command = [sys.executable, "-c", launches, loads, str(tmp_path), str(int(died_before))]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3]) as launcher:
+        assert launcher.stdout is not None
+        server = int(launcher.stdout.readline())
+        if not died_before:
+            until((tmp_path / "loading").exists)
+            launcher.kill()
+        until(lambda: not runs(server))
+        launcher.kill()
+    assert (tmp_path / "loading").exists() is not died_before
+
+
 def runs(pid: int) -> bool:
     """Whether a process lives; a dead one may wait for whoever takes in orphans."""
     try:
@@ -204,6 +250,107 @@ def test_a_server_that_stands_still_is_given_up(office: Office) -> None:
     assert office.make("r2") is None
     assert server.process.wait() == -signal.SIGKILL, "it makes no process later on that nobody knows of"
     assert office.make("r2") is None
+
+
+def test_a_server_that_has_loaded_makes_agents_however_late(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
+    office.made("r1")
+    late = time.monotonic() + 2 * READY_S
+    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: late))
+    assert office.make("r2") is not None
+    assert office.children.by_name[FORK_SERVER].poll() is None
+
+
+def test_the_time_to_load_counts_from_the_first_wait(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
+    late = time.monotonic() + 2 * READY_S  # so long the launcher has prepared a large ground
+    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: late))
+    assert office.make("r1") is not None
+
+
+def test_a_server_that_does_not_load_in_time_is_given_up(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, READY_S])
+    office.children.by_name[FORK_SERVER].process.send_signal(signal.SIGSTOP)
+    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: next(clock)))
+    assert office.make("r1") is None
+    assert office.children.by_name[FORK_SERVER].process.wait() == -signal.SIGKILL
+
+
+def test_what_the_server_makes_ends_where_it_is_no_child_of_the_launcher(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mark = os.urandom(12).hex()
+    monkeypatch.setenv("FOGWATCH_TEST", mark)
+    office = Office(tmp_path)
+    office.made("r1")
+    adopt_orphans(False)  # as a library may do
+    try:
+        assert office.make("r2") is None, "the launcher starts it by itself then"
+        assert office.children.by_name[FORK_SERVER].process.wait() == -signal.SIGKILL
+        until(lambda: marked(mark) == {office.children.by_name["r1"].process.pid})
+        assert (tmp_path / "r2.log").read_bytes() == b""
+    finally:
+        adopt_orphans(True)
+        office.end()
+
+
+def marked(mark: str) -> set[int]:
+    """The living processes that were started with a word in their environment."""
+    found = set()
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if mark.encode() in (entry / "environ").read_bytes() and runs(int(entry.name)):
+                found.add(int(entry.name))
+    return found
+
+
+def test_a_process_that_somebody_else_waits_for_lives_until_it_has_ended() -> None:
+    program = (
+        "import os, sys, time\n"
+        "pid = os.fork()\n"
+        "if pid == 0:\n"
+        "    time.sleep(3600)\n"
+        "print(pid, flush=True)\n"
+        "os.waitpid(pid, 0)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        child = Forked(int(parent.stdout.readline()))
+        assert child.poll() is None
+        child.kill()
+        assert (child.wait(), child.poll()) == (0, 0)
+
+
+def test_closing_it_does_not_wait_for_one_that_stands_still(office: Office) -> None:
+    office.made("r1")
+    office.children.by_name[FORK_SERVER].process.send_signal(signal.SIGSTOP)
+    assert office.server._control is not None
+    office.server._control.settimeout(PATIENCE_S)
+    made: list[Child | None] = []
+    asks = threading.Thread(target=lambda: made.append(office.make("r2")))
+    asks.start()
+    until(office.server._asking.locked)
+    began = time.monotonic()
+    office.server.close()
+    asks.join()
+    assert made == [None]
+    assert time.monotonic() - began < PATIENCE_S / 2, "nobody waits for its answer"
+
+
+def test_a_server_that_cannot_be_started_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def spawn(*_: object, **__: object) -> None:
+        raise OSError("no room for another process")
+
+    monkeypatch.setattr(Children, "spawn", spawn)
+    children = Children(lambda: False)
+    before, adopting = open_files(), adopters.count
+    with pytest.raises(OSError, match="no room"):
+        ForkServer(children, tmp_path / "log", lambda: False, [["python"]])
+    children.close()
+    assert open_files() == before
+    assert adopters.count == adopting
+
+
+def open_files() -> set[str]:
+    return {entry.name for entry in Path("/proc/self/fd").iterdir()}
 
 
 def test_a_server_that_cannot_load_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

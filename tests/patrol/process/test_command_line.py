@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from patrol.process.command_line import ROOM
+from patrol.process.command_line import room_for
 
 pytestmark = pytest.mark.processes
 
@@ -28,12 +28,21 @@ def shown(words: str, room: str) -> list[str]:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system shows no processes as files")
 def test_a_process_is_shown_as_it_wants() -> None:
-    assert shown("python -m agent --robot r1", ROOM) == ["python", "-m", "agent", "--robot", "r1"]
+    assert shown("python -m agent --robot r1", " " * 100) == ["python", "-m", "agent", "--robot", "r1"]
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system shows no processes as files")
 def test_a_command_line_without_room_is_cut_short() -> None:
-    words = "x" * 100_000
-    (only,) = shown(words, ROOM)
+    words, room = "x" * 100_000, " " * 4096
+    (only,) = shown(words, room)
     assert only == words[: len(only)]
-    assert len(ROOM) < len(only) < 2 * len(ROOM)
+    assert len(room) < len(only) < 2 * len(room)
+
+
+def test_there_is_room_for_the_longest_command_line_and_no_more() -> None:
+    own = [sys.executable, "-P", "-c", PROGRAM, ""]
+    longest = ["python", "-m", "agent", *(f"--{'é' * 100}" for _ in range(10))]
+    room = room_for([["python"], longest, ["agent"]], own)
+    assert shown(" ".join(longest), room) == longest
+    assert shown(" ".join([*longest, "more"]), room) == longest
+    assert room_for([["python"]], own) == ""

@@ -13,34 +13,61 @@ SMAPS = """\
 Rss:                   8 kB
 Private_Dirty:         0 kB
 Anonymous:             0 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd ex mr mw me
 3000-4000 r-xp 00000000 08:01 6                          /lib/with a debugger's changes.so
 Rss:                   4 kB
 Private_Dirty:         4 kB
 Anonymous:             4 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd ex mr mw me
 4000-5000 r--p 00001000 08:01 5                          /lib/plain.so
 Anonymous:             0 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd mr mw me
 5000-6000 r--p 00002000 08:01 5                          /lib/plain.so
 Anonymous:             4 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd mr mw me ac
 6000-7000 rw-p 00003000 08:01 5                          /lib/plain.so
 Anonymous:             0 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd wr mr mw me ac
 7000-9000 r--s 00000000 08:01 7                          /run/grid that was just written.npy
 Shared_Dirty:          8 kB
 Anonymous:             0 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd mr me ms
 9000-a000 rw-s 00000000 08:01 8                          /run/written here.npy
 Anonymous:             0 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd wr mr mw me ms
 a000-b000 r-xp 00000000 00:00 0                          [vdso]
 Anonymous:             0 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd ex mr mw me de
 b000-c000 r-xp 00000000 00:00 0
 Anonymous:             0 kB
+Swap:                  0 kB
+SwapPss:               0 kB
 VmFlags: rd ex mr mw me
+c000-d000 r--p 00000000 08:01 9                          /lib/changed and swapped out.so
+Rss:                   0 kB
+Anonymous:             0 kB
+Swap:                 16 kB
+SwapPss:               0 kB
+VmFlags: rd mr mw me ac
+d000-e000 r--p 00000000 08:01 9                          /lib/of which the system does not say.so
+Anonymous:             0 kB
+VmFlags: rd mr mw me ac
 """
 
 RESIDENT = """
