@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import compress, pairwise
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,25 +32,3 @@ class Heard(Mapping[int, list[bytes]]):
 
     def __len__(self) -> int:
         return len(self.receivers)
-
-
-def heard_of(heard: Mapping[int, Sequence[bytes]]) -> Heard | None:
-    """The same of any mapping; None where a receiver hears a frame twice, or not in the order of the others.
-
-    Args:
-        heard: Frames by receiver.
-    """
-    if isinstance(heard, Heard):
-        return heard
-    index: dict[bytes, int] = {}
-    for frames in heard.values():
-        for frame in frames:
-            index.setdefault(frame, len(index))
-    receivers = sorted(heard)
-    reaches = np.zeros((len(receivers), len(index)), dtype=np.bool_)
-    for row, number in enumerate(receivers):
-        places = [index[frame] for frame in heard[number]]
-        if any(after <= before for before, after in pairwise(places)):
-            return None
-        reaches[row, places] = True
-    return Heard(tuple(index), receivers, reaches)

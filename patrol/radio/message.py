@@ -103,18 +103,6 @@ class Position:
     trail: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
-        if (  # all in one look, as nearly every position is as it should be
-            type(self.robot) is type(self.sequence) is type(self.time_ms) is int
-            and type(self.x_cm) is type(self.y_cm) is type(self.heading_mrad) is int
-            and 0 <= self.robot <= MAX_ROBOT
-            and 0 <= self.sequence <= MAX_SEQUENCE
-            and 0 <= self.time_ms <= MAX_TIME_MS
-            and -MAX_CM <= self.x_cm <= MAX_CM
-            and -MAX_CM <= self.y_cm <= MAX_CM
-            and 0 <= self.heading_mrad <= MAX_HEADING_MRAD
-            and not self.trail
-        ):
-            return
         _check("robot", self.robot, 0, MAX_ROBOT)
         _check("sequence", self.sequence, 0, MAX_SEQUENCE)
         _check("time_ms", self.time_ms, 0, MAX_TIME_MS)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from agent.policies.potential_field.cells import NO_CELLS, Cells, Layer, around
 from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, UNKNOWN, hardest_of, posts_within, survey
+from agent.policies.potential_field.search import least_lengths
 from agent.routes.routes import LONGEST
 
 if TYPE_CHECKING:
@@ -251,7 +252,7 @@ class Nearby:
         limit = min(longest + self._decided, known)
         rows, cols = asked.others[:, 0], asked.others[:, 1]
         up, across = np.maximum(top - rows, rows - bottom).clip(0), np.maximum(left - cols, cols - right).clip(0)
-        near = 100 * np.maximum(up, across) + 41 * np.minimum(up, across) <= limit
+        near = least_lengths(up, across) <= limit
         starts = [(row, col) for row, col in asked.others[near].tolist()]
         if not starts:
             return NO_CELLS

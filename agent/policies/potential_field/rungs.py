@@ -2,8 +2,8 @@
 
 Forces are summed along paths up to one of a few lengths, the rungs. Of all that lies beyond each rung, bounds of the
 sum and of the greatest force are known before any path is. Sums only grow. So where the bounds neither put another
-sector before the strongest one nor exceed the greatest force so far, the rest can be left out. The
-sums of all forces end at the horizon, so a rung beyond it, which holds forces that they lack, never does.
+sector before the strongest one nor exceed the greatest force so far, the rest can be left out. The sum of all forces
+ends at the horizon. A rung beyond the horizon would hold forces that this sum lacks, so it is not used.
 """
 
 from __future__ import annotations

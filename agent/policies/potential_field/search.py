@@ -109,7 +109,20 @@ def least_ways(start: Element, others: NDArray[np.int64]) -> NDArray[np.int64]:
         int64 (n,), hundredths of a point: 141 for a diagonal step, 100 for any other.
     """
     steps = np.abs(others - np.array(start, dtype=np.int64))
-    lengths: NDArray[np.int64] = 100 * steps.max(axis=1) + 41 * steps.min(axis=1)
+    return least_lengths(steps[:, 0], steps[:, 1])
+
+
+def least_lengths(rows: NDArray[np.int64], cols: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The lengths of ways over so many rows and columns if nothing is in between.
+
+    Args:
+        rows: int64 (n,), not negative.
+        cols: int64 (n,), likewise.
+
+    Returns:
+        int64 (n,), hundredths of a point: 141 for a diagonal step, 100 for any other.
+    """
+    lengths: NDArray[np.int64] = 100 * np.maximum(rows, cols) + 41 * np.minimum(rows, cols)
     return lengths
 
 
