@@ -78,10 +78,11 @@ accept: install ## the long checks: measure what the project promises
 bench: rivals ## measure the speed of everything, beside other libraries (about an hour; BENCH="kernels --quick")
 	$(BIN)/fogwatch bench $(BENCH)
 
-rivals: install $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with
+rivals: install $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with (needs a C++ compiler)
 
+# scikit-fmm is published as source alone.
 $(VENV)/.rivals: requirements-bench.lock | $(VENV)/.installed
-	$(PIP) install --quiet --only-binary :all: --require-hashes --no-deps -r requirements-bench.lock
+	$(PIP) install --quiet --only-binary :all: --no-binary scikit-fmm --require-hashes --no-deps -r requirements-bench.lock
 	@touch $@
 
 .PHONY: lint

@@ -19,6 +19,7 @@ from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 
 OURS = "ours"
+OURS_WITH_BENDS = "ours, with first bends"
 REACH = 50
 """The paper's dilatation, 5 m, in points of 0.1 m."""
 SIDE = 400
@@ -29,8 +30,10 @@ TICK = 500
 def tasks() -> list[Task]:
     """The measures of the kernels."""
     return [
-        Task(KERNELS, "wave, open field of 880 x 1000 points", _open_wave),
-        Task(KERNELS, "wave, site of 1600 x 2400 points", _site_wave),
+        Task(KERNELS, "wave, open field of 880 x 1000 points", partial(_open_wave, bends=True)),
+        Task(KERNELS, "wave, lengths alone, open field of 880 x 1000 points", partial(_open_wave, bends=False)),
+        Task(KERNELS, "wave, site of 1600 x 2400 points", partial(_site_wave, bends=True)),
+        Task(KERNELS, "wave, lengths alone, site of 1600 x 2400 points", partial(_site_wave, bends=False)),
         Task(KERNELS, f"dilatation, {SIDE} x {SIDE} open points", partial(_dilatation, walls=False)),
         Task(KERNELS, f"dilatation, {SIDE} x {SIDE} points with a wall", partial(_dilatation, walls=True)),
         Task(KERNELS, "a look of 10 m at 0.1 m", _look),
@@ -38,25 +41,26 @@ def tasks() -> list[Task]:
     ]
 
 
-def _open_wave(effort: Effort) -> Sequence[Measured]:
+def _open_wave(effort: Effort, *, bends: bool) -> Sequence[Measured]:
     is_open = np.ones((880, 1000), dtype=np.bool_)
     is_open[[0, -1], :] = is_open[:, [0, -1]] = False
-    return _wave(is_open, (440, 500), effort)
+    return _wave(is_open, (440, 500), effort, bends=bends)
 
 
-def _site_wave(effort: Effort) -> Sequence[Measured]:
+def _site_wave(effort: Effort, *, bends: bool) -> Sequence[Measured]:
     prepared = prepare(load_scenario({"terrain": {"builtin": "site"}, "robots": {"count": 1, "model": "holonomic"}}))
     reach = prepared.fields[1].reach
     middle = np.array(reach.shape) // 2
     places = np.argwhere(reach)
     row, col = places[int(np.argmin(np.abs(places - middle).sum(axis=1)))]
-    return _wave(reach, (int(row), int(col)), effort)
+    return _wave(reach, (int(row), int(col)), effort, bends=bends)
 
 
-def _wave(is_open: BoolGrid, start: tuple[int, int], effort: Effort) -> Sequence[Measured]:
+def _wave(is_open: BoolGrid, start: tuple[int, int], effort: Effort, *, bends: bool) -> Sequence[Measured]:
     wave = WholeWave(is_open, start)
     rivals, missing = wave_rivals(is_open, start, wave.lengths())
-    return [*in_turn({OURS: Contender(wave.run), **rivals}, effort.repeats), *missing]
+    ours = {OURS_WITH_BENDS: Contender(wave.run)} if bends else {OURS: Contender(wave.run_lengths)}
+    return [*in_turn({**ours, **rivals}, effort.repeats), *missing]
 
 
 def _dilatation(effort: Effort, *, walls: bool) -> Sequence[Measured]:

@@ -37,9 +37,13 @@ class WholeWave:
         self._wave.begin(self._ground, *self._start)
         self._wave.extend(self._limit)
 
+    def run_lengths(self) -> NDArray[np.int32]:
+        """Find the lengths of all paths and nothing else: int32 (h + 2, w + 2), hundredths of a point."""
+        return self._wave.lengths_from(self._ground, *self._start, [self._start], self._limit)
+
     def lengths(self) -> NDArray[np.float64]:
         """The lengths, float64 (h, w), in points; infinite where no path leads."""
-        lengths = self._wave.lengths_from(self._ground, *self._start, [self._start], self._limit)[1:-1, 1:-1]
+        lengths = self.run_lengths()[1:-1, 1:-1]
         return np.where(lengths == FAR, np.inf, lengths / 100.0)
 
 
