@@ -1,8 +1,8 @@
 """``python -m agent``: one robot as a process."""
 
-from patrol.process.freed_memory import keep_freed_memory
-from patrol.process.garbage import hold_collection
 from patrol.process.lifeline import run_process
+from patrol.process.memory.freed_memory import keep_freed_memory
+from patrol.process.memory.garbage import hold_collection
 
 if __name__ == "__main__":
     keep_freed_memory()

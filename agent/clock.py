@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from statistics import median_low
 
-from patrol.net.phases import PHASE_B_SHARE
+from patrol.net.messages.phases import PHASE_B_SHARE
 from patrol.radio.message import CONTACT, Rejected, decode
 
 REMEMBERED = 9

@@ -1,7 +1,7 @@
 """``python -m agent.fork_server``: the agents of one run from one process that has loaded what all of them need.
 
 The launcher starts it (`fogwatch.launch.fork_server`) and asks it for each robot's process. What it may and may not do
-is in `patrol.process.forking`.
+is in `patrol.process.starting.forking`.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import os
 import sys
 from collections.abc import Sequence
 
-from patrol.process.command_line import show_as
-from patrol.process.file_pages import give_back_file_pages
-from patrol.process.forking import Orders, serve_forks, threads
-from patrol.process.freed_memory import keep_freed_memory
-from patrol.process.garbage import hold_collection
 from patrol.process.lifeline import die_when_orphaned, run_process
-from patrol.process.readiness import StartFailure, report_failure, report_ready
+from patrol.process.memory.file_pages import give_back_file_pages
+from patrol.process.memory.freed_memory import keep_freed_memory
+from patrol.process.memory.garbage import hold_collection
+from patrol.process.starting.command_line import show_as
+from patrol.process.starting.forking import Orders, serve_forks, threads
+from patrol.process.starting.readiness import StartFailure, report_failure, report_ready
 
-NEEDED = ("agent.process", "agent.mind_loop", "agent.policies.potential_field.policy", "patrol.net.phases")
+NEEDED = ("agent.process", "agent.mind_loop", "agent.policies.potential_field.policy", "patrol.net.messages.phases")
 """What every agent loads and the kernels do not bring along, as far as it needs no Zenoh."""
 
 
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _load() -> None:
     """Load what agents need. Nothing of it may open a connection or start a thread."""
-    from patrol.process.warmup import numba_alone, warm
+    from patrol.process.starting.warmup import numba_alone, warm
 
     warm(("patrol", "agent"), print)
     numba_alone()

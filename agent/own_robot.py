@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from agent.ports import Telemetry
 from patrol.errors import BadInput
-from patrol.process.logs import Log
+from patrol.process.reporting.logs import Log
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from patrol.net.keys import FleetKeys
     from patrol.net.link import Link
     from patrol.net.mailbox import Air
-    from patrol.net.stop_orders import StopOrders
+    from patrol.net.messages.stop_orders import StopOrders
     from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.lifeline import Ending
-    from patrol.process.vitals import Vitals
+    from patrol.process.reporting.vitals import Vitals
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec, Scenario
 
@@ -171,7 +171,7 @@ def patrol_with(
     """
     from patrol.net.keys import callers_of, check_radio
     from patrol.net.open_links import open_links
-    from patrol.net.roles import Kind
+    from patrol.net.security.roles import Kind
     from patrol.process.lifeline import INTERRUPTED
     from patrol.process.options import meeting, robot_named
 
@@ -209,7 +209,7 @@ def _mind_of(scenario: Scenario, number: int, incarnation: int, say: Callable[[s
     from agent.build import build_mind
     from agent.ports import PolicyFailed
     from patrol.prepare import prepare
-    from patrol.process.warmup import warm
+    from patrol.process.starting.warmup import warm
     from patrol.radio.fleet_key import fleet_key
 
     warm(("patrol", "agent"), say)
@@ -245,9 +245,9 @@ class _Driver:
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
         from agent.radios.direct import tune_in
-        from patrol.net.stop_orders import StopOrders
+        from patrol.net.messages.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
-        from patrol.process.notify import Notifier
+        from patrol.process.reporting.notify import Notifier
 
         scenario, name, say = self.prepared.scenario, self.spec.name, self.log.info
         assert scenario.factor is not None  # a direct radio is refused in lockstep

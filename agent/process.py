@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING
 
 from agent.robots.ros2.options import wanted as is_for_ros2
 from patrol.errors import BadInput
-from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
-from patrol.process.file_pages import give_back_file_pages
-from patrol.process.garbage import begin_collection
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
-from patrol.process.logs import Log
-from patrol.process.notify import Notifier
+from patrol.process.memory.file_pages import give_back_file_pages
+from patrol.process.memory.garbage import begin_collection
 from patrol.process.options import TOGETHER, Meeting, fleet_parser, meeting, prepared_as_told, robot_named
-from patrol.process.supervision import Supervision, followed, take_supervision
+from patrol.process.reporting.logs import Log
+from patrol.process.reporting.notify import Notifier
+from patrol.process.reporting.supervision import Supervision, followed, take_supervision
 
 if TYPE_CHECKING:
     from agent.mind import Mind
     from agent.ports import Telemetry
     from agent.robots.sim import SimRobot
-    from patrol.process.vitals import Vitals
+    from patrol.process.reporting.vitals import Vitals
     from patrol.scenario import RobotSpec, Scenario
 
 HELP = f"""
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, supervision: Supervision, ending: Ending) -> int:
     """Check the input and find out who this is, then patrol; the exit code."""
     from patrol.net.keys import check_radio
-    from patrol.net.roles import Kind
+    from patrol.net.security.roles import Kind
     from patrol.scenario import load_scenario
 
     met = meeting(options, Kind.ROBOT)
@@ -111,7 +111,7 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
     from agent.robots.sim import Identity, join
     from patrol.net.keys import callers_of
     from patrol.net.open_links import open_links
-    from patrol.net.seats import own_instance
+    from patrol.net.security.seats import own_instance
     from patrol.scenario import scenario_hash
 
     options, ending, log = process.options, process.ending, process.log
@@ -182,7 +182,7 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
 
 def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None:
     """The robot's mind, built from the launcher's static fields or from its own; None when it is time to leave."""
-    from patrol.process.warmup import numba_alone, warm
+    from patrol.process.starting.warmup import numba_alone, warm
     from patrol.scenario.policy_file import PAPER
 
     options = process.options

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from agent.robots.ros2.options import domain_of, drive_settings, options_of
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed, rest_before_pause
-from patrol.process.logs import Log
-from patrol.process.supervision import followed, take_supervision
+from patrol.process.reporting.logs import Log
+from patrol.process.reporting.supervision import followed, take_supervision
 
 if TYPE_CHECKING:
     from agent.own_robot import Site
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from agent.robots.ros2.rivals import Rivals
     from agent.robots.ros2.settings import DriveSettings
     from patrol.pose import Pose
-    from patrol.process.vitals import Vitals
+    from patrol.process.reporting.vitals import Vitals
     from patrol.ros2.ports import Ros2Link
     from patrol.scenario import Scenario
 
@@ -84,7 +84,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _name(options: argparse.Namespace) -> str:
     """The robot's name in its fleet."""
-    from patrol.net.credentials import read_credentials
+    from patrol.net.security.credentials import read_credentials
 
     if options.name is not None:
         return str(options.name)
@@ -98,7 +98,7 @@ def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals |
     from agent.robots.ros2.hardware import Hardware
     from agent.robots.ros2.stops.files import StopFiles, state_folder
     from patrol.net.link import LinkDown
-    from patrol.net.roles import robot_role
+    from patrol.net.security.roles import robot_role
     from patrol.scenario import load_scenario, parse_overrides
 
     name, say = log.process, log.info
@@ -199,8 +199,8 @@ def _check_map(options: argparse.Namespace, name: str, given: Scenario | None, o
 
 
 def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
-    from patrol.net.credentials import read_credentials
     from patrol.net.keys import check_locator
+    from patrol.net.security.credentials import read_credentials
     from patrol.ros2.formats import format_named
     from patrol.ros2.link import open_ros2
     from patrol.ros2.names import NodeName, check_name

@@ -18,7 +18,7 @@ from agent.ports import PolicyFailed
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
-from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
 from patrol.radio.fleet_key import fleet_key

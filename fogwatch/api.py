@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from fogwatch.launch.live_table import RunDisplay, SilentDisplay
 from fogwatch.launch.runfolder import RunFolder, create
 from patrol.errors import BadInput
-from patrol.net.telemetry import Metrics, Notice
-from patrol.process.warmup import warm
+from patrol.net.messages.telemetry import Metrics, Notice
+from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
 from patrol.scenario.controls import prepared_as_operated

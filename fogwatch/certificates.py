@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.net.credentials import AUTHORITY, CERTIFICATE, KEY
+from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY
 
 AUTHORITY_DAYS = 3650
 """How long a fleet's authority is valid, in days."""

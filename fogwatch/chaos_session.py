@@ -29,7 +29,7 @@ from fogwatch.api import PACKAGES, RunOptions, execute
 from fogwatch.launch.runfolder import RunFolder
 from fogwatch.progress import bar_on, duration
 from patrol.errors import BadInput
-from patrol.process.warmup import warm
+from patrol.process.starting.warmup import warm
 from patrol.scenario import Scenario, dump_scenario
 
 BROKEN = 1

@@ -2,7 +2,7 @@
 
     FOLDER/fleet.json     who is a member and who was, where the router is, and the operators' token
     FOLDER/authority/     signs certificates; stays where it is
-    FOLDER/router/        for the router's machine (`patrol.net.credentials.RouterSecurity`)
+    FOLDER/router/        for the router's machine (`patrol.net.security.credentials.RouterSecurity`)
     FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)
 
 A certificate's common name holds a number that counts how often the member got one. Zenoh has no list of revoked
@@ -25,7 +25,8 @@ from pathlib import Path
 from fogwatch.certificates import facts, issue, make_authority, problem
 from fogwatch.fleet_hosts import LOCAL, checked_hosts, listening_locator, member_locator
 from patrol.errors import BadInput
-from patrol.net.credentials import (
+from patrol.net.keys import fleet_keys
+from patrol.net.security.credentials import (
     AUTHORITY,
     CERTIFICATE,
     KEY,
@@ -38,8 +39,17 @@ from patrol.net.credentials import (
     router_json,
     write_private,
 )
-from patrol.net.keys import fleet_keys
-from patrol.net.roles import OPERATOR, RESERVED, WORLD_ROLE, Kind, Role, robot_role, role_of, roles_of, router_name
+from patrol.net.security.roles import (
+    OPERATOR,
+    RESERVED,
+    WORLD_ROLE,
+    Kind,
+    Role,
+    robot_role,
+    role_of,
+    roles_of,
+    router_name,
+)
 
 FILE = "fleet.json"
 THE_ROUTER = "router"

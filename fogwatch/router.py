@@ -14,15 +14,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.net.credentials import RouterSecurity, read_router
 from patrol.net.keys import check_locator, fleet_keys, is_local
 from patrol.net.link import LinkDown, PortBusy, open_router
+from patrol.net.security.credentials import RouterSecurity, read_router
 from patrol.process.lifeline import heed, run_process
-from patrol.process.logs import Log
-from patrol.process.notify import Notifier
-from patrol.process.readiness import StartFailure, report_failure, report_ready
-from patrol.process.supervision import add_supervision, followed, take_supervision
-from patrol.process.vitals import CONNECTIONS
+from patrol.process.reporting.logs import Log
+from patrol.process.reporting.notify import Notifier
+from patrol.process.reporting.supervision import add_supervision, followed, take_supervision
+from patrol.process.reporting.vitals import CONNECTIONS
+from patrol.process.starting.readiness import StartFailure, report_failure, report_ready
 
 HELP = """
 A fleet on several hosts needs one router that all of them can reach. Once, for all of them:

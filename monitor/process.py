@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
-from patrol.process.logs import Log, is_json
-from patrol.process.notify import Notifier
-from patrol.process.readiness import report_ready
-from patrol.process.supervision import add_supervision, followed, take_supervision
-from patrol.process.vitals import Vitals
+from patrol.process.reporting.logs import Log, is_json
+from patrol.process.reporting.notify import Notifier
+from patrol.process.reporting.supervision import add_supervision, followed, take_supervision
+from patrol.process.reporting.vitals import Vitals
+from patrol.process.starting.readiness import report_ready
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
@@ -218,7 +218,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
     """
 
     def open_source() -> Source | None:
-        from patrol.process.warmup import warm
+        from patrol.process.starting.warmup import warm
 
         _free_early()
         if options.replay is not None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from patrol.net.feed import Ground, SoFar, so_far_bytes
+from patrol.net.messages.feed import Ground, SoFar, so_far_bytes
 
 COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
 """The beginning of a scenario whose ticks take little time."""

@@ -10,7 +10,7 @@ import zenoh
 
 from fogwatch.fleet_folder import FleetFolder
 from fogwatch.robot_router import FILE, make_robot_router
-from patrol.net.credentials import Credentials, read_credentials
+from patrol.net.security.credentials import Credentials, read_credentials
 from patrol.pose import Pose
 from patrol.ros2.formats import Format
 from patrol.ros2.link import ZenohRos2Link, open_ros2

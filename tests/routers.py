@@ -14,10 +14,10 @@ import pytest
 
 from fogwatch.fleet_folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
-from patrol.net.credentials import Credentials, read_credentials, read_router
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import open_link, open_router
-from patrol.net.roles import role_of
+from patrol.net.security.credentials import Credentials, read_credentials, read_router
+from patrol.net.security.roles import role_of
 
 PATIENCE_S = 120.0
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.journal import Status
-from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.pose import Command, Pose, halted
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from patrol.process.options import TOGETHER, fleet_parser
-from patrol.process.supervision import Supervision, take_supervision
+from patrol.process.reporting.supervision import Supervision, take_supervision
 
 _EPILOG = f"""
 The world of a fleet whose router and robots run elsewhere. {TOGETHER}

@@ -13,21 +13,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.process.file_pages import give_back_file_pages
-from patrol.process.garbage import begin_collection
 from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
-from patrol.process.logs import Log
-from patrol.process.notify import Notifier
+from patrol.process.memory.file_pages import give_back_file_pages
+from patrol.process.memory.garbage import begin_collection
 from patrol.process.options import meeting, prepared_as_told
-from patrol.process.supervision import followed
+from patrol.process.reporting.logs import Log
+from patrol.process.reporting.notify import Notifier
+from patrol.process.reporting.supervision import followed
 from worldsim.options import WorldOptions, parse_options
 from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from patrol.process.options import Meeting
-    from patrol.process.vitals import Vitals
+    from patrol.process.reporting.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.fleet.sessions import Sessions
     from worldsim.radio.listener import Listener
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _follow(options: WorldOptions, ending: Ending) -> int:
     """Run the world while others may follow how it does; the exit code."""
-    from patrol.net.roles import Kind
+    from patrol.net.security.roles import Kind
 
     met = meeting(options, Kind.WORLD)
     with followed(options.supervision, _LOG, {"fleet": met.keys.fleet}) as vitals:
@@ -80,9 +80,9 @@ def _follow(options: WorldOptions, ending: Ending) -> int:
 
 def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
-    from patrol.net.access import read_access
     from patrol.net.keys import check_radio
-    from patrol.process.warmup import numba_alone, warm
+    from patrol.net.security.access import read_access
+    from patrol.process.starting.warmup import numba_alone, warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
 

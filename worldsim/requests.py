@@ -1,7 +1,7 @@
 """Takes operators' requests from the network, and keeps the scenario that they have changed.
 
-Only requests of somebody who knows the fleet's token come through (`patrol.net.control_auth`). All others are counted
-and get no answer.
+Only requests of somebody who knows the fleet's token come through (`patrol.net.security.control_auth`). All others are
+counted and get no answer.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from patrol.errors import BadInput
-from patrol.net.control_auth import Admitted, ControlGate, Refused
+from patrol.net.security.control_auth import Admitted, ControlGate, Refused
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import read_control
 from patrol.scenario.copying import MAP

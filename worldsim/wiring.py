@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.journal import Event, Header, JournalWriter, Status, TickRecord
 from patrol.journal.records import standing_after
-from patrol.net.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
-from patrol.net.feed import FOG, TICKS
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox, Presence, Question
-from patrol.net.phases import MAX_REPLY, ToWorld, decode_to_world
-from patrol.net.seats import seat_of
-from patrol.net.telemetry import EVENTS, METRICS, TRAPPED, pack_view, read_traffic
-from patrol.net.tick_chain import TickChain
-from patrol.process.logs import Log
-from patrol.process.vitals import MFOW, ROBOTS, ROUTER_SILENT, Vitals
+from patrol.net.messages.feed import FOG, TICKS
+from patrol.net.messages.phases import MAX_REPLY, ToWorld, decode_to_world
+from patrol.net.messages.telemetry import EVENTS, METRICS, TRAPPED, pack_view, read_traffic
+from patrol.net.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
+from patrol.net.security.seats import seat_of
+from patrol.net.security.tick_chain import TickChain
+from patrol.process.reporting.logs import Log
+from patrol.process.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT, Vitals
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import Scenario, scenario_hash
 from worldsim.fleet.connection import FleetConnection, RunIdentity

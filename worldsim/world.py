@@ -9,7 +9,7 @@ from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
-from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
 from patrol.radio.message import MAX_FRAMES

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from agent.ports import FleetClock
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.mailbox import Air, Mailbox, Post
-from patrol.net.telemetry import Traffic
-from patrol.process.vitals import Vitals
+from patrol.net.messages.telemetry import Traffic
+from patrol.process.reporting.vitals import Vitals
 from patrol.radio.message import MAX_FRAME, MAX_FRAMES
 
 ROOM = 4 * MAX_FRAMES

@@ -24,7 +24,7 @@ from patrol.exchange import Reply, Sensed
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import TELL_S, Link
 from patrol.net.mailbox import Mailbox, Post, Presence
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     NO_RUN,
     UNLIKE,
     Failed,
@@ -41,11 +41,11 @@ from patrol.net.phases import (
     encode,
     max_to_robot,
 )
-from patrol.net.tick_chain import TickProofs
-from patrol.net.transcripts import LAST, PHASE_A, PHASE_B, REPLY_A, REPLY_B, RobotTranscript, digest_of
+from patrol.net.security.tick_chain import TickProofs
+from patrol.net.security.transcripts import LAST, PHASE_A, PHASE_B, REPLY_A, REPLY_B, RobotTranscript, digest_of
 from patrol.pose import Command, halted
 from patrol.process.lifeline import Ending
-from patrol.process.vitals import Vitals
+from patrol.process.reporting.vitals import Vitals
 
 SILENCE_S = 5.0
 """Silence of the world after which a robot asks whether it is still part of the run, s."""

@@ -59,7 +59,10 @@ def tasks() -> list[Task]:
     found.append(Task(FLEETS, f"{LARGE} robots, {100.0 * LOSS:g} % lost, beside none lost", partial(_growth, LOSS)))
     threads = cores()
     if threads > 1:
-        found.append(Task(FLEETS, f"200 robots, {threads} threads", partial(_fleet, 200, threads=threads)))
+        found += [
+            Task(FLEETS, f"{size} robots, {threads} threads", partial(_fleet, size, threads=threads))
+            for size in (200, LARGE)
+        ]
     return found
 
 

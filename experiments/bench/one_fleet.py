@@ -20,7 +20,7 @@ from experiments.inprocess import run_in_process
 from patrol.journal import TickRecord
 from patrol.prepare import prepare
 from patrol.process.lifeline import heed
-from patrol.process.warmup import warm
+from patrol.process.starting.warmup import warm
 from patrol.scenario import Scenario, load_scenario
 from worldsim.world import World
 

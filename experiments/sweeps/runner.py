@@ -134,7 +134,7 @@ def _make(
     observer: SweepObserver | None,
     say: Callable[[str], None],
 ) -> None:
-    from patrol.process.warmup import warm
+    from patrol.process.starting.warmup import warm
 
     warm(PACKAGES, say)
     settings = {run.key: dict(run.settings) for run in todo}

@@ -42,7 +42,7 @@ def prepare_worker() -> str:
     Returns:
         The version of fogwatch.
     """
-    from patrol.process.warmup import warm
+    from patrol.process.starting.warmup import warm
 
     warm(PACKAGES, lambda _: None)
     return software()

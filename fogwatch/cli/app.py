@@ -13,29 +13,16 @@ from typing import Annotated
 
 import typer
 
-from fogwatch.cli import (
-    bench_command,
-    chaos_command,
-    control,
-    doctor_command,
-    experiment,
-    fleet,
-    key,
-    map_commands,
-    page,
-    paper,
-    process_commands,
-    recording_commands,
-    report_commands,
-    scenario,
-    sweep,
-)
 from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
 from fogwatch.cli.ending import INTERRUPTED, UNKNOWN, complain, run_app
+from fogwatch.cli.experiments import bench_command, chaos_command, experiment, paper, sweep
+from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
+from fogwatch.cli.grounds import map_commands, scenario
+from fogwatch.cli.runs import page, recording_commands, report_commands
 from patrol.errors import BadInput
 from patrol.pose import MODELS
 from patrol.process.lifeline import heed
-from patrol.process.warmup import numba_alone
+from patrol.process.starting.warmup import numba_alone
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
 from patrol.scenario.policy_file import PAPER
 

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from patrol.errors import BadInput
-from patrol.process.logs import crashed
+from patrol.process.reporting.logs import crashed
 
 INTERRUPTED = 130
 UNKNOWN = 3

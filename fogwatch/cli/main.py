@@ -7,7 +7,7 @@ import sys
 from fogwatch.cli.ending import run_app
 
 PROCESSES = ("agent", "robot-sim")
-"""The commands of `fogwatch.cli.process_commands`, which stand on nothing that the other commands load."""
+"""The commands of `fogwatch.cli.fleets.process_commands`, which stand on nothing that the other commands load."""
 
 
 def main() -> int:
@@ -17,7 +17,7 @@ def main() -> int:
         The exit code.
     """
     if len(sys.argv) > 1 and sys.argv[1] in PROCESSES:
-        from fogwatch.cli.process_commands import only_these
+        from fogwatch.cli.fleets.process_commands import only_these
 
         return run_app(only_these())
     from fogwatch.cli.app import app

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import zenoh
 
 from fogwatch.hostile.payloads import changed, noise
-from patrol.net.credentials import Credentials
 from patrol.net.keys import FleetKeys
 from patrol.net.link import LEASE_S
-from patrol.net.roles import OPERATOR, VIEWER, WORLD_ROLE, robot_role
+from patrol.net.security.credentials import Credentials
+from patrol.net.security.roles import OPERATOR, VIEWER, WORLD_ROLE, robot_role
 from patrol.net.settings import client_settings
 from patrol.random import Draws
 

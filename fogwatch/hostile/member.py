@@ -15,10 +15,10 @@ import zenoh
 
 from fogwatch.hostile.door import Door
 from fogwatch.hostile.payloads import all_keys, changed, forged, forged_command, forged_farewell, noise
-from patrol.net.control_auth import ASK, CHALLENGE
 from patrol.net.keys import ROOT, WORLD
-from patrol.net.phases import Malformed, PhaseA, PhaseB, ReplyA, ReplyB, decode_to_robot, encode
-from patrol.net.roles import Role, rights_of
+from patrol.net.messages.phases import Malformed, PhaseA, PhaseB, ReplyA, ReplyB, decode_to_robot, encode
+from patrol.net.security.control_auth import ASK, CHALLENGE
+from patrol.net.security.roles import Role, rights_of
 from patrol.pose import Velocity
 from patrol.random import Draws
 

@@ -11,10 +11,10 @@ import msgpack
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.feed import TICKS, Batch, batch_bytes
 from patrol.net.keys import FleetKeys
-from patrol.net.phases import ANYONE, Failed, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, Stop, encode
-from patrol.net.telemetry import EVENTS, METRICS, Metrics, Notice, RobotView, pack_view
+from patrol.net.messages.feed import TICKS, Batch, batch_bytes
+from patrol.net.messages.phases import ANYONE, Failed, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, Stop, encode
+from patrol.net.messages.telemetry import EVENTS, METRICS, Metrics, Notice, RobotView, pack_view
 from patrol.pose import Pose, Velocity
 from patrol.random import Draws
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from patrol.net.roles import VIEWER, Role, robot_role
+from patrol.net.security.roles import VIEWER, Role, robot_role
 from patrol.random import Draws, Purpose
 from patrol.scenario import Scenario, load_scenario
 

@@ -19,9 +19,9 @@ from fogwatch.hostile.door import Door, begin_well, knock, say_nothing, send_noi
 from fogwatch.hostile.member import Member
 from fogwatch.hostile.spell import ATTACKS, Holds, role_of_stranger
 from patrol.errors import BadInput, did_you_mean
-from patrol.net.access import FILE, credentials_at
-from patrol.net.credentials import read_object
 from patrol.net.keys import fleet_keys
+from patrol.net.security.access import FILE, credentials_at
+from patrol.net.security.credentials import read_object
 from patrol.process.lifeline import heed, run_process
 from patrol.random import Draws, Purpose
 

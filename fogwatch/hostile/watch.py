@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from patrol.net.telemetry import Metrics, Notice
+from patrol.net.messages.telemetry import Metrics, Notice
 
 HUNG_S = 60.0
 """Wall time without a tick after which a run hangs; a busy machine takes seconds."""

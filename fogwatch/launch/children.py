@@ -17,9 +17,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
-from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.printable import printable
-from patrol.process.readiness import StartPipe
+from patrol.process.starting.readiness import StartPipe
 
 LOG_LINES = 5
 """Lines of a child's log that are quoted when it has ended."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
 from patrol.journal import Journal
-from patrol.process.warmup import warm
+from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """The launcher's side of the fork server: starts it, asks it for agents, and does without it where it is of no use.
 
-A process that it has made is a child of the launcher like any other (`patrol.process.forking`).
+A process that it has made is a child of the launcher like any other (`patrol.process.starting.forking`).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from fogwatch.launch.children import Child, Children
-from patrol.process.command_line import room_for
-from patrol.process.forking import Orders, adopting_orphans, ask_for_fork, can_fork
+from patrol.process.starting.command_line import room_for
+from patrol.process.starting.forking import Orders, adopting_orphans, ask_for_fork, can_fork
 
 FORK_SERVER = "the fork server"
 """A name that no robot can have."""

@@ -24,15 +24,15 @@ from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.private import Secrets
 from fogwatch.launch.runfolder import RunFolder
 from patrol.errors import BadInput
-from patrol.net.access import write_pointer
-from patrol.net.credentials import read_credentials
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
-from patrol.net.phases import FIRST_INCARNATION
-from patrol.net.seats import SEAT, seat_of
-from patrol.net.telemetry import EVENTS, MAX_NOTICE, METRICS, longest_metrics, read_metrics, read_notice
-from patrol.process.readiness import StartFailure, StartReport
+from patrol.net.messages.phases import FIRST_INCARNATION
+from patrol.net.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, longest_metrics, read_metrics, read_notice
+from patrol.net.security.access import write_pointer
+from patrol.net.security.credentials import read_credentials
+from patrol.net.security.seats import SEAT, seat_of
+from patrol.process.starting.readiness import StartFailure, StartReport
 from worldsim.lifecycle import process_name
 
 ROUTER, WORLD = "the router", "the world"

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from patrol.journal import Status
-from patrol.net.telemetry import FREE, TRAPPED, Metrics, Notice
+from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice
 
 PLAIN_S = 5.0
 """Wall time between two lines where there is no terminal."""

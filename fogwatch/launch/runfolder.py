@@ -28,7 +28,7 @@ from typing import Any
 
 from patrol.errors import BadInput
 from patrol.ground.maps import load_terrain
-from patrol.net.access import FILE as ACCESS
+from patrol.net.security.access import FILE as ACCESS
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.copying import FILE as SCENARIO
 from patrol.scenario.copying import MAP, keep_scenario

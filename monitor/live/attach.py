@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 from monitor.live.feed_client import ZenohFeedClient, first_answer
 from patrol.errors import BadInput
-from patrol.net.access import FILE, read_access
-from patrol.net.credentials import MEMBER
 from patrol.net.keys import WORLD, callers_of, check_radio, fleet_keys, is_local
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.open_links import open_links
-from patrol.net.roles import Kind
-from patrol.process.logs import Log
+from patrol.net.security.access import FILE, read_access
+from patrol.net.security.credentials import MEMBER
+from patrol.net.security.roles import Kind
 from patrol.process.options import Meeting, meeting
+from patrol.process.reporting.logs import Log
 from patrol.untrusted import leads_out
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from monitor.observation.source import Answer
 from patrol.errors import BadInput
-from patrol.net.control_auth import ControlClient, Unanswered
-from patrol.net.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, Garbled, SoFar, read_batch, read_so_far
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.mailbox import Mailbox, Presence
+from patrol.net.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, Garbled, SoFar, read_batch, read_so_far
+from patrol.net.security.control_auth import ControlClient, Unanswered
 
 if TYPE_CHECKING:
     from patrol.net.link import Link

@@ -1,7 +1,7 @@
 """The source for a running fleet with a world: its feed gives the true fog, and from it follow the robots' beliefs.
 
-The journal's records arrive in batches (`patrol.net.feed`). At the start, and whenever a batch is missing, the source
-requests the fog so far from the world. Only the true fog is always up to date. The fogs that follow from heard
+The journal's records arrive in batches (`patrol.net.messages.feed`). At the start, and whenever a batch is missing, the
+source requests the fog so far from the world. Only the true fog is always up to date. The fogs that follow from heard
 positions are computed on demand from the ticks kept in memory.
 """
 
@@ -31,7 +31,7 @@ from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import End, Event, Header, Status, TickRecord
-from patrol.net.feed import Batch, Garbled, SoFar, read_so_far
+from patrol.net.messages.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario.controls import CONTROLS, OPERATOR, amended, control_in, in_force, read_control

@@ -19,7 +19,7 @@ from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.telemetry import Telemetry, read_telemetry
+from patrol.net.messages.telemetry import Telemetry, read_telemetry
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_FRAME

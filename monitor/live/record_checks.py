@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from patrol.errors import BadInput
 from patrol.journal import unpack
 from patrol.journal.records import FORGED, MAX_TICKS, End, Event, Header, Record, RobotTick, Status, TickRecord
-from patrol.net.control_auth import MAX_CONTROL
-from patrol.net.feed import longest_record
+from patrol.net.messages.feed import longest_record
+from patrol.net.security.control_auth import MAX_CONTROL
 from patrol.scenario import Scenario, load_scenario, same_but_for_files
 from patrol.scenario.controls import OPERATOR, described
 

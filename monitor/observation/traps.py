@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from monitor.observation.source import Trapped
 from patrol.journal.records import Event
-from patrol.net.telemetry import FREE, TRAPPED
+from patrol.net.messages.telemetry import FREE, TRAPPED
 from patrol.progress import Trap, Traps
 from patrol.stays import SAMPLE_S
 

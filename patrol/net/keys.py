@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from patrol.errors import BadInput
-from patrol.net.serial_line import is_serial
+from patrol.net.carriers.serial_line import is_serial
 
 ROOT = "fogwatch"
 WORLD = ".world"
@@ -75,7 +75,7 @@ class FleetKeys:
         """Key of what the world publishes, world to observers.
 
         Args:
-            topic: such as `patrol.net.telemetry.METRICS`.
+            topic: such as `patrol.net.messages.telemetry.METRICS`.
         """
         return f"{ROOT}/{self.fleet}/truth/{topic}"
 

@@ -24,7 +24,7 @@ from patrol.net.zenoh_errors import first_line as _first_line
 from patrol.net.zenoh_errors import system_error as _system_error
 
 if TYPE_CHECKING:
-    from patrol.net.credentials import Credentials, RouterSecurity
+    from patrol.net.security.credentials import Credentials, RouterSecurity
 
 LEASE_S = 600.0
 """A client that is silent for so long is gone for the router; longer than a paused robot may take to answer, and than a

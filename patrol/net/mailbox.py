@@ -4,7 +4,7 @@ The receiving thread decodes each message and puts it into a `Mailbox`; the mail
 time limit. A message that is too long, malformed, under an unknown key or one too many is dropped and counted on
 arrival, so that it never wakes the owner. Room is per key, so that a flood on one key takes no room from the others.
 
-Nothing here depends on Zenoh: `patrol.net.link` and `patrol.net.multicast` fill mailboxes.
+Nothing here depends on Zenoh: `patrol.net.link` and `patrol.net.carriers.multicast` fill mailboxes.
 """
 
 from __future__ import annotations

@@ -7,15 +7,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.net.carriers.multicast import GroupDown, open_group
+from patrol.net.carriers.serial_line import SerialDown, is_serial, open_serial
 from patrol.net.keys import is_group, is_local
 from patrol.net.link import Link, LinkDown, Refused, listens, open_link, open_session
-from patrol.net.multicast import GroupDown, open_group
-from patrol.net.serial_line import SerialDown, is_serial, open_serial
 from patrol.net.settings import client_settings
 
 if TYPE_CHECKING:
-    from patrol.net.credentials import Credentials
     from patrol.net.mailbox import Air
+    from patrol.net.security.credentials import Credentials
 
 RADIO_LEASE_S = 2.0
 """A client that is silent for so long is gone for a router that carries nothing but positions."""

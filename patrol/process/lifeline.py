@@ -19,7 +19,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from patrol.process.logs import crashed
+from patrol.process.reporting.logs import crashed
 
 GRACE_S = 1.5
 INTERRUPTED = 130

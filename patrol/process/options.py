@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Protocol
 
 from patrol.errors import BadInput
 from patrol.process.lifeline import Ending
-from patrol.process.supervision import add_supervision
+from patrol.process.reporting.supervision import add_supervision
 
 if TYPE_CHECKING:
-    from patrol.net.credentials import Credentials
     from patrol.net.keys import FleetKeys
-    from patrol.net.roles import Kind
+    from patrol.net.security.credentials import Credentials
+    from patrol.net.security.roles import Kind
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
 
@@ -117,9 +117,9 @@ def meeting(options: argparse.Namespace | MeetingOptions, *kinds: Kind) -> Meeti
     Raises:
         BadInput: when they do not say it, or the credentials are of another fleet or kind.
     """
-    from patrol.net.access import credentials_at
     from patrol.net.keys import check_locator, fleet_keys
-    from patrol.net.roles import Role
+    from patrol.net.security.access import credentials_at
+    from patrol.net.security.roles import Role
 
     file: Path | None = options.credentials
     if file is None:

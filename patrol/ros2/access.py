@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from patrol.net.roles import COMMON_NAMES, Rights, rules_of
+from patrol.net.security.roles import COMMON_NAMES, Rights, rules_of
 from patrol.ros2.formats import Bridge, Format
 from patrol.ros2.goals import NAME
 from patrol.ros2.names import ADMIN_SPACE, Kind, full_name, mangled

@@ -29,7 +29,7 @@ from patrol.ros2.packing import BadMessage
 from patrol.ros2.ports import Asked, Sender, Service
 
 if TYPE_CHECKING:
-    from patrol.net.credentials import Credentials
+    from patrol.net.security.credentials import Credentials
 
 LEASE_S = 2.0
 """A node that is silent for so long is gone for the router, and finds none of what was meant for it when it returns: a

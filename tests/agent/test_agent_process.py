@@ -8,7 +8,7 @@ import pytest
 
 from agent import process
 from patrol.process.lifeline import Ending
-from patrol.process.logs import Log
+from patrol.process.reporting.logs import Log
 from patrol.scenario import load_scenario
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agent.clock import APART, REMEMBERED, KeptClock, Skew, epoch_of
-from patrol.net.phases import PHASE_B_SHARE
+from patrol.net.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from patrol.net.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER
+from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER
 from tests.deploy.command_lines import DEPLOY, options_in
 
 UNITS = {path.stem: path for path in sorted((DEPLOY / "systemd").glob("*.service"))}

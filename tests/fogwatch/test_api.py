@@ -11,7 +11,7 @@ import pytest
 import fogwatch
 from patrol.errors import BadInput
 from patrol.journal import read_journal
-from patrol.net.telemetry import Metrics
+from patrol.net.messages.telemetry import Metrics
 from patrol.scenario import load_scenario
 
 SMALL = {

@@ -14,7 +14,7 @@ import pytest
 import fogwatch
 from fogwatch.launch.launcher import Launch
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
-from patrol.process.forking import can_fork
+from patrol.process.starting.forking import can_fork
 from tests.fleets import COARSE
 from worldsim.lifecycle import LOOKED_AT, STOPPED
 

@@ -24,7 +24,7 @@ from patrol.errors import BadInput
 from patrol.journal.records import Status
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, open_link, open_router
-from patrol.net.telemetry import Telemetry, pack_view
+from patrol.net.messages.telemetry import Telemetry, pack_view
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending

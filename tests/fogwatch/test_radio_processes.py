@@ -13,7 +13,7 @@ import fogwatch
 from patrol.net.keys import ROOT
 from patrol.net.link import open_link
 from patrol.net.mailbox import Payload
-from patrol.net.phases import Malformed, ReplyA, decode_to_world
+from patrol.net.messages.phases import Malformed, ReplyA, decode_to_world
 from patrol.radio.fleet_key import new_key
 from patrol.radio.message import MAX_FRAME
 from tests.worldsim.test_fleet_by_hand import PATIENCE_S, Hand

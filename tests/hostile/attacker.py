@@ -17,11 +17,11 @@ from typing import Any, TypeVar
 import pytest
 import zenoh
 
-from patrol.net.access import credentials_at
 from patrol.net.keys import FleetKeys, fleet_keys
 from patrol.net.link import LEASE_S
-from patrol.net.phases import Hello, PhaseA, PhaseB, ReplyB, decode_to_robot, decode_to_world
-from patrol.net.roles import OPERATOR, WORLD_ROLE, Rights, Role, rights_of, robot_role
+from patrol.net.messages.phases import Hello, PhaseA, PhaseB, ReplyB, decode_to_robot, decode_to_world
+from patrol.net.security.access import credentials_at
+from patrol.net.security.roles import OPERATOR, WORLD_ROLE, Rights, Role, rights_of, robot_role
 from patrol.net.settings import client_settings
 from patrol.scenario import load_scenario
 

@@ -23,9 +23,9 @@ from fogwatch.hostile.payloads import changed, noise
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, Status, pack, unpack
-from patrol.net.control_auth import MAX_ANSWER, MAX_REQUEST, ControlClient, ControlGate, Refused, Unanswered
-from patrol.net.feed import MAX_ANSWER as MAX_SO_FAR
-from patrol.net.feed import (
+from patrol.net.keys import fleet_keys
+from patrol.net.messages.feed import MAX_ANSWER as MAX_SO_FAR
+from patrol.net.messages.feed import (
     MAX_BATCH,
     Batch,
     Garbled,
@@ -34,8 +34,7 @@ from patrol.net.feed import (
     read_batch,
     read_so_far,
 )
-from patrol.net.keys import fleet_keys
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     MAX_REPLY,
     Failed,
     Hello,
@@ -52,7 +51,7 @@ from patrol.net.phases import (
     encode,
     max_to_robot,
 )
-from patrol.net.telemetry import (
+from patrol.net.messages.telemetry import (
     MAX_NOTICE,
     Metrics,
     Notice,
@@ -67,7 +66,8 @@ from patrol.net.telemetry import (
     read_telemetry,
     read_traffic,
 )
-from patrol.net.transcripts import DIGEST, PLACES, Line
+from patrol.net.security.control_auth import MAX_ANSWER, MAX_REQUEST, ControlClient, ControlGate, Refused, Unanswered
+from patrol.net.security.transcripts import DIGEST, PLACES, Line
 from patrol.pose import Pose, Velocity
 from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected
 from patrol.radio.message import decode as decode_frame

@@ -14,7 +14,7 @@ import pytest
 
 import fogwatch
 from patrol.journal import Status, read_journal
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     ANYONE,
     HelloReply,
     PhaseA,

@@ -21,7 +21,7 @@ from fogwatch.hostile.run import run_spell
 from fogwatch.hostile.spell import Holds, draw_spell
 from patrol.net.keys import fleet_keys
 from patrol.net.link import open_link
-from patrol.net.roles import VIEWER
+from patrol.net.security.roles import VIEWER
 from patrol.random import Draws, Purpose
 from patrol.scenario import load_scenario
 from tests.routers import PATIENCE_S, guarded_by_passwords, routed

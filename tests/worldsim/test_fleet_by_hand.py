@@ -16,9 +16,9 @@ from patrol.exchange import Sensed
 from patrol.journal import read_journal
 from patrol.net.keys import FleetKeys
 from patrol.net.link import open_link
-from patrol.net.phases import PhaseA, ReplyA, Stop, encode
+from patrol.net.messages.phases import PhaseA, ReplyA, Stop, encode
 from patrol.pose import Pose
-from patrol.process.warmup import COMPILING, WAITING
+from patrol.process.starting.warmup import COMPILING, WAITING
 from patrol.scenario import load_scenario, scenario_hash
 from tests.fleets import Processes
 from tests.routers import free_endpoint

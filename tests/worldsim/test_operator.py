@@ -15,7 +15,7 @@ from agent.build import mind_maker, shared_by
 from experiments.inprocess import InProcessFleet, run_in_process
 from patrol.errors import BadInput
 from patrol.journal.records import Status, TickRecord
-from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario, scenario_hash
 from patrol.scenario.controls import OPERATOR, Answer, amended, in_force, prepared_as_operated, read_control

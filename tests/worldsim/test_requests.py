@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import pytest
 
 from patrol.errors import BadInput
-from patrol.net.control_auth import ASK, CHALLENGE, ControlClient, ControlGate, Unanswered
 from patrol.net.keys import FleetKeys
+from patrol.net.security.control_auth import ASK, CHALLENGE, ControlClient, ControlGate, Unanswered
 from patrol.scenario.controls import Answer, Pause
 from worldsim.requests import MOST_AT_ONCE, ControlMailbox, answer_challenge
 

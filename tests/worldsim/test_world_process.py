@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from patrol.net.credentials import Credentials
 from patrol.net.keys import fleet_keys
-from patrol.net.roles import WORLD_ROLE
+from patrol.net.security.credentials import Credentials
+from patrol.net.security.roles import WORLD_ROLE
 from patrol.process.lifeline import Ending
 from patrol.process.options import Meeting
 from worldsim.options import parse_options

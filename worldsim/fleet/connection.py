@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from patrol.net.keys import FleetKeys
-from patrol.net.phases import PROTOCOL, HelloReply
-from patrol.net.tick_chain import TickChain
+from patrol.net.messages.phases import PROTOCOL, HelloReply
+from patrol.net.security.tick_chain import TickChain
 from worldsim.mailbox import CountingMailbox
 
 

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
+from patrol.net.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
 from worldsim.fleet.connection import Addressee
 from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import POLL_S, Sessions

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.phases import PHASE_B_SHARE, ReplyA, ReplyB
+from patrol.net.messages.phases import PHASE_B_SHARE, ReplyA, ReplyB
 from worldsim.fleet.lockstep import drain, pass_on, router_notes, tell
 from worldsim.fleet.sessions import POLL_S, Sessions
 

@@ -2,7 +2,7 @@
 
 A process opens a session by answering the world's hello. From then on only that process, identified by its incarnation
 and instance, speaks for the robot, and another one that asks for the seat is turned away and counted. Where a launcher
-has started the processes, the world knows their instances beforehand (`patrol.net.seats`).
+has started the processes, the world knows their instances beforehand (`patrol.net.security.seats`).
 
 A robot's liveliness token goes when its process or its link dies. It also goes, with all others, when the router does;
 so an absence counts only while the router answers, and after an outage only once clients have had time to reconnect.
@@ -15,11 +15,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
 from typing import NoReturn
 
 from patrol.errors import BadInput
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,
@@ -37,8 +36,18 @@ from patrol.net.phases import (
     ToWorld,
     encode,
 )
-from patrol.net.transcripts import MAX_TICKS, PHASE_A, PHASE_B, REPLY_A, REPLY_B, WorldTranscript, as_notes, digest_of
+from patrol.net.security.transcripts import (
+    MAX_TICKS,
+    PHASE_A,
+    PHASE_B,
+    REPLY_A,
+    REPLY_B,
+    WorldTranscript,
+    as_notes,
+    digest_of,
+)
 from worldsim.fleet.connection import Addressee, FleetConnection, RunIdentity
+from worldsim.fleet.session import Session
 
 POLL_S = 0.1
 HELLO_S = 1.0
@@ -60,19 +69,6 @@ class Missing(Exception):
     """Robots whose processes did not come in time; one line names them."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Session:
-    """The process that speaks for a robot, and what was exchanged with it."""
-
-    process: Addressee
-    transcript: WorldTranscript
-
-    def speaks(self, message: ToWorld) -> bool:
-        """Whether a message is of this process and its run."""
-        to = self.process
-        return (message.instance, message.incarnation, message.run) == (to.instance, to.incarnation, to.run)
-
-
 class Sessions:
     """The processes that speak for the robots."""
 
@@ -88,7 +84,7 @@ class Sessions:
         self._run = run
         self._number_of = {connection.keys.reply(name): number for number, name in connection.names.items()}
         self._number_of |= {connection.keys.alive(name): number for number, name in connection.names.items()}
-        self._sessions: dict[int, _Session] = {}
+        self._sessions: dict[int, Session] = {}
         self._expected: dict[int, int | None] = {number: None for number in connection.names if number not in absent}
         self._present: set[int] = set()
         self._absent_since: dict[int, float] = {}
@@ -389,7 +385,7 @@ class Sessions:
             return
         process = Addressee(message.incarnation, message.instance, self._run.number, self._run.chain.proof)
         one = (message.incarnation, message.instance)
-        self._sessions[number] = _Session(process, self._transcripts[number].setdefault(one, WorldTranscript()))
+        self._sessions[number] = Session(process, self._transcripts[number].setdefault(one, WorldTranscript()))
 
     def _refuse_seat(self, number: int, message: HelloReply, reason: str) -> None:
         self._connection.mailbox.refused["seat"] += 1

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from patrol.journal import pack
 from patrol.journal.records import Event, TickRecord
-from patrol.net.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
+from patrol.net.messages.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
 from patrol.scenario.controls import OPERATOR
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from patrol.net.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
+from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
 from patrol.progress import Trap, Traps
 
 if TYPE_CHECKING:

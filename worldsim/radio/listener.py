@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from patrol.net.keys import FleetKeys, robot_of
-from patrol.net.telemetry import Traffic
+from patrol.net.messages.telemetry import Traffic
 from patrol.radio.message import CONTACT, Rejected, decode
 
 if TYPE_CHECKING:

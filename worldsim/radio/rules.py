@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.kernels import swept_path as sweep
-from patrol.net.phases import PHASE_B_SHARE
+from patrol.net.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.random import Purpose, draw, gauss, mix
 from patrol.scenario.faults.kinds import (

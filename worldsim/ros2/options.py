@@ -10,7 +10,7 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.pose import MODELS, Pose, wrap
-from patrol.process.supervision import add_supervision
+from patrol.process.reporting.supervision import add_supervision
 from worldsim.ros2.node import DRIVES
 from worldsim.ros2.odometry import Errors
 

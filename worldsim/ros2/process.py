@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
 from patrol.process.lifeline import INTERRUPTED, Ending, heed
-from patrol.process.logs import Log
-from patrol.process.supervision import followed, take_supervision
+from patrol.process.reporting.logs import Log
+from patrol.process.reporting.supervision import followed, take_supervision
 from worldsim.ros2.options import errors_of, options_of, robots_of, starts_of, unplugged
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from patrol.process.vitals import Vitals
+    from patrol.process.reporting.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.ros2.node import Habits
     from worldsim.ros2.simulation import Simulation
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace, ending: Ending, say: Callable[[str], None], vitals: Vitals) -> int:
     from patrol.prepare import prepare
-    from patrol.process.warmup import warm
+    from patrol.process.starting.warmup import warm
     from patrol.scenario import load_scenario
 
     scenario = _scenario(options) if options.scenario is None else load_scenario(options.scenario)
@@ -162,7 +162,7 @@ def show(simulation: Simulation, vitals: Vitals) -> None:
         simulation: Whose.
         vitals: Of this process.
     """
-    from patrol.process.vitals import COMMANDS, MFOW, TICK
+    from patrol.process.reporting.vitals import COMMANDS, MFOW, TICK
 
     vitals.probe(TICK, lambda: simulation.ticks or None)
     vitals.probe(MFOW, lambda: simulation.mfow_s)

@@ -20,11 +20,11 @@ from agent.robots.ros2.pose.localisation import Fix
 from agent.robots.ros2.stops.standing import Standing
 from agent.robots.ros2.stops.stops import Stopper
 from patrol.exchange import Sensed
-from patrol.net.phases import PHASE_B_SHARE
-from patrol.net.stop_orders import Order, Outcome, StopOrders
+from patrol.net.messages.phases import PHASE_B_SHARE
+from patrol.net.messages.stop_orders import Order, Outcome, StopOrders
 from patrol.pose import Command
-from patrol.process.logs import Log
-from patrol.process.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
+from patrol.process.reporting.logs import Log
+from patrol.process.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 
 SAY_AFTER_S = 1.0
 """How long a robot has to stand for a reason before it is said, s."""

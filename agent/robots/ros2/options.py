@@ -12,7 +12,7 @@ from agent.robots.ros2.pose.localisation import RADIUS, SPEED, LocalisationSetti
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings, turn_rate_of
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Limits, Pose, wrap
-from patrol.process.supervision import add_supervision
+from patrol.process.reporting.supervision import add_supervision
 
 TURNING_RADIUS = 3.5
 """A car's tightest turn unless options say otherwise, m, as in scenarios."""

@@ -3,7 +3,7 @@ from __future__ import annotations
 from agent.radios.direct import ROOM, DirectRadio
 from patrol.net.keys import FleetKeys
 from patrol.net.mailbox import Mailbox
-from patrol.net.telemetry import Traffic
+from patrol.net.messages.telemetry import Traffic
 from patrol.radio.message import MAX_FRAME
 
 KEYS = FleetKeys("f")

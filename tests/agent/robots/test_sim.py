@@ -10,7 +10,7 @@ from agent.robots.sim import SILENCE_S, Identity, SimRobot
 from patrol.exchange import Reply, Sensed
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     ANYONE,
     NO_RUN,
     Failed,
@@ -28,8 +28,8 @@ from patrol.net.phases import (
     decode_to_world,
     encode,
 )
-from patrol.net.tick_chain import TickChain
-from patrol.net.transcripts import LAST
+from patrol.net.security.tick_chain import TickChain
+from patrol.net.security.transcripts import LAST
 from patrol.pose import Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
 

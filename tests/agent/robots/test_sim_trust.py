@@ -7,9 +7,20 @@ from dataclasses import replace
 import pytest
 
 from patrol.exchange import Sensed
-from patrol.net.phases import ANYONE, NO_RUN, PhaseA, PhaseB, ReplyA, ReplyB, Report, Stop, decode_to_world, encode
-from patrol.net.tick_chain import TickChain
-from patrol.net.transcripts import LAST, LINES, Line, digest_of
+from patrol.net.messages.phases import (
+    ANYONE,
+    NO_RUN,
+    PhaseA,
+    PhaseB,
+    ReplyA,
+    ReplyB,
+    Report,
+    Stop,
+    decode_to_world,
+    encode,
+)
+from patrol.net.security.tick_chain import TickChain
+from patrol.net.security.transcripts import LAST, LINES, Line, digest_of
 from patrol.pose import Velocity
 from tests.agent.robots.test_sim import CHAIN, POSE, RUN, Scene, a, b, hello
 

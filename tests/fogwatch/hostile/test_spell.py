@@ -8,7 +8,7 @@ from fogwatch.hostile.payloads import all_keys, changed, forged, forged_farewell
 from fogwatch.hostile.spell import Holds, draw_spell, role_of_stranger
 from patrol.exchange import Sensed
 from patrol.net.keys import fleet_keys
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     Failed,
     HelloReply,
     PhaseA,
@@ -20,7 +20,7 @@ from patrol.net.phases import (
     decode_to_world,
     encode,
 )
-from patrol.net.roles import VIEWER
+from patrol.net.security.roles import VIEWER
 from patrol.pose import Pose
 from patrol.random import Draws, Purpose
 from patrol.scenario import as_mapping

@@ -8,7 +8,7 @@ import pytest
 
 from fogwatch.hostile.run import read_log
 from fogwatch.hostile.watch import HUNG_S, SAMPLE_S, SETTLED_S, START_S, Memory, Progress
-from patrol.net.telemetry import Metrics
+from patrol.net.messages.telemetry import Metrics
 
 ME, STRANGER = 10, 77
 

@@ -12,7 +12,7 @@ import pytest
 
 from fogwatch.launch.children import TERM_S, Child, Children
 from fogwatch.router import CLOSE_S
-from patrol.process.readiness import StartFailure, StartReport
+from patrol.process.starting.readiness import StartFailure, StartReport
 
 pytestmark = pytest.mark.processes
 

@@ -17,9 +17,9 @@ import pytest
 
 from fogwatch.launch.children import Child, Children
 from fogwatch.launch.fork_server import FORK_SERVER, READY_S, Forked, ForkServer
-from patrol.process.forking import adopt_orphans, adopters, can_fork
 from patrol.process.lifeline import INTERRUPTED
-from patrol.process.readiness import StartFailure, StartPipe, StartReport
+from patrol.process.starting.forking import adopt_orphans, adopters, can_fork
+from patrol.process.starting.readiness import StartFailure, StartPipe, StartReport
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(not can_fork(), reason="this system has no fork server")]
 

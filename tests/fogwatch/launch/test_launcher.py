@@ -13,7 +13,7 @@ from fogwatch.launch.launcher import Launch
 from fogwatch.launch.live_table import SilentDisplay
 from fogwatch.launch.private import Secrets
 from fogwatch.launch.runfolder import RunFolder
-from patrol.net.seats import SEAT
+from patrol.net.security.seats import SEAT
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from fogwatch.launch.live_table import (
 )
 from fogwatch.launch.summary_text import measures, print_summary
 from patrol.journal import Status
-from patrol.net.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
+from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
 METRICS = Metrics(120, 600, 60.0, 20.0, 12.5, 30.0, 0.75, 40.0, ROBOTS)

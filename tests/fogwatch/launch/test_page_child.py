@@ -11,7 +11,7 @@ import pytest
 
 from fogwatch.launch.children import Children
 from fogwatch.launch.page_child import MOST_RESTARTS, PAGE, PageChild
-from patrol.process.readiness import StartFailure, StartReport
+from patrol.process.starting.readiness import StartFailure, StartReport
 
 ADDRESS = "http://127.0.0.1:40123/"
 

@@ -20,7 +20,7 @@ from monitor.report.analysis import analyse
 from monitor.report.document import report_html
 from patrol.ground.maps import read_terrain
 from patrol.journal import unpack
-from patrol.net.access import read_access
+from patrol.net.security.access import read_access
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
 from tests.hostile.files.looks import as_json, looked_at, value_or_line

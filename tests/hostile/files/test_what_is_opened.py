@@ -22,7 +22,7 @@ from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.ground.maps import load_terrain, read_terrain
-from patrol.net.access import read_access
+from patrol.net.security.access import read_access
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario, open_scenario
 from tests.hostile.files.looks import MAP, looked_at, one_line

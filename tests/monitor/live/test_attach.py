@@ -7,7 +7,7 @@ import pytest
 
 from monitor.live.attach import is_running, open_fleet
 from patrol.errors import BadInput
-from patrol.net.access import FILE, Access, write_access
+from patrol.net.security.access import FILE, Access, write_access
 from patrol.process.lifeline import Ending
 from patrol.radio.fleet_key import new_key
 from tests.routers import PATIENCE_S, free_endpoint, routed, world_seen

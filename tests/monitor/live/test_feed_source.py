@@ -23,7 +23,7 @@ from patrol.ground.fog import NEVER
 from patrol.journal import JournalWriter, pack, unpack
 from patrol.journal.file import MAGIC
 from patrol.journal.records import Event, Status, TickRecord
-from patrol.net.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
+from patrol.net.messages.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
 from patrol.scenario.controls import OPERATOR
 from worldsim.operator import RunState
 from worldsim.output.feed_publisher import Feed, ground_of

@@ -18,7 +18,7 @@ from monitor.live.record_checks import RunChecks, is_run_of
 from patrol.errors import BadInput
 from patrol.journal import pack, unpack
 from patrol.journal.records import End, Event, Status, TickRecord
-from patrol.net.feed import Batch, read_so_far, so_far_bytes
+from patrol.net.messages.feed import Batch, read_so_far, so_far_bytes
 from patrol.scenario import as_mapping, load_scenario
 from tests.monitor.conftest import QUIET
 from tests.monitor.live.test_feed_source import FakeFeed, watched

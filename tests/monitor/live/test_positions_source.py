@@ -9,7 +9,7 @@ from monitor.live.positions_source import PositionsSource
 from monitor.observation.source import Trapped
 from patrol.net.keys import fleet_keys
 from patrol.net.mailbox import Mailbox
-from patrol.net.telemetry import TRAPPED
+from patrol.net.messages.telemetry import TRAPPED
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode

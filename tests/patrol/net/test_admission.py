@@ -14,12 +14,12 @@ import pytest
 from fogwatch.certificates import issue, make_authority
 from fogwatch.fleet_folder import FleetFolder, open_fleet_folder
 from patrol.errors import BadInput
-from patrol.net.credentials import Credentials, read_credentials
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import Link, Refused, open_link
 from patrol.net.mailbox import Mailbox, Presence, Question
 from patrol.net.open_links import open_links
-from patrol.net.roles import robot_role
+from patrol.net.security.credentials import Credentials, read_credentials
+from patrol.net.security.roles import robot_role
 from tests.routers import (
     PATIENCE_S,
     Guarded,

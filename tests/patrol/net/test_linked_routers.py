@@ -11,11 +11,11 @@ import pytest
 import fogwatch.router
 from fogwatch.fleet_folder import FleetFolder
 from fogwatch.launch.private import Secrets
-from patrol.net.credentials import Credentials, read_credentials, read_router
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import Link, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.roles import Kind, Role, robot_role
+from patrol.net.security.credentials import Credentials, read_credentials, read_router
+from patrol.net.security.roles import Kind, Role, robot_role
 from tests.routers import PATIENCE_S, free_endpoint, make_local_fleet, needs_openssl
 
 pytestmark = needs_openssl

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from patrol.errors import BadInput
-from patrol.net.credentials import Credentials, RouterSecurity, as_json, write_private
 from patrol.net.keys import fleet_keys
-from patrol.net.roles import VIEWER, WORLD_ROLE, Kind, Role, robot_role
+from patrol.net.security.credentials import Credentials, RouterSecurity, as_json, write_private
+from patrol.net.security.roles import VIEWER, WORLD_ROLE, Kind, Role, robot_role
 from patrol.process.options import meeting, robot_named
 
 ROUTER = "tcp/127.0.0.1:7447"

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from patrol.exchange import Reply, Sensed
 from patrol.net.mailbox import Mailbox
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     MAX_REPLY,
     Failed,
     Hello,
@@ -28,7 +28,7 @@ from patrol.net.phases import (
     decode_to_world,
     max_to_robot,
 )
-from patrol.net.phases import encode as encode_phase
+from patrol.net.messages.phases import encode as encode_phase
 from patrol.pose import Drive, Pose
 from patrol.radio.inbox import Inbox
 from patrol.radio.message import MAX_CM, MAX_FRAMES, MAX_ROBOT, MAX_SEQUENCE, MAX_TRAIL, Position, encode

@@ -9,7 +9,7 @@ from typing import Any
 from patrol.exchange import Reply, Sensed
 from patrol.net.keys import FleetKeys
 from patrol.net.mailbox import Presence
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     Hello,
     HelloReply,
     PhaseA,
@@ -20,7 +20,7 @@ from patrol.net.phases import (
     ToWorld,
     decode_to_robot,
 )
-from patrol.net.tick_chain import TickChain
+from patrol.net.security.tick_chain import TickChain
 from patrol.pose import Pose, Velocity
 from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import LockstepFleet

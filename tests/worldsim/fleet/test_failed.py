@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from patrol.journal import Status
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     Failed,
     Stop,
 )

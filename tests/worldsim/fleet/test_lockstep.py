@@ -10,7 +10,7 @@ import pytest
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,

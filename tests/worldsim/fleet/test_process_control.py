@@ -12,7 +12,7 @@ import pytest
 from patrol.exchange import Sensed
 from patrol.net.keys import FleetKeys
 from patrol.net.mailbox import Presence
-from patrol.net.phases import (
+from patrol.net.messages.phases import (
     NO_RUN,
     Hello,
     HelloReply,
@@ -21,7 +21,7 @@ from patrol.net.phases import (
     ToRobot,
     decode_to_robot,
 )
-from patrol.net.tick_chain import TickChain
+from patrol.net.security.tick_chain import TickChain
 from patrol.pose import Pose
 from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import tell

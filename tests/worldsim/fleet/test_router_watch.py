@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from patrol.journal import Status
-from patrol.net.phases import ReplyA
+from patrol.net.messages.phases import ReplyA
 from tests.worldsim.fleet.net import NAMES, RUN, Net, heard, sensed
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet

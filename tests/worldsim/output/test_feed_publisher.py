@@ -11,8 +11,8 @@ import pytest
 from agent.build import mind_maker, shared_by
 from experiments.inprocess import InProcessFleet
 from patrol.journal import JournalWriter, TickRecord
-from patrol.net.feed import read_so_far
-from patrol.net.phases import FIRST_INCARNATION
+from patrol.net.messages.feed import read_so_far
+from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from worldsim.fleet.loop import run_ticks

@@ -11,7 +11,7 @@ from patrol.errors import BadInput
 from patrol.journal import End, Header
 from patrol.net.keys import FleetKeys
 from patrol.net.mailbox import Mailbox
-from patrol.net.telemetry import Traffic
+from patrol.net.messages.telemetry import Traffic
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode

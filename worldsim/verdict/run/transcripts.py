@@ -18,9 +18,10 @@ _NOTE, _SILENT = "transcripts", "router_silent_s"
 class TranscriptsAgree(Check):
     """Each robot has sent all replies that the world acted on, and the world all phases that the robot acted on.
 
-    Both have kept the hashes of what they sent and acted on (`patrol.net.transcripts`), and the journal's end holds
-    those of both. The last ticks of a process that was killed or lost are not compared, because it cannot report them.
-    Where reports are missing although process and router were there, somebody may have crowded them out: a warning.
+    Both have kept the hashes of what they sent and acted on (`patrol.net.security.transcripts`), and the journal's end
+    holds those of both. The last ticks of a process that was killed or lost are not compared, because it cannot report
+    them. Where reports are missing although process and router were there, somebody may have crowded them out: a
+    warning.
     """
 
     name = "transcripts"

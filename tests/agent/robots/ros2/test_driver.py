@@ -23,9 +23,9 @@ from agent.robots.ros2.pose.localisation import LocalisationSettings
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.stops import standing
 from patrol.ground.terrain import Terrain
-from patrol.net.stop_orders import Order, Outcome
+from patrol.net.messages.stop_orders import Order, Outcome
 from patrol.pose import Drive, Pose, Twist, Velocity
-from patrol.process.logs import Log
+from patrol.process.reporting.logs import Log
 from patrol.ros2 import messages
 from patrol.ros2.goals import GoalServer, Status
 from patrol.ros2.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped

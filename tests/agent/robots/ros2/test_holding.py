@@ -8,10 +8,10 @@ import pytest
 
 from agent.robots.ros2.driver import HELD_AFTER_S, Sayer
 from agent.robots.ros2.driving.governor import OFF_GROUND, TOO_NEAR
-from patrol.net.stop_orders import Order, Outcome
+from patrol.net.messages.stop_orders import Order, Outcome
 from patrol.pose import Pose, Twist
-from patrol.process.health import Reading, health_line
-from patrol.process.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
+from patrol.process.reporting.health import Reading, health_line
+from patrol.process.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from patrol.ros2.messages import Bool
 from tests.agent.robots.ros2.test_driver import PATIENCE_S, STILL, Bench
 

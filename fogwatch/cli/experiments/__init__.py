@@ -1,0 +1,1 @@
+"""Commands that run many runs: experiments, sweeps, the paper, chaos, benchmarks."""

@@ -1,0 +1,181 @@
+"""``fogwatch control``: pause a running fleet, resume it, and inject faults, from a shell.
+
+Commands raise BadInput; the caller prints it.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from patrol.errors import BadInput
+
+EXAMPLES = [
+    "fogwatch control RUN pause",
+    "fogwatch control RUN step 10",
+    "fogwatch control RUN go",
+    "fogwatch control RUN pace 2",
+    "fogwatch control RUN pace max",
+    "fogwatch control RUN fault '{kind: loss, rate: 0.5}'",
+    "fogwatch control RUN heal op1",
+    "fogwatch control RUN intruder '[12, 30]'",
+    "fogwatch control yards-1/operator pause",
+    "fogwatch control yards-1/operator stop robot1",
+    "fogwatch control tcp/192.168.1.20:7447 stop --fleet patrol",
+]
+EXIT_CODES = "0 done, 1 refused, or a robot may still drive, 2 bad input, 3 no answer, or not from every robot"
+ROBOTS_S = 5.0
+"""How long robots may take to answer an order, s, unless --wait says less. A robot answers when it stands, or when it
+has not come to rest for 3 s."""
+WAIT_S = 15.0
+"""How long a world may take to answer: it ends its tick first, and starts the robots that the request needs."""
+
+REFUSED, UNANSWERED = 1, 3
+
+VALUES = {
+    "step": ("ticks", "10"),
+    "pace": ("factor", "2, or max"),
+    "fault": ("fault", "'{kind: loss, rate: 0.5}'"),
+    "heal": ("id", "op1, the id in the answer to a fault"),
+    "intruder": ("place", "'[12, 30]'"),
+}
+"""For each control that has a value: the value's field, and an example."""
+
+
+def control(
+    run: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RUN",
+            help="Folder of a running fleet, an operator's credentials, or to stop robots a router's address.",
+        ),
+    ],
+    do: Annotated[
+        str,
+        typer.Argument(metavar="WHAT", help="pause, go, step, pace, fault, heal or intruder; stop or release robots."),
+    ],
+    value: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[VALUE]",
+            help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the fault's id; "
+            "intruder: its place as [X, Y] in m; stop, release: the robot (default: all robots).",
+        ),
+    ] = None,
+    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer, in s.")] = WAIT_S,
+    fleet: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The fleet's name, where RUN is a router's address.")
+    ] = None,
+) -> int:
+    """Control a running fleet: pause, resume or step it, change its pace, inject and heal faults, add an intruder.
+
+    The request is carried out between two ticks and recorded in the journal and in timeline.yaml. RUN stands for the
+    run's folder, such as runs/yards-20260101-120000.
+
+    Robots that no world simulates, such as ROS 2 robots, can be told to stop, and to be released. They answer
+    themselves, when they stand; one that is stopped stands until whoever stopped it releases it, also when its agent
+    is started again meanwhile.
+    """
+    if do in {"stop", "release"}:
+        return _stop(run, do, value, fleet, wait)
+    if fleet is not None:
+        raise BadInput(f"--fleet {fleet}: is for stop and release; leave the option out")
+    asked = control_of(do, value)
+    from patrol.net.keys import fleet_keys
+    from patrol.net.link import LinkDown, open_link
+    from patrol.net.security.access import read_access
+    from patrol.net.security.control_auth import ControlClient, Unanswered
+    from patrol.scenario.controls import read_control
+
+    read_control(asked)
+    access = read_access(run, "control")
+    try:
+        link = open_link(access.router, wait, credentials=access.credentials)
+    except LinkDown as down:
+        raise BadInput(f"{run}: {down}; is the fleet still running?") from None
+    try:
+        client = ControlClient(link, fleet_keys(access.fleet), access.token, time.monotonic, os.urandom)
+        operated = client.ask(asked, wait)
+    except Unanswered as unanswered:
+        revocable = access.credentials is not None and access.credentials.folder is not None
+        typer.echo(f"fogwatch: {unanswered}{', or this operator was revoked' if revocable else ''}", err=True)
+        return UNANSWERED
+    finally:
+        link.close()
+    if operated.warning:
+        typer.echo(f"fogwatch: {operated.warning}", err=True)
+    typer.echo(operated.answer.text, err=not operated.answer.done)
+    return 0 if operated.answer.done else REFUSED
+
+
+def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float) -> int:
+    """Ask robots to stop, or release them; the exit code."""
+    from patrol.net.keys import check_locator, fleet_keys
+    from patrol.net.link import LinkDown, open_link
+    from patrol.net.messages.stop_orders import Order, ask_robots, robots_there
+    from patrol.net.security.access import read_access
+    from patrol.net.security.roles import robot_role
+
+    credentials = None
+    if fleet is not None:
+        router, keys = check_locator(str(run), "RUN"), fleet_keys(fleet)
+    else:
+        access = read_access(run, str(run))
+        router, keys, credentials = access.router, fleet_keys(access.fleet), access.credentials
+    whom = None if robot is None else robot_role(robot).robot
+    try:
+        link = open_link(router, wait, credentials=credentials)
+    except LinkDown as down:
+        raise BadInput(f"{run}: {down}; is the fleet still running?") from None
+    unsure = False
+    try:
+        robots = robots_there(link, keys) if whom is None else [whom]
+        silent = set(robots)
+        for name, outcome in ask_robots(link, keys, robots, Order(do), min(wait, ROBOTS_S)):
+            typer.echo(f"{name}: {outcome.text}", err=not outcome.done)
+            silent.discard(name)
+            unsure = unsure or not outcome.done
+    finally:
+        link.close()
+    if silent or not robots:
+        who = f"no answer from {', '.join(sorted(silent))}" if silent else "no robot is there"
+        remedy = "; use another way to stop what is left" if do == "stop" else ""
+        typer.echo(f"fogwatch: fleet {keys.fleet}: {who}{remedy}", err=True)
+        return UNANSWERED
+    return REFUSED if unsure else 0
+
+
+def control_of(do: str, value: str | None) -> dict[str, Any]:
+    """The control that the words of a command line stand for; its value is not checked yet.
+
+    Args:
+        do: What to do, such as "step".
+        value: Its value as given, or None.
+
+    Returns:
+        The control as `patrol.scenario.controls.read_control` takes it.
+
+    Raises:
+        BadInput: A value is missing, not wanted, or no YAML.
+    """
+    from patrol.yaml_text import parse_yaml
+
+    field, example = VALUES.get(do, (None, ""))
+    if value is None:
+        if field is not None and do != "step":
+            raise BadInput(f"control {do}: give its {field} too, such as {example}")
+        return {"do": do}
+    if field is None:
+        raise BadInput(f"control {do}: takes no value; leave {value!r} out")
+    if do == "heal":
+        return {"do": do, field: value}
+    if do == "pace" and value == "max":
+        return {"do": do, field: None}
+    given = parse_yaml(value, f"control {do}")
+    if do == "intruder" and isinstance(given, dict):
+        return {"do": do, **given}
+    return {"do": do, field: given}

@@ -1,0 +1,182 @@
+"""``fogwatch fleet``: the members of a fleet of several machines. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fogwatch.cli.command_help import command
+from patrol.errors import BadInput
+
+app = typer.Typer(help="Say who may join a fleet of several machines.", no_args_is_help=True)
+
+WRONG = 1
+DAYS = 365
+LONGEST_DAYS = 3650
+PORT = 7447
+ROBOT_PORT = 7448
+"""Beside the port of the robot's own programs."""
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the fleet.")]
+Days = Annotated[int, typer.Option(metavar="N", help="How long certificates are valid, in days.")]
+Hosts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--host",
+        metavar="HOST",
+        help="Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones.",
+    ),
+]
+
+
+@command(app, examples=["fogwatch fleet init yards-1 --robots r1,r2,r3 --host 192.168.1.10"])
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not exist yet.")],
+    robots: Annotated[str, typer.Option(metavar="NAME,NAME", help="The robots' names, as in the scenario.")],
+    host: Hosts = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="The fleet's name (default: the folder's).")] = None,
+    port: Annotated[int, typer.Option(metavar="N", help="TCP port of the router.")] = PORT,
+    days: Days = DAYS,
+) -> None:
+    """Make a fleet's certificates and the rules of its router: one folder for each member, and one for the router.
+
+    Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: whoever
+    has it can make members. Without --host the router can be reached from this machine only.
+    """
+    from fogwatch.fleet_folder import make_fleet
+
+    _check_days(days)
+    made = make_fleet(folder, name or folder.name, [one.strip() for one in robots.split(",")], host or [], port, days)
+    members = ", ".join(
+        sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and entry.name != "authority")
+    )
+    typer.echo(f"{folder}: fleet {made.fleet}, router at {made.router}; copy each folder to its machine: {members}")
+
+
+@command(app, examples=["fogwatch fleet add yards-1 r4"])
+def add(
+    folder: Folder,
+    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer, operator, or router.")],
+    host: Hosts = None,
+    days: Days = DAYS,
+) -> None:
+    """Add a member, or one that was revoked anew. For the router: a new certificate.
+
+    The router knows new members after it has got its folder again and has been restarted.
+    """
+    from fogwatch.fleet_folder import THE_ROUTER, fleet_to_change, member_role
+
+    _check_days(days)
+    if member != THE_ROUTER and host:
+        raise BadInput(f"--host {host[0]}: is for the router; leave the option out")
+    with fleet_to_change(folder) as fleet:
+        if member == THE_ROUTER:
+            before = fleet.router
+            fleet.renew_router(days, host or [])
+            typer.echo(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}")
+            if fleet.router != before:
+                typer.echo(f"the fleet meets at {fleet.router} from now on: copy all folders to their machines again")
+                for name in fleet.absent:
+                    typer.echo(f"{name}: its folder is not here; revoke and add it, for a folder with the new address")
+            return
+        role = member_role(member)
+        fleet.add(role, days)
+    typer.echo(f"{folder / role.name}: copy it to its machine; {_RESTART.format(folder / THE_ROUTER)}")
+
+
+@command(app, examples=["fogwatch fleet revoke yards-1 r2"])
+def revoke(
+    folder: Folder,
+    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer or operator.")],
+) -> None:
+    """Take a member's rights away, for example because its machine was lost.
+
+    Its certificate stays valid, but the router lets it do nothing any more after it has got its folder again and has
+    been restarted.
+    """
+    from fogwatch.fleet_folder import THE_ROUTER, fleet_to_change, member_role
+    from patrol.net.security.roles import Kind
+
+    if member == THE_ROUTER:
+        raise BadInput(
+            f"{member}: cannot be revoked, because members believe every certificate of the fleet's authority; make a "
+            "new fleet: fogwatch fleet init"
+        )
+    role = member_role(member)
+    with fleet_to_change(folder) as fleet:
+        other = fleet.revoke(role, DAYS)
+    typer.echo(f"{member}: revoked; {_RESTART.format(folder / THE_ROUTER)}")
+    if other is not None:
+        restart = ", and restart the world" if other.kind is Kind.WORLD else ""
+        typer.echo(f"there is a new token for operators: copy {folder / other.name} to its machine again{restart}")
+
+
+@command(
+    app,
+    "robot-router",
+    examples=["fogwatch fleet robot-router yards-1 r1 --namespace robot1 --host 192.168.1.20 --place /etc/fogwatch"],
+)
+def robot_router(
+    folder: Folder,
+    robot: Annotated[str, typer.Argument(metavar="NAME", help="The robot of the fleet whose agent drives it.")],
+    namespace: Annotated[str, typer.Option(metavar="NAME", help="The ROS 2 robot's namespace (default: none).")] = "",
+    domain: Annotated[int, typer.Option(metavar="N", help="Its ROS_DOMAIN_ID.")] = 0,
+    form: Annotated[
+        str, typer.Option("--format", metavar="NAME", help="What it speaks: rmw_zenoh, rmw_zenoh-humble or bridge.")
+    ] = "rmw_zenoh",
+    command_topic: Annotated[
+        list[str] | None,
+        typer.Option("--command", metavar="TOPIC", help="Topic that drives it (default: cmd_vel, ackermann_cmd)."),
+    ] = None,
+    host: Hosts = None,
+    port: Annotated[int, typer.Option(metavar="N", help="TCP port for the fleet's members.")] = ROBOT_PORT,
+    place: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the folder will lie on the robot (default: where it is).")
+    ] = None,
+    days: Days = DAYS,
+) -> None:
+    """Make the configuration of a ROS 2 robot's Zenoh router, so that only its agent can drive it over the network.
+
+    The robot's own programs connect as before, over loopback. Members of the fleet come over TLS with certificates: the
+    robot's agent may command it, a viewer may look. Nobody else is let in.
+    """
+    from fogwatch.fleet_folder import open_fleet_folder
+    from fogwatch.robot_router import FILE, make_robot_router
+    from patrol.ros2.access import COMMANDS
+    from patrol.ros2.formats import format_named
+    from patrol.ros2.names import check_domain, check_name
+
+    _check_days(days)
+    check_name(namespace, "--namespace")
+    spoken = format_named(form, check_domain(domain, "--domain"), "--format")
+    topics = [check_name(topic, "--command") for topic in command_topic or COMMANDS]
+    fleet = open_fleet_folder(folder)
+    made = make_robot_router(fleet, robot, spoken, namespace, host or [], port, place, days, commands=topics)
+    lies = made if place is None else place
+    typer.echo(
+        f"{made}: copy it to the robot as {lies}, and start its router with ZENOH_ROUTER_CONFIG_URI={lies / FILE}; its "
+        f"agent then connects with --connect tls/{(host or ['127.0.0.1'])[0]}:{port} --credentials {folder / robot}"
+    )
+
+
+@command(app, examples=["fogwatch fleet check yards-1"], exit_codes="0 all is well, 1 something is wrong, 2 bad input")
+def check(folder: Folder) -> int:
+    """Check the certificates of a fleet: whose they are, who signed them, when they expire, and who can read them."""
+    from fogwatch.fleet_folder import open_fleet_folder
+
+    fine = True
+    for name, well, says in open_fleet_folder(folder).check(time.time()):
+        fine &= well
+        typer.echo(f"{name}: {says}")
+    return 0 if fine else WRONG
+
+
+_RESTART = "copy {} to the router's machine, and restart the router"
+
+
+def _check_days(days: int) -> None:
+    if not 1 <= days <= LONGEST_DAYS:
+        raise BadInput(f"--days {days}: expected 1 to {LONGEST_DAYS}")

@@ -1,0 +1,1 @@
+"""Commands that look at maps and scenarios before anything runs."""

@@ -1,0 +1,242 @@
+"""``fogwatch map``: look at a map before anything runs. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from fogwatch.cli.command_help import command
+from fogwatch.cli.grounds import map_regions
+from patrol.errors import BadInput, did_you_mean
+from patrol.ground.builtins import LAYOUTS, builtin_terrain
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from patrol.process.starting.warmup import warm
+
+if TYPE_CHECKING:
+    from fogwatch.map_check import MapReport, SealedPart
+    from patrol.ground.doors.rooms import Door
+
+app = typer.Typer(
+    help="Check what a robot can reach and see on a map, or split the map into regions.", no_args_is_help=True
+)
+
+MOST_LINES = 20
+"""Sealed parts listed at most, and doors."""
+
+
+@command(app, examples=["fogwatch map check yards --radius 0.5 --picture yards.png"])
+def check(
+    what: Annotated[str, typer.Argument(metavar="MAP.yaml|BUILTIN", help=f"Map file, or one of {', '.join(LAYOUTS)}.")],
+    radius: Annotated[float, typer.Option(metavar="M", help="Body radius in m.")] = 1.0,
+    point: Annotated[float, typer.Option(metavar="M", help="Side of one grid point in m.")] = 0.1,
+    sensor_range: Annotated[float, typer.Option("--range", metavar="M", help="Sensor range in m.")] = 10.0,
+    line_of_sight: Annotated[
+        bool, typer.Option("--line-of-sight/--through-walls", help="Whether obstacles block the sensor.")
+    ] = True,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="Where a robot starts, in m (default: chosen as for a run). Repeatable."),
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the result into this PNG file.")] = None,
+) -> None:
+    """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
+    for name, value in (("radius", radius), ("point", point), ("range", sensor_range)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
+    starts = [_start(text) for text in start or []]
+    warm(("patrol",), lambda line: typer.echo(line, err=True))
+    from fogwatch.map_check import check_map  # here: it imports kernels, which are compiled first
+
+    terrain = _terrain(what, point)
+    report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
+    if why := _suspicious(terrain):
+        typer.echo(f"{what}: is this what the map shows? {why}", err=True)
+    console = Console()
+    if console.is_terminal:
+        _print_tables(console, report)
+    else:
+        for line in plain_lines(report):
+            typer.echo(line)
+    if picture is not None:
+        from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
+
+        map_picture(report, picture)
+        typer.echo(f"picture: {picture}")
+
+
+command(app, examples=map_regions.EXAMPLES)(map_regions.regions)
+
+
+def plain_lines(report: MapReport) -> Iterator[str]:
+    """The result of a map check as lines of text.
+
+    Args:
+        report: The result.
+
+    Yields:
+        The lines.
+    """
+    yield f"{_headline(report.terrain)}; {_body(report)}"
+    for label, value, remark in _areas(report):
+        yield f"  {label:<12} {value:10.1f} m²  {remark}".rstrip()
+    yield _sealed_headline(report)
+    for number, part in enumerate(report.parts[:MOST_LINES], start=1):
+        yield f"  {number}: {part.area:.1f} m² around {_place(part)}: {_why(part)}"
+    yield _doors_headline(report)
+    for door in report.doors[:MOST_LINES]:
+        yield f"  {door.width:.2f} m at {_place(door)}: {_passing(door)}, {_consequence(door)}"
+
+
+def _headline(terrain: Terrain) -> str:
+    """The terrain's name and size."""
+    xmin, ymin, xmax, ymax = terrain.bounds
+    about = (
+        f" ({LAYOUTS[terrain.name].about}; a reconstruction of the paper's terrain)" if terrain.name in LAYOUTS else ""
+    )
+    size = f"{xmax - xmin:g} x {ymax - ymin:g} m, {terrain.width} x {terrain.height} points of {terrain.point:g} m"
+    return f"{terrain.name}{about}: {size}"
+
+
+def _body(report: MapReport) -> str:
+    """The body and the sensor that the report holds for."""
+    sight = "line of sight" if report.line_of_sight else "through walls"
+    return f"body radius {report.radius:g} m, sensor range {report.sensor_range:g} m, {sight}"
+
+
+def _areas(report: MapReport) -> list[tuple[str, float, str]]:
+    """The report's areas: label, area in m² and remark of each."""
+    blind = max(report.unseen - report.unseen_sealed, 0.0)
+    unseen = f"{report.unseen_sealed:.1f} m² in sealed-off parts, {blind:.1f} m² in blind corners"
+    return [
+        ("free", report.free, ""),
+        ("fits", report.fits, "where the body's centre may be"),
+        ("reachable", report.reachable, "the part of it that can be reached from the starts"),
+        ("patrolled", report.patrolled, "what can be seen from there; MFoW counts this"),
+        ("never seen", report.unseen, unseen if report.unseen > 0.0 else ""),
+    ]
+
+
+def _sealed_headline(report: MapReport) -> str:
+    """How many parts are sealed off."""
+    small = f"{report.small_parts} small parts of {report.small_area:.1f} m² in total" if report.small_parts else ""
+    if not report.parts:
+        return f"sealed off: nothing but {small}" if small else "sealed off: nothing"
+    parts = f"{len(report.parts)} part{'s' if len(report.parts) > 1 else ''}"
+    shown = f", the largest {MOST_LINES}" if len(report.parts) > MOST_LINES else ""
+    return f"sealed off: {parts}{shown}{f', and {small}' if small else ''}"
+
+
+def _why(part: SealedPart) -> str:
+    """Why a part cannot be reached, and how much of it is seen from outside."""
+    reason = str(part.reason)
+    if part.door is not None:
+        reason = f"its door at {_place(part.door)} is too narrow, {part.door.width:.2f} m, and {_passing(part.door)}"
+    where = "; touches the map's border" if part.at_border else ""
+    return f"{reason}{where}; {_share(part)} of it is seen from outside"
+
+
+def _doors_headline(report: MapReport) -> str:
+    """How many doors there are."""
+    if not report.doors:
+        return "doors: none; no narrow passage limits what can be reached"
+    shown = f", the narrowest {MOST_LINES}" if len(report.doors) > MOST_LINES else ", narrowest first"
+    return (
+        f"doors: {len(report.doors)}{shown}; widths count whole free points, and a body needs half a point more than "
+        "its radius, so a smaller --point may open a narrow door"
+    )
+
+
+def _passing(door: Door) -> str:
+    """The largest radius that passes a door, rounded down so that it does."""
+    return f"lets a radius of {math.floor(100.0 * door.radius + 1e-6) / 100.0:.2f} m pass"
+
+
+def _consequence(door: Door) -> str:
+    """What area depends on a door."""
+    return f"{'a wider body loses' if door.passes else 'this body loses'} {door.behind:.1f} m²"
+
+
+def _place(at: SealedPart | Door) -> str:
+    """Coordinates in m."""
+    return f"({at.x:.2f}, {at.y:.2f})"
+
+
+def _share(part: SealedPart) -> str:
+    if part.seen == 0.0:
+        return "nothing"
+    percent = min(math.floor(100.0 * part.seen / part.area), 99)
+    return "all" if part.seen == part.area else f"{percent} %" if percent else "less than 1 %"
+
+
+def _print_tables(console: Console, report: MapReport) -> None:
+    console.print(_headline(report.terrain), style="bold", highlight=False, markup=False)
+    console.print(_body(report), highlight=False)
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="cyan")
+    table.add_column(justify="right")
+    table.add_column(style="dim")
+    for label, value, remark in _areas(report):
+        table.add_row(label, f"{value:.1f} m²", remark)
+    console.print(table)
+    console.print(f"\n[bold]{_sealed_headline(report)}[/bold]", highlight=False)
+    if report.parts:
+        rows = [
+            (str(number), f"{part.area:.1f}", _place(part), _why(part))
+            for number, part in enumerate(report.parts[:MOST_LINES], start=1)
+        ]
+        console.print(_table(("#", "m²", "around (m)", "why"), rows))
+    console.print(f"\n[bold]{_doors_headline(report)}[/bold]", highlight=False)
+    if report.doors:
+        lines = [
+            (f"{door.width:.2f}", _place(door), _yes(door.passes), _passing(door), f"{door.behind:.1f}")
+            for door in report.doors[:MOST_LINES]
+        ]
+        console.print(_table(("width (m)", "at (m)", "passes", "", "m² behind"), lines))
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    table = Table(*header, box=None, pad_edge=False, header_style="cyan")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _yes(passes: bool) -> str:
+    return "yes" if passes else "[red]no[/red]"
+
+
+def _terrain(what: str, point: float) -> Terrain:
+    if what in LAYOUTS:
+        return builtin_terrain(what, point)
+    if not Path(what).exists():
+        raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
+    from patrol.ground.maps import read_terrain
+
+    return read_terrain(Path(what), point)
+
+
+def _suspicious(terrain: Terrain) -> str:
+    """What the map's settings make of its cells, where they seem wrong."""
+    if terrain.source is None:
+        return ""
+    from patrol.ground.maps import suspicious_reading
+
+    return suspicious_reading(terrain)
+
+
+def _start(text: str) -> Pose:
+    parts = text.split(",")
+    try:
+        x, y = (float(part) for part in parts[:2])
+    except ValueError:
+        x = y = math.nan
+    if len(parts) not in (2, 3) or not (math.isfinite(x) and math.isfinite(y)):
+        raise BadInput(f"--start = {text}: expected X,Y in m, for example 12.5,3")
+    return Pose(x, y, 0.0)

@@ -1,0 +1,76 @@
+"""Opening the folder of a run for the commands that look at it, whether the run has ended or not."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from patrol.printable import printable
+from patrol.process.starting.warmup import warm
+from patrol.untrusted import leads_out
+
+if TYPE_CHECKING:
+    from monitor.replay.run import Run
+
+RUN = typer.Argument(metavar="RUN", help="Folder of a run.")
+STILL_S = 30.0
+"""A journal without an end that has grown within this wall time may still be growing, even where no world answers: a
+run in one process has none that could."""
+
+
+KEY = typer.Option(
+    "--key", metavar="FILE", help="Key of the run's fleet, to check the tags of its messages (default: unchecked)."
+)
+"""The file that a run's scenario names is not opened: the run may be a stranger's."""
+
+
+def open_folder(folder: Path, key: Path | None = None) -> tuple[Run, bool]:
+    """Open a run's folder, after compiling the kernels that this needs.
+
+    Args:
+        folder: The run's folder.
+        key: The file of the fleet's key; None to leave the tags of messages unchecked.
+
+    Returns:
+        The run, and whether it may still be going on.
+
+    Raises:
+        BadInput: The folder does not hold a run.
+    """
+    from monitor.replay.run_files import journal_in
+
+    journal_in(folder)
+    warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
+    from monitor.replay.run import open_run
+
+    run = open_run(folder, key)
+    return run, run.ended is None and _may_go_on(run)
+
+
+def print_state(run: Run, going: bool) -> None:
+    """Print on the standard error what a run's folder lacks, if anything.
+
+    Args:
+        run: The run.
+        going: Whether it may still be going on.
+    """
+    from monitor.report.analysis import state_of
+
+    if why := state_of(run, going)[1]:
+        typer.echo(printable(f"{run.folder}: {why}"), err=True)
+
+
+def _may_go_on(run: Run) -> bool:
+    """Whether a run without an end may be going on: its journal grew lately, or its world answers."""
+    if time.time() - run.journal.path.stat().st_mtime < STILL_S:
+        return True
+    from patrol.net.security.access import FILE
+
+    if not (run.folder / FILE).is_file() or leads_out(run.folder, run.folder / FILE):
+        return False
+    from monitor.live.attach import is_running
+
+    return is_running(run.folder)

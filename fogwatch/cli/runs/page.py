@@ -1,0 +1,133 @@
+"""``fogwatch replay`` and ``fogwatch monitor``: the page of a finished run, and of a running fleet.
+
+Commands raise BadInput; the caller prints it.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fogwatch.cli.fleets.fleet_options import (
+    WAIT_S,
+    CredentialsOption,
+    Fleet,
+    FleetScenario,
+    Radio,
+    Router,
+    Wait,
+    check_one_fleet,
+)
+from fogwatch.cli.runs.open_run import KEY
+from patrol.errors import BadInput
+
+REPLAY_EXAMPLES = ["fogwatch replay runs/yards-20260101-120000 --browser"]
+MONITOR_EXAMPLES = [
+    "fogwatch monitor runs/yards-20260101-120000",
+    "fogwatch monitor --credentials yards-1/viewer",
+    "fogwatch monitor yards-1/operator",
+]
+
+EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
+
+HOST = typer.Option(metavar="HOST", help="Address to serve on; other than the loopback address it needs --token.")
+PORT = typer.Option("--page-port", metavar="N", help="TCP port of the page (default: a free one).", show_default=False)
+TOKEN = typer.Option(
+    metavar="TEXT",
+    envvar="FOGWATCH_PAGE_KEY",
+    help="Secret that the page's address must hold; 16 or more letters and digits.",
+    show_envvar=True,
+)
+BROWSER = typer.Option("--browser/--no-browser", help="Open the page in the default browser.")
+INTERRUPTED = 130
+
+
+def replay(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    host: Annotated[str, HOST] = "127.0.0.1",
+    port: Annotated[int, PORT] = 0,
+    token: Annotated[str, TOKEN] = "",
+    browser: Annotated[bool, BROWSER] = False,
+    key: Annotated[Path | None, KEY] = None,
+) -> int:
+    """Replay a run on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
+    what = Namespace(
+        replay=run, key=key, access=None, credentials=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0
+    )
+    return _page(what, host, port, token, browser)
+
+
+def monitor(
+    run: Annotated[
+        Path | None,
+        typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials."),
+    ] = None,
+    credentials: CredentialsOption = None,
+    router: Router = None,
+    fleet: Fleet = None,
+    scenario: FleetScenario = None,
+    radio: Radio = None,
+    host: Annotated[str, HOST] = "127.0.0.1",
+    port: Annotated[int, PORT] = 0,
+    token: Annotated[str, TOKEN] = "",
+    browser: Annotated[bool, BROWSER] = False,
+    wait: Wait = WAIT_S,
+    key: Annotated[Path | None, KEY] = None,
+) -> int:
+    """Show a running fleet on a live page, without slowing it. Ctrl-C ends the page, not the fleet.
+
+    Given the folder of a run or an operator's credentials, the page can also pause the fleet and inject faults. Given
+    --credentials of a viewer, or --router and --fleet, it only shows the fleet. A fleet may have any number of pages.
+    """
+    check_one_fleet("monitor", run, credentials, router, fleet)
+    access = None if run is None else _access_in(run)
+    if scenario is not None and run is not None:
+        raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")
+    what = Namespace(
+        replay=None,
+        key=key,
+        access=access,
+        credentials=credentials,
+        router=router,
+        fleet=fleet,
+        scenario=scenario,
+        radio=radio,
+        wait=wait,
+    )
+    return _page(what, host, port, token, browser)
+
+
+def _access_in(run: Path) -> Path:
+    """The control file: in a running fleet's folder, or named itself. Raises BadInput where there is none."""
+    from monitor.replay.run_files import JOURNAL
+    from patrol.net.security.access import FILE
+    from patrol.net.security.credentials import MEMBER
+
+    if (run.is_file() and run.name != JOURNAL) or (run / MEMBER).is_file():
+        return run
+    if not run.is_dir():
+        raise BadInput(f"monitor {run}: no such folder; name a running fleet's, such as runs/yards-20260101-120000")
+    if not (run / FILE).is_file():
+        raise BadInput(
+            f"monitor {run}: holds no {FILE}, so no fleet is running there, or not yet; for a finished run use: "
+            f"fogwatch replay {run}"
+        )
+    return run / FILE
+
+
+def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> int:
+    from monitor.process import serve, source_opener
+    from patrol.process.lifeline import heed
+
+    def opened(address: str) -> None:
+        if browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    ending = heed(None, patience=1)
+    serve(source_opener(what, ending), host, port, token, ending, opened=opened)
+    return INTERRUPTED

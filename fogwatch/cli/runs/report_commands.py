@@ -1,0 +1,89 @@
+"""``fogwatch report`` and ``compare``: runs as HTML pages. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fogwatch.cli.runs.open_run import KEY, RUN, open_folder, print_state
+from patrol.errors import BadInput
+
+if TYPE_CHECKING:
+    from monitor.report.analysis import Analysis
+
+REPORT_EXAMPLES = ["fogwatch report runs/yards-20260101-120000 --figures figures"]
+COMPARE_EXAMPLES = ["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"]
+
+Figures = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Write each figure as PNG and SVG into this folder as well.")
+]
+
+
+def report(
+    run: Annotated[Path, RUN],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="File to write (default: report.html in the run's folder).")
+    ] = None,
+    figures: Figures = None,
+    key: Annotated[Path | None, KEY] = None,
+) -> None:
+    """Write a run's report: one HTML file, readable without a network, that shows what happened."""
+    from monitor.replay.run_files import REPORT, check_out
+
+    file = run / REPORT if out is None else out
+    if out is not None:
+        check_out(out, REPORT)
+    opened, going = open_folder(run, key)
+    from monitor.report.analysis import analyse
+    from monitor.report.document import write_report
+
+    made = write_report(analyse(opened), file, going, figures)
+    print_state(opened, going)
+    typer.echo(f"report: {file}")
+    if figures is not None:
+        typer.echo(f"figures: {figures}: {', '.join(drawing.name for drawing in made)}")
+
+
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of two or more runs.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")] = Path("compare.html"),
+    figures: Figures = None,
+) -> None:
+    """Compare runs: print their measures side by side, and write an HTML file that shows their fogs as well."""
+    if len(runs) < 2:
+        raise BadInput(f"compare {runs[0]}: one run cannot be compared; name two or more (or use fogwatch report)")
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from monitor.replay.run_files import check_out
+
+    check_out(out, "compare.html")
+
+    analyses = [_analysed(folder) for folder in runs]
+    from monitor.report.compare import compare_html, drawings, names_of, rows_of
+    from monitor.report.document import write_page
+
+    made = drawings(analyses)
+    write_page(compare_html(analyses, made), out)
+    for drawing in made if figures is not None else ():
+        drawing.save(figures or out.parent)
+    opened = [analysis.run for analysis in analyses]
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("")
+    for name in names_of(opened):
+        table.add_column(escape(name), justify="right", overflow="fold")
+    for row in rows_of(opened):
+        table.add_row(*(escape(cell) for cell in row))
+    Console().print(table)
+    typer.echo(f"comparison: {out}")
+
+
+def _analysed(folder: Path) -> Analysis:
+    opened, going = open_folder(folder)
+    from monitor.report.analysis import analyse
+
+    print_state(opened, going)
+    return analyse(opened)

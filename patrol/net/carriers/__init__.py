@@ -1,0 +1,1 @@
+"""Positions without Zenoh: multicast, and serial lines."""

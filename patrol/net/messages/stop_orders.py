@@ -1,0 +1,135 @@
+"""What an operator asks of robots that no world carries: to stop, and to be released.
+
+The robots answer themselves. Only operators may ask at a fleet's router (`patrol.net.security.roles`); at one that asks
+nobody who they are, everybody may. An order says nothing but its word, so whoever repeats an old one can at most
+release a robot that the same operator has stopped; members' secrets keep strangers from that.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from patrol.net.keys import WORLD, robot_of
+from patrol.net.mailbox import Mailbox, Question
+from patrol.printable import printable
+
+if TYPE_CHECKING:
+    from patrol.net.keys import FleetKeys
+    from patrol.net.link import Link
+
+LONGEST = 16
+"""Bytes of the longest order."""
+LONGEST_ANSWER = 256
+"""Bytes of the longest answer."""
+_ROOM = 16
+_WAIT_S = 3600.0
+_MOST = 1000
+_DONE, _NOT_DONE = "done", "undone"
+
+
+class Order(StrEnum):
+    """What a robot is asked."""
+
+    STOP = "stop"
+    RELEASE = "release"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What has come of an order.
+
+    Attributes:
+        done: Whether it is carried out, as far as anybody can tell: a robot that was to stop stands.
+        text: In one line.
+    """
+
+    done: bool
+    text: str
+
+    def to_bytes(self) -> bytes:
+        """As it is answered."""
+        return f"{_DONE if self.done else _NOT_DONE} {self.text}".encode()[:LONGEST_ANSWER]
+
+
+def outcome_of(answer: bytes) -> Outcome:
+    """The outcome in an answer, whoever gave it; what is none counts as not done.
+
+    Args:
+        answer: At most `LONGEST_ANSWER` bytes.
+    """
+    word, _, text = answer.decode("utf-8", "replace").partition(" ")
+    return Outcome(word == _DONE, printable(text))
+
+
+def robots_there(link: Link, keys: FleetKeys) -> list[str]:
+    """The robots that are at the fleet's router, or were until a moment ago.
+
+    Args:
+        link: To the fleet's router.
+        keys: Of the fleet.
+    """
+    return sorted({robot_of(key) for key in link.seen(keys.alive("*"), _MOST)} - {WORLD, ""})
+
+
+def ask_robots(
+    link: Link, keys: FleetKeys, robots: Sequence[str], order: Order, wait_s: float
+) -> Iterator[tuple[str, Outcome]]:
+    """Ask robots, all at once: nobody is told later because another one does not answer.
+
+    Each is asked by its name: a router with rules hands a robot no question that is for others as well.
+
+    Args:
+        link: To the fleet's router.
+        keys: Of the fleet.
+        robots: Whom to ask.
+        order: What to ask.
+        wait_s: How long to wait for answers, s.
+
+    Yields:
+        Robots and what they answer, as it comes.
+    """
+    names = {keys.stop(name): name for name in robots}
+    for key, answer in link.answers_of(tuple(names), order.encode(), LONGEST_ANSWER, wait_s):
+        yield names[key], outcome_of(answer)
+
+
+class StopOrders:
+    """The orders to one robot.
+
+    Args:
+        link: To the fleet's router.
+        keys: Of the fleet.
+        robot: The robot.
+    """
+
+    def __init__(self, link: Link, keys: FleetKeys, robot: str) -> None:
+        key = keys.stop(robot)
+        self._waiting: Mailbox[Question] = Mailbox([key], _no_question, LONGEST, _ROOM)
+        link.attend(key, LONGEST, self._waiting)
+
+    def obey(self, carry_out: Callable[[Order], Outcome]) -> None:
+        """Carry out orders from now on, on a thread of its own: an answer may have to wait for the router.
+
+        Args:
+            carry_out: Does what an order says; returns what has come of it.
+        """
+        threading.Thread(target=self._obey, args=(carry_out,), name="orders", daemon=True).start()
+
+    def _obey(self, carry_out: Callable[[Order], Outcome]) -> None:
+        while True:
+            if (asked := self._waiting.get(_WAIT_S)) is None:
+                continue
+            question = asked[1]
+            try:
+                order = Order(question.payload.decode("ascii", "replace"))
+            except ValueError:
+                continue
+            question.answer(carry_out(order).to_bytes())
+
+
+def _no_question(payload: bytes) -> Question:
+    raise ValueError(f"{len(payload)} bytes are no question")  # questions come ready made

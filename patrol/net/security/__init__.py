@@ -1,0 +1,1 @@
+"""Who may do what on the network, and how each side proves it."""

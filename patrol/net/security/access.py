@@ -1,0 +1,203 @@
+"""How to reach a running fleet, and the right to control it: `control.json`, or an operator's credentials.
+
+A launcher keeps the secrets of its run in a private folder of this machine, and writes the file into the run's folder.
+The file names the private folder, and holds no secret and no path: a run's folder may come from anybody, so
+only folders that are this user's own, where launchers make them, are looked into.
+
+For processes that are started by hand the file is made by hand: a JSON object with "fleet", "router" and "token". It
+leads to a router on this machine only, because such a file may come from anybody too. A fleet of several machines needs
+none: each operator has credentials in a folder of its own (`patrol.net.security.credentials`), which is never a run's.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from patrol.errors import BadInput
+from patrol.net.keys import check_locator, fleet_keys, is_local
+from patrol.net.security.credentials import (
+    MEMBER,
+    SHORTEST_TOKEN,
+    Credentials,
+    read_credentials,
+    read_object,
+    write_private,
+)
+from patrol.net.security.roles import OPERATOR, Role
+
+FILE = "control.json"
+_PRIVATE = re.compile(r"[0-9a-f]{16,64}")
+_FIELDS = ("fleet", "router", "token")
+_OF_A_RUN = ("journal", "scenario.yaml")
+"""What a run's folder holds, and a member's does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """How to reach a fleet and control it.
+
+    Attributes:
+        fleet: its name.
+        router: its locator.
+        token: the right to control it.
+        credentials: prove to the router who this is; None for a router that asks nobody.
+    """
+
+    fleet: str
+    router: str
+    token: str
+    credentials: Credentials | None = field(default=None, compare=False)
+
+    def __repr__(self) -> str:
+        return f"Access({self.fleet!r}, {self.router!r})"
+
+
+def write_access(path: Path, access: Access) -> None:
+    """Write a new file, for a router that asks nobody, that no other user may read.
+
+    Args:
+        path: the new file.
+        access: what it holds.
+
+    Raises:
+        OSError: when the file cannot be written.
+    """
+    write_private(path, json.dumps({name: value for name, value in asdict(access).items() if name in _FIELDS}))
+
+
+def write_pointer(path: Path, fleet: str, router: str, private: str) -> None:
+    """Write a new file that names the private folder of a run.
+
+    Args:
+        path: the new file.
+        fleet: the fleet's name.
+        router: its locator.
+        private: name of the private folder.
+
+    Raises:
+        OSError: when the file cannot be written.
+    """
+    write_private(path, json.dumps({"fleet": fleet, "router": router, "private": private}))
+
+
+def read_access(path: Path, option: str) -> Access:
+    """Read how to reach and control a fleet.
+
+    Args:
+        path: a run's folder or its file, or an operator's credentials.
+        option: what errors call the path.
+
+    Raises:
+        BadInput: when there is no such file, or it gives no right to control the fleet.
+    """
+    found = _read(path, option, OPERATOR)
+    if isinstance(found, Access):
+        return found
+    if found.token is None:
+        kind = found.role.kind
+        raise BadInput(
+            f"{option}: {path}: a {kind}'s credentials give no right to control the fleet; name an operator's"
+        )
+    return Access(found.fleet, found.router, found.token, found)
+
+
+def credentials_at(path: Path, option: str, role: Role) -> Credentials:
+    """Read the credentials that a member has, or that a role has in a run of this machine.
+
+    Args:
+        path: the member's credentials, or a run's folder or file.
+        option: what errors call the path.
+        role: the role in the run.
+
+    Raises:
+        BadInput: when there are none.
+    """
+    found = _read(path, option, role)
+    if isinstance(found, Access):
+        raise BadInput(f"{option}: {path}: holds no credentials; its router asks nobody for any")
+    return found
+
+
+def _read(path: Path, option: str, role: Role) -> Access | Credentials:
+    file = path
+    if path.is_dir():
+        if (path / MEMBER).exists():
+            if found := next((name for name in _OF_A_RUN if (path / name).exists()), None):
+                raise BadInput(
+                    f"{option}: {path}: holds a member's credentials beside a run's {found}; if the credentials are "
+                    f"yours, name their file, {path / MEMBER}"
+                )
+            return read_credentials(path, option)
+        file = path / FILE
+    try:
+        says = read_object(file, option)
+    except BadInput as bad:
+        gone = " (it is removed when the run is over)" if path.is_dir() and not file.exists() else ""
+        raise BadInput(f"{bad}{gone}") from None
+    if "role" in says:
+        if file.name == FILE:
+            raise BadInput(f"{option}: {file}: holds a member's credentials; if they are yours, give it another name")
+        return read_credentials(file, option)
+    if "private" in says:
+        return _of_a_run(says, file, option, role)
+    fields = [says.get(name) for name in _FIELDS]
+    texts = [text for text in fields if isinstance(text, str)]
+    if len(texts) != len(_FIELDS):
+        raise BadInput(f'{option}: {file}: expected a JSON object with "fleet", "router" and "token", all strings')
+    fleet, router, token = texts
+    if len(token) < SHORTEST_TOKEN:
+        raise BadInput(
+            f"{option}: {file}: the token has {len(token)} characters; give {SHORTEST_TOKEN} or more, random ones"
+        )
+    if not is_local(check_locator(router, f"{option}: {file}: router")):
+        raise BadInput(
+            f"{option}: {file}: router = {router}: such a file leads to a router on this machine only; for another "
+            "machine's, use an operator's credentials, made with: fogwatch fleet init"
+        )
+    return Access(fleet_keys(fleet).fleet, router, token)
+
+
+def _of_a_run(says: Mapping[str, Any], file: Path, option: str, role: Role) -> Credentials:
+    """A role's credentials in a run of this machine, whose file says where they are."""
+    name = says["private"]
+    if not isinstance(name, str) or not _PRIVATE.fullmatch(name):
+        raise BadInput(f"{option}: {file}: private = {name!r}: expected 16 to 64 hex digits, the name of a folder")
+    folder = next((root / name for root in private_roots() if is_private(root) and is_private(root / name)), None)
+    if folder is None:
+        raise BadInput(
+            f"{option}: {file}: the secrets of its run are not here; the run is over, or another user's or machine's"
+        )
+    credentials = read_credentials(folder / f"{role.user}.json", option)
+    if (credentials.fleet, credentials.router) != (says.get("fleet"), says.get("router")):
+        raise BadInput(f"{option}: {file}: names the secrets of another run, of fleet {credentials.fleet}")
+    return credentials
+
+
+def private_roots() -> list[Path]:
+    """The folders in which launchers of this user make private folders, the first choice first."""
+    user = os.getuid()
+    runtime = os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user}"
+    roots = [Path(runtime) / "fogwatch", Path(tempfile.gettempdir()) / f"fogwatch-{user}"]
+    home = os.environ.get("HOME")  # another user may have taken the name among the temporary files
+    return [*roots, Path(home) / ".fogwatch"] if home else roots
+
+
+def is_private(folder: Path) -> bool:
+    """Whether a path is a folder of this user's own, and no link, that nobody else can look into.
+
+    Args:
+        folder: the path.
+    """
+    try:
+        status = folder.lstat()
+    except OSError:
+        return False
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077

@@ -1,0 +1,1 @@
+"""Memory that a process gives back or keeps."""

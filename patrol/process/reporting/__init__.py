@@ -1,0 +1,1 @@
+"""What a process shows of itself: log, health, metrics, and its watchdog."""

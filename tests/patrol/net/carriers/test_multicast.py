@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from patrol.net.carriers.multicast import Group, GroupDown, open_group
+from patrol.net.mailbox import Mailbox
+
+
+@pytest.fixture
+def members() -> Iterator[list[Group]]:
+    """Two members of a group on this machine alone."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    joined = [open_group(f"udp/239.255.77.1:{port}#iface=lo") for _ in range(2)]
+    yield joined
+    for member in joined:
+        assert member.close()
+        assert member.close(), "closing twice does no harm"
+
+
+def box(*keys: str) -> Mailbox[bytes]:
+    return Mailbox(keys, bytes, longest=8, room=4)
+
+
+def wait(mailbox: Mailbox[bytes], count: int) -> list[tuple[str, bytes]]:
+    until = time.monotonic() + 60.0
+    found: list[tuple[str, bytes]] = []
+    while len(found) < count and time.monotonic() < until:
+        if (arrived := mailbox.get(0.1)) is not None:
+            found.append(arrived)
+    return found
+
+
+def test_all_hear_a_frame_but_its_sender(members: list[Group]) -> None:
+    first, second = members
+    own, others = box("f/position/a", "f/position/b"), box("f/position/a", "f/position/b")
+    first.subscribe("f/position/*", own)
+    second.subscribe("f/position/*", others)
+    post, answer = first.broadcast("f/position/a"), second.broadcast("f/position/b")
+    post(b"\0one\0")
+    assert wait(others, 1) == [("f/position/a", b"\0one\0")]
+    answer(b"two")
+    assert wait(own, 1) == [("f/position/b", b"two")]
+    assert own.get() is None
+    assert others.get() is None
+
+
+def test_other_fleets_are_not_heard_and_what_is_wrong_is_counted(members: list[Group]) -> None:
+    first, second = members
+    mailbox = box("f/position/a")
+    second.subscribe("f/position/*", mailbox)
+    for key, frame in (("g/position/a", b"x"), ("f/position/z", b"x"), ("f/position/a", b"much too long")):
+        first.broadcast(key)(frame)
+    first.broadcast("f/position/a")(b"last")
+    assert wait(mailbox, 1) == [("f/position/a", b"last")]
+    assert mailbox.refused == {"unknown": 1, "oversized": 1}
+
+
+def test_a_group_on_no_interface_is_down() -> None:
+    with pytest.raises(GroupDown, match="cannot join the group at"):
+        open_group("udp/239.255.77.1:7448#iface=none0")

@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+
+import pytest
+
+from patrol.process.memory.garbage import begin_collection, hold_collection
+
+
+@pytest.fixture(autouse=True)
+def collector() -> Iterator[None]:
+    """The collector as it was."""
+    yield
+    gc.unfreeze()
+    gc.enable()
+
+
+def test_what_is_loaded_while_collection_is_held_is_left_alone_afterwards() -> None:
+    hold_collection()
+    assert not gc.isenabled()
+    loaded: list[list[int]] = [[]]
+    begin_collection()
+    assert gc.isenabled()
+    assert not any(one is loaded for one in gc.get_objects()), "a collection goes through it no more"
+    later: list[object] = []
+    later.append(later)
+    assert any(one is later for one in gc.get_objects())
+
+
+def test_a_process_that_has_not_held_collection_is_not_changed() -> None:
+    before = gc.get_freeze_count()
+    begin_collection()
+    assert (gc.isenabled(), gc.get_freeze_count()) == (True, before)
