@@ -20,7 +20,13 @@ from patrol.process.starting.command_line import show_as
 from patrol.process.starting.forking import Orders, serve_forks, threads
 from patrol.process.starting.readiness import StartFailure, report_failure, report_ready
 
-NEEDED = ("agent.process", "agent.mind_loop", "agent.policies.potential_field.policy", "patrol.net.messages.phases")
+NEEDED = (
+    "agent.process",
+    "agent.mind_loop",
+    "agent.policies.potential_field.policy",
+    "patrol.ground.kernels.room",
+    "patrol.net.messages.phases",
+)
 """What every agent loads and the kernels do not bring along, as far as it needs no Zenoh."""
 
 

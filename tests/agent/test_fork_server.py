@@ -1,0 +1,33 @@
+"""What the fork server loads is all that its agents need: none loads kernels while others wait for its decision."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import sys
+from agent.fork_server import _load
+_load()
+loaded = set(sys.modules)
+from experiments.inprocess import run_in_process
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
+robots = {"count": 3, "model": sys.argv[1]}
+scenario = load_scenario({"duration": 10, "terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots})
+prepare(scenario)
+prepared = set(sys.modules)  # agents find prepared fields in files
+run_in_process(scenario)
+print("kernels:", *sorted(name for name in loaded if ".kernels." in name))
+print("later:", *sorted(name for name in set(sys.modules) - prepared if ".kernels." in name))
+"""
+
+
+@pytest.mark.parametrize("model", ["car", "holonomic", "differential"])
+def test_an_agent_that_patrols_loads_no_kernels(model: str) -> None:
+    ran = subprocess.run([sys.executable, "-P", "-c", PROGRAM, model], capture_output=True, text=True, check=True)
+    kernels, later = (line.split()[1:] for line in ran.stdout.splitlines() if line.startswith(("kernels:", "later:")))
+    assert "agent.routes.kernels.wave" in kernels
+    assert [name for name in later if name.startswith(("agent.", "patrol."))] == []
