@@ -6,7 +6,8 @@ Both read like the tuples of rows that small code is written for, and equal them
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Generic, TypeVar, cast, overload
+from functools import lru_cache
+from typing import Any, Generic, NamedTuple, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +133,39 @@ class Drops(_Rows[tuple[int, int, int, str]]):
         return Drops(self.source[order], self.destination[order], self.sequence[order], self.cause[order], self.causes)
 
 
+class ToOthers(NamedTuple):
+    """Some frames on their way to all receivers but their own senders, by frame and receiver; nobody writes to it.
+
+    Attributes:
+        frame: int64 (n,), each link's place among the frames.
+        source: int64 (n,), each link's.
+        destination: int64 (n,), each link's.
+        reaches: bool (receivers, frames), whether there is a link from a frame to a receiver.
+    """
+
+    frame: Column
+    source: Column
+    destination: Column
+    reaches: NDArray[np.bool_]
+
+
+@lru_cache(maxsize=2)
+def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
+    """The links of some frames, worked out once for as long as the same robots send and hear.
+
+    Args:
+        sources: of the frames, in their order.
+        receivers: all that a frame can reach, ascending.
+    """
+    of, to = np.array(sources, dtype=np.int64), np.array(receivers, dtype=np.int64)
+    others = of[:, None] != to[None, :]
+    frame, receiver = np.nonzero(others)
+    links = ToOthers(frame, of[frame], to[receiver], np.ascontiguousarray(others.T))
+    for column in links:
+        column.flags.writeable = False
+    return links
+
+
 def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
     """One number for each link, in whose order the links are sorted by source, destination and sequence.
 
@@ -147,8 +181,10 @@ def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
     return robots << np.uint64(32) | links.sequence.astype(np.uint64)
 
 
-def joined(first: Links | Drops, second: Links | Drops) -> Links:
+def joined(first: Links, second: Links | Drops) -> Links:
     """The links of both, one after the other."""
+    if not len(second):
+        return first
     pairs = (
         (first.source, second.source),
         (first.destination, second.destination),

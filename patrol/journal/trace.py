@@ -15,7 +15,6 @@ from patrol.journal.records import Status, TickRecord
 _COUNTED = struct.Struct("<qI")
 _ROBOT = struct.Struct("<HB5d")
 _LAST = struct.Struct("<Iq")
-_PLAIN = np.dtype([("source", "<u2"), ("destination", "<u2"), ("sequence", "<u4")])
 
 
 class TraceHash:
@@ -66,9 +65,8 @@ def _packed(links: Links) -> bytes:
         order = np.lexsort((sequence, destination, source))
         source, destination, sequence = source[order], destination[order], sequence[order]
     if places is not None:
-        packed = np.empty(len(links), dtype=_PLAIN)
-        packed["source"], packed["destination"], packed["sequence"] = source, destination, sequence
-        return packed.tobytes()
+        words = source | destination << 16 | sequence << 32
+        return words.astype("<i8", copy=False).tobytes()
     shape = "".join("HHI" if one <= MAX_SHORT else "HHQ" for one in sequence.tolist())
     rows = zip(source.tolist(), destination.tolist(), sequence.tolist(), strict=True)
     return struct.Struct("<" + shape).pack(*chain.from_iterable(rows))

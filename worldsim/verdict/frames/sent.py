@@ -190,11 +190,11 @@ def _same_links(some: Links, others: Links) -> bool:
     """Whether two lists hold the same links, each as often, in any order."""
     if len(some) != len(others):
         return False
+    if some == others:
+        return True
     mine, theirs = places_of(some), places_of(others)
     if mine is None or theirs is None:
         return False
-    if np.array_equal(mine, theirs):
-        return True
     return np.array_equal(np.sort(mine), np.sort(theirs))
 
 
