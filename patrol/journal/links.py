@@ -55,6 +55,8 @@ class _Rows(Sequence[Row], Generic[Row]):
         return self._rows(slice(None))
 
     def __eq__(self, other: object) -> bool:
+        if other is self:
+            return True
         if isinstance(other, type(self)):
             return len(self) == len(other) and self._equals(other)
         if isinstance(other, Sequence) and not isinstance(other, str | bytes):
@@ -72,14 +74,16 @@ class _Rows(Sequence[Row], Generic[Row]):
         return cast("Iterator[Row]", zip(*columns, strict=True))
 
     def _equals(self: R, other: R) -> bool:
-        return all(
-            mine is theirs or np.array_equal(mine, theirs)
-            for mine, theirs in (
-                (self.sequence, other.sequence),
-                (self.source, other.source),
-                (self.destination, other.destination),
-            )
+        """Whether rows that are as many are the same."""
+        return (
+            _same(self.sequence, other.sequence)
+            and _same(self.source, other.source)
+            and _same(self.destination, other.destination)
         )
+
+
+def _same(mine: Column, theirs: Column) -> bool:
+    return mine is theirs or bool((mine == theirs).all())
 
 
 class Links(_Rows[tuple[int, int, int]]):
@@ -123,7 +127,7 @@ class Drops(_Rows[tuple[int, int, int, str]]):
         if not super()._equals(other):
             return False
         if self.causes == other.causes:
-            return np.array_equal(self.cause, other.cause)
+            return _same(self.cause, other.cause)
         return [self.causes[cause] for cause in self.cause] == [other.causes[cause] for cause in other.cause]
 
     def sorted(self) -> Drops:

@@ -182,6 +182,8 @@ class Position:
     @property
     def past(self) -> tuple[tuple[float, float], ...]:
         """The trail as absolute (x, y) in m, newest first."""
+        if not self.trail:
+            return ()
         places = []
         x, y = self.x_cm, self.y_cm
         for dx, dy in self.trail:

@@ -131,11 +131,10 @@ class FramesAreTrue(Check):
             position = said[source] = decode(frame, self._key)
         except Rejected as rejected:
             return f"cannot be decoded ({rejected})"
-        track = list(self._tracks[source])[:: self._every][: len(position.trail) + 1]
-        trail = tuple((old[0] - new[0], old[1] - new[1]) for new, old in pairwise(track))
-        if position != replace(due, trail=trail):
-            return f"says {position}; the pose gives {replace(due, trail=trail)}"
-        return ""
+        if position.trail:
+            track = list(self._tracks[source])[:: self._every][: len(position.trail) + 1]
+            due = replace(due, trail=tuple((old[0] - new[0], old[1] - new[1]) for new, old in pairwise(track)))
+        return "" if position == due else f"says {position}; the pose gives {due}"
 
 
 class LinksAddUp(Check):
