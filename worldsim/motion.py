@@ -78,8 +78,8 @@ def _cancel_meeting(bodies: Sequence[Body], moving: Sequence[bool], stands: NDAr
         (body.pose.x, body.pose.y, body.spec.radius + (length(body.command, step) if moves else 0.0))
         for body, moves in zip(bodies, moving, strict=True)
     ]
-    near = np.flatnonzero(near_others(np.array(discs, dtype=np.float64).reshape(-1, 3)))
-    if not near.size:
+    near = np.flatnonzero(near_others(np.array(discs, dtype=np.float64).reshape(-1, 3))).tolist()
+    if not near:
         return
     pieces = max((chords(body.command, step) for body, moves in zip(bodies, moving, strict=True) if moves), default=1)
     paths = _paths([bodies[at] for at in near], [moving[at] for at in near], pieces, step)

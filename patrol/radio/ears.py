@@ -172,8 +172,8 @@ class Ears:
         now = (tick, self._step, self._speed, ROUNDING, SPAN)
         last = (self.sequence, self.x, self.y, self.heading, self._time, self.at, self._start)
         windows = (self._newest, self._used, self._looked, self._looks)
-        places = (xs, ys, headings, times)
-        return bool(hear(knows, rows, senders, sequences, *places, *now, self._odd, *last, *windows))
+        facts_said = (senders, sequences, xs, ys, headings, times)
+        return bool(hear(knows, rows, *facts_said, *now, self._odd, *last, *windows))
 
     def decide(
         self, ear: Ear, frames: Sequence[bytes], tick: int

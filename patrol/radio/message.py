@@ -135,7 +135,7 @@ class Position:
         if len(self.trail) > MAX_TRAIL:
             raise ValueError(f"trail has {len(self.trail)} positions, at most {MAX_TRAIL} fit")
         for dx, dy in self.trail:
-            if not (type(dx) is type(dy) is int and MIN_STEP_CM <= min(dx, dy) and max(dx, dy) <= MAX_STEP_CM):
+            if not (type(dx) is type(dy) is int and min(dx, dy) >= MIN_STEP_CM and max(dx, dy) <= MAX_STEP_CM):
                 raise ValueError(f"trail has ({dx!r}, {dy!r}), which are no integers in {MIN_STEP_CM}..{MAX_STEP_CM}")
 
     @classmethod

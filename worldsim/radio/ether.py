@@ -164,10 +164,10 @@ class Ether:
         if rules is None and len(hearing) == len(receivers) and not any(oversized):
             links = Links(everybody.source, everybody.destination, sequences[everybody.frame])
             return Delivery(Heard(frames_sent, hearing, everybody.reaches), links, NO_DROPS)
-        causes = [OVERSIZED, RECEIVER_PAUSED, RECEIVER_ABSENT, RECEIVER_DEAD]
-        deaf = [causes.index(_DEAF[statuses[number]]) if statuses[number] in _DEAF else -1 for number in receivers]
         sources = np.array([source for source, _, _ in sent], dtype=np.int64)
         numbers = np.array(receivers, dtype=np.int64)
+        causes = [OVERSIZED, RECEIVER_PAUSED, RECEIVER_ABSENT, RECEIVER_DEAD]
+        deaf = [causes.index(_DEAF[statuses[number]]) if statuses[number] in _DEAF else -1 for number in receivers]
         cause = np.repeat(np.array([deaf], dtype=np.int64), len(sent), axis=0)
         if rules is not None:
             stopped, faults = rules.stopped(sources, numbers, sequences)
