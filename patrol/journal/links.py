@@ -93,9 +93,14 @@ class Links(_Rows[tuple[int, int, int]]):
         source: int64 (n,).
         destination: int64 (n,).
         sequence: int64 (n,).
+        packed: What a trace hash takes in of them (`patrol.journal.trace`); empty until one has.
     """
 
-    __slots__ = ()
+    __slots__ = ("packed",)
+
+    def __init__(self, source: Column, destination: Column, sequence: Column) -> None:
+        super().__init__(source, destination, sequence)
+        self.packed = b""
 
 
 class Drops(_Rows[tuple[int, int, int, str]]):
@@ -181,8 +186,11 @@ def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
     """
     if (links.sequence > MAX_SHORT).any():
         return None
-    robots = (links.source << 16 | links.destination).astype(np.uint64)
-    return robots << np.uint64(32) | links.sequence.astype(np.uint64)
+    places = links.source << 16
+    places |= links.destination
+    places <<= 32
+    places |= links.sequence
+    return places.view(np.uint64)
 
 
 def joined(first: Links, second: Links | Drops) -> Links:
