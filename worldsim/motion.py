@@ -73,7 +73,11 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
 
 
 def _cancel_meeting(bodies: Sequence[Body], moving: Sequence[bool], stands: NDArray[np.uint8], step: float) -> None:
-    """Stop every body that would meet another; paths are laid only for those that come near one at all."""
+    """Stop every body that would meet another.
+
+    A body goes no farther from where it is than its path is long. So paths are laid only for those whose discs, their
+    radii and the lengths of their paths together, overlap another's.
+    """
     discs = [
         (body.pose.x, body.pose.y, body.spec.radius + (length(body.command, step) if moves else 0.0))
         for body, moves in zip(bodies, moving, strict=True)

@@ -127,7 +127,7 @@ class FramesAreTrue(Check):
         """What is wrong with a position; it is added to those said."""
         if due is None:
             return "has no sender that is alive"
-        if frame == encode(due, self._key):
+        if frame == encode(due, self._key):  # nearly always, without a trail
             said[source] = due
             return ""
         try:
