@@ -55,13 +55,38 @@ def checked(intent: object, *, ours: bool = False) -> Intent:
         raise PolicyFailed(f"returned {kind}; return Bearing, Place, Stay or Steer")
     if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
         raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
-    if not isinstance(intent.figures, Mapping) or not all(isinstance(name, str) for name in intent.figures):
+    figures = intent.figures
+    if not isinstance(figures, dict | Mapping) or not all(isinstance(name, str) for name in figures):
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
+    if _is_ready(intent, ours):
+        return intent
     plain = _plain_numbers(intent, ours)
     for name, value in _numbers(plain, ours):
         if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
             raise PolicyFailed(f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9")
     return plain
+
+
+def _is_ready(intent: Intent, ours: bool) -> bool:
+    """Whether all numbers are Python's floats in range, alone or in pairs, as nearly always; others are looked at."""
+    if type(intent) is Bearing:
+        return ours and _is_spot(intent.near) and _is_spot(intent.bend) and _is_turn(intent.wander)
+    if type(intent) is Place:
+        spots = _is_spot(intent.bend) and _is_spot(intent.lean)
+        return _is_float(intent.x) and _is_float(intent.y) and spots and _is_turn(intent.wander)
+    return type(intent) is Stay
+
+
+def _is_float(value: object) -> bool:
+    return type(value) is float and -LARGEST <= value <= LARGEST
+
+
+def _is_turn(value: object) -> bool:
+    return value is None or _is_float(value)
+
+
+def _is_spot(value: object) -> bool:
+    return value is None or (type(value) is tuple and len(value) == 2 and _is_float(value[0]) and _is_float(value[1]))
 
 
 def _plain_numbers(intent: Intent, ours: bool) -> Intent:

@@ -14,7 +14,7 @@ from agent.answers import policy_failure
 from agent.build import Shared, group_of, mind_maker, shared_by
 from agent.mind import MakeMind, Mind
 from agent.policies.found import policy_of
-from agent.ports import PolicyFailed
+from agent.ports import Decision, PolicyFailed
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
@@ -172,14 +172,20 @@ class InProcessFleet:
     def _step(self, k: int, number: int, heard: Mapping[int, list[bytes]]) -> Reply | None:
         begun = time.perf_counter()
         try:
-            with deadline(self._limit_s):
-                mind, sensed = self._minds[number], self._sensed[number]
-                decision = mind.step(sensed, heard[number]) if self._company is None else mind.decide(sensed)
+            if self._limit_s is None:
+                decision = self._decide(number, heard)
+            else:
+                with deadline(self._limit_s):
+                    decision = self._decide(number, heard)
         except (PolicyFailed, Late) as failed:
             self._failed[number] = policy_failure(k, failed)
             return None
         spent_ms = (time.perf_counter() - begun) * 1000.0
         return Reply(decision.command, str(decision.state), decision.refined, spent_ms, decision.rejected)
+
+    def _decide(self, number: int, heard: Mapping[int, list[bytes]]) -> Decision:
+        mind, sensed = self._minds[number], self._sensed[number]
+        return mind.step(sensed, heard[number]) if self._company is None else mind.decide(sensed)
 
 
 def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:

@@ -34,6 +34,8 @@ class Intruders:
         Returns:
             Their places, nearest first, at most `MAX_CONTACTS`.
         """
+        if not self._intruders:
+            return ()
         here = [intruder.place for intruder in self._intruders if intruder.is_there(tick * self._step)]
         if not here:
             return ()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from patrol.ground.swept_path import advance, chords, lay_path, path_is_free
 from patrol.pose import COMMANDS, Command, is_halt
 from worldsim.kernels.collide import cancel_meeting
+from worldsim.kernels.near import near_others
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -61,9 +62,8 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
         ],
         dtype=np.uint8,
     )
-    radii = np.array([body.spec.radius for body in present], dtype=np.float64)
-    cancel_meeting(_paths(present, moving, step), radii, stands)
-    for body, moves, stood in zip(present, moving, stands, strict=True):
+    _cancel_meeting(present, moving, stands, step)
+    for body, moves, stood in zip(present, moving, stands.tolist(), strict=True):
         body.bumped = moves and bool(stood)
         if body.bumped:
             body.collisions += 1
@@ -72,9 +72,28 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
             body.distance_m += length(body.command, step)
 
 
-def _paths(bodies: Sequence[Body], moving: Sequence[bool], step: float) -> NDArray[np.float64]:
-    """Where each body would be at m + 1 equal steps of time, with chords for arcs: float64 (n, m + 1, 2), m."""
+def _cancel_meeting(bodies: Sequence[Body], moving: Sequence[bool], stands: NDArray[np.uint8], step: float) -> None:
+    """Stop every body that would meet another.
+
+    A body goes no farther from where it is than its path is long. So paths are laid only for those whose discs, their
+    radii and the lengths of their paths together, overlap another's.
+    """
+    discs = [
+        (body.pose.x, body.pose.y, body.spec.radius + (length(body.command, step) if moves else 0.0))
+        for body, moves in zip(bodies, moving, strict=True)
+    ]
+    near = np.flatnonzero(near_others(np.array(discs, dtype=np.float64).reshape(-1, 3))).tolist()
+    if not near:
+        return
     pieces = max((chords(body.command, step) for body, moves in zip(bodies, moving, strict=True) if moves), default=1)
+    paths = _paths([bodies[at] for at in near], [moving[at] for at in near], pieces, step)
+    stopped = stands[near]
+    cancel_meeting(paths, np.array([bodies[at].spec.radius for at in near], dtype=np.float64), stopped)
+    stands[near] = stopped
+
+
+def _paths(bodies: Sequence[Body], moving: Sequence[bool], pieces: int, step: float) -> NDArray[np.float64]:
+    """Where each body would be at m + 1 equal steps of time, with m chords for arcs: float64 (n, m + 1, 2), m."""
     paths = np.empty((len(bodies), pieces + 1, 2), dtype=np.float64)
     for path, body, moves in zip(paths, bodies, moving, strict=True):
         if moves:

@@ -6,7 +6,8 @@ Both read like the tuples of rows that small code is written for, and equal them
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Generic, TypeVar, cast, overload
+from functools import lru_cache
+from typing import Any, Generic, NamedTuple, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,8 @@ class _Rows(Sequence[Row], Generic[Row]):
         return self._rows(slice(None))
 
     def __eq__(self, other: object) -> bool:
+        if other is self:
+            return True
         if isinstance(other, type(self)):
             return len(self) == len(other) and self._equals(other)
         if isinstance(other, Sequence) and not isinstance(other, str | bytes):
@@ -71,14 +74,16 @@ class _Rows(Sequence[Row], Generic[Row]):
         return cast("Iterator[Row]", zip(*columns, strict=True))
 
     def _equals(self: R, other: R) -> bool:
-        return all(
-            mine is theirs or np.array_equal(mine, theirs)
-            for mine, theirs in (
-                (self.sequence, other.sequence),
-                (self.source, other.source),
-                (self.destination, other.destination),
-            )
+        """Whether rows that are as many are the same."""
+        return (
+            _same(self.sequence, other.sequence)
+            and _same(self.source, other.source)
+            and _same(self.destination, other.destination)
         )
+
+
+def _same(mine: Column, theirs: Column) -> bool:
+    return mine is theirs or bool((mine == theirs).all())
 
 
 class Links(_Rows[tuple[int, int, int]]):
@@ -88,9 +93,14 @@ class Links(_Rows[tuple[int, int, int]]):
         source: int64 (n,).
         destination: int64 (n,).
         sequence: int64 (n,).
+        packed: What a trace hash takes in of them (`patrol.journal.trace`); empty until one has.
     """
 
-    __slots__ = ()
+    __slots__ = ("packed",)
+
+    def __init__(self, source: Column, destination: Column, sequence: Column) -> None:
+        super().__init__(source, destination, sequence)
+        self.packed = b""
 
 
 class Drops(_Rows[tuple[int, int, int, str]]):
@@ -122,7 +132,7 @@ class Drops(_Rows[tuple[int, int, int, str]]):
         if not super()._equals(other):
             return False
         if self.causes == other.causes:
-            return np.array_equal(self.cause, other.cause)
+            return _same(self.cause, other.cause)
         return [self.causes[cause] for cause in self.cause] == [other.causes[cause] for cause in other.cause]
 
     def sorted(self) -> Drops:
@@ -130,6 +140,39 @@ class Drops(_Rows[tuple[int, int, int, str]]):
         rank = np.argsort(np.argsort(np.array(self.causes, dtype=np.str_))) if self.causes else self.cause
         order = np.lexsort((rank[self.cause], self.sequence, self.destination, self.source))
         return Drops(self.source[order], self.destination[order], self.sequence[order], self.cause[order], self.causes)
+
+
+class ToOthers(NamedTuple):
+    """Some frames on their way to all receivers but their own senders, by frame and receiver; nobody writes to it.
+
+    Attributes:
+        frame: int64 (n,), each link's place among the frames.
+        source: int64 (n,), each link's.
+        destination: int64 (n,), each link's.
+        reaches: bool (receivers, frames), whether there is a link from a frame to a receiver.
+    """
+
+    frame: Column
+    source: Column
+    destination: Column
+    reaches: NDArray[np.bool_]
+
+
+@lru_cache(maxsize=2)
+def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
+    """The links of some frames, worked out once for as long as the same robots send and hear.
+
+    Args:
+        sources: of the frames, in their order.
+        receivers: all that a frame can reach, ascending.
+    """
+    of, to = np.array(sources, dtype=np.int64), np.array(receivers, dtype=np.int64)
+    others = of[:, None] != to[None, :]
+    frame, receiver = np.nonzero(others)
+    links = ToOthers(frame, of[frame], to[receiver], np.ascontiguousarray(others.T))
+    for column in links:
+        column.flags.writeable = False
+    return links
 
 
 def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
@@ -143,12 +186,17 @@ def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
     """
     if (links.sequence > MAX_SHORT).any():
         return None
-    robots = (links.source << 16 | links.destination).astype(np.uint64)
-    return robots << np.uint64(32) | links.sequence.astype(np.uint64)
+    places = links.source << 16
+    places |= links.destination
+    places <<= 32
+    places |= links.sequence
+    return places.view(np.uint64)
 
 
-def joined(first: Links | Drops, second: Links | Drops) -> Links:
+def joined(first: Links, second: Links | Drops) -> Links:
     """The links of both, one after the other."""
+    if not len(second):
+        return first
     pairs = (
         (first.source, second.source),
         (first.destination, second.destination),

@@ -15,7 +15,6 @@ from patrol.journal.records import Status, TickRecord
 _COUNTED = struct.Struct("<qI")
 _ROBOT = struct.Struct("<HB5d")
 _LAST = struct.Struct("<Iq")
-_PLAIN = np.dtype([("source", "<u2"), ("destination", "<u2"), ("sequence", "<u4")])
 
 
 class TraceHash:
@@ -49,9 +48,11 @@ class TraceHash:
             _ROBOT.pack(robot.number, robot.status, robot.x, robot.y, robot.heading, robot.c0, robot.c1)
             for robot in robots
         ]
-        parts.append(_packed(links_of(record.deliveries)))
-        parts.append(_LAST.pack(len(record.deliveries), record.mfow))
         self._hash.update(b"".join(parts))
+        links = links_of(record.deliveries)
+        links.packed = links.packed or _packed(links)
+        self._hash.update(links.packed)
+        self._hash.update(_LAST.pack(len(links), record.mfow))
 
     def hexdigest(self) -> str:
         """The hash of the ticks so far, 64 hex digits."""
@@ -66,9 +67,10 @@ def _packed(links: Links) -> bytes:
         order = np.lexsort((sequence, destination, source))
         source, destination, sequence = source[order], destination[order], sequence[order]
     if places is not None:
-        packed = np.empty(len(links), dtype=_PLAIN)
-        packed["source"], packed["destination"], packed["sequence"] = source, destination, sequence
-        return packed.tobytes()
+        words = destination << 16
+        words |= source
+        words |= sequence << 32
+        return words.astype("<i8", copy=False).tobytes()
     shape = "".join("HHI" if one <= MAX_SHORT else "HHQ" for one in sequence.tolist())
     rows = zip(source.tolist(), destination.tolist(), sequence.tolist(), strict=True)
     return struct.Struct("<" + shape).pack(*chain.from_iterable(rows))

@@ -126,8 +126,10 @@ class Ears:
         said = list(positions.values())
         knows = np.ascontiguousarray(reaches[:, columns])
         rows = np.array([ear.row for ear in ears.values()], dtype=np.int64)
-        self._hear(tick, rows, said, knows)
+        doubts = self._hear(tick, rows, said, knows)
         learnt = Learnt(said, knows)
+        if not doubts and len(said) == len(frames) and not uneven:
+            return learnt
         others = np.ones(len(frames), dtype=np.bool_)
         others[columns] = False
         in_doubt = (knows == ODD).any(axis=1) | reaches[:, others].any(axis=1)
@@ -160,7 +162,8 @@ class Ears:
                 senders[position.robot] = senders.get(position.robot, 0) + 1
         return {place: position for place, position in found.items() if senders[position.robot] == 1}
 
-    def _hear(self, tick: int, rows: NDArray[np.int64], said: Sequence[Position], knows: NDArray[np.uint8]) -> None:
+    def _hear(self, tick: int, rows: NDArray[np.int64], said: Sequence[Position], knows: NDArray[np.uint8]) -> bool:
+        """Take in what is without doubt; whether any of the rest reaches anybody."""
         facts = np.array(
             [(self._column[p.robot], p.sequence, p.x_cm, p.y_cm, p.heading_mrad, p.time_ms) for p in said],
             dtype=np.int64,
@@ -169,7 +172,8 @@ class Ears:
         now = (tick, self._step, self._speed, ROUNDING, SPAN)
         last = (self.sequence, self.x, self.y, self.heading, self._time, self.at, self._start)
         windows = (self._newest, self._used, self._looked, self._looks)
-        hear(knows, rows, senders, sequences, xs, ys, headings, times, *now, self._odd, *last, *windows)
+        facts_said = (senders, sequences, xs, ys, headings, times)
+        return bool(hear(knows, rows, *facts_said, *now, self._odd, *last, *windows))
 
     def decide(
         self, ear: Ear, frames: Sequence[bytes], tick: int

@@ -231,8 +231,7 @@ class Inbox:
 
     def _check_place(self, position: Position) -> None:
         x_min, y_min, x_max, y_max = self._bounds
-        pose = position.pose
-        for x, y in ((pose.x, pose.y), *position.past):
+        for x, y in ((cm_to_m(position.x_cm), cm_to_m(position.y_cm)), *position.past):
             inside_x = x_min - ROUNDING <= x <= x_max + ROUNDING
             if not (inside_x and y_min - ROUNDING <= y <= y_max + ROUNDING):
                 raise Rejected(RejectReason.OUTSIDE, f"({x}, {y}) is off the terrain")

@@ -44,15 +44,27 @@ MAX_ROBOT = 0xFFFF
 MAX_SEQUENCE = 0xFFFF_FFFF
 MAX_TIME_MS = 0xFFFF_FFFF
 MAX_CM = 0x7FFF_FFFF
+MIN_CM = -MAX_CM - 1
 MAX_STEP_CM = 0x7FFF
+MIN_STEP_CM = -MAX_STEP_CM - 1
 MAX_HEADING_MRAD = 6283
 
+_RANGES = {
+    "robot": (0, MAX_ROBOT),
+    "sequence": (0, MAX_SEQUENCE),
+    "time_ms": (0, MAX_TIME_MS),
+    "x_cm": (MIN_CM, MAX_CM),
+    "y_cm": (MIN_CM, MAX_CM),
+    "heading_mrad": (0, MAX_HEADING_MRAD),
+}
 _FIELDS = 7
 _LONGEST_BARE = 28
 _LONGEST_STEP = 6
 _TAG_BYTES = 8
 _TAG_HEADER = b"\xc4\x08"
 _TAG_LENGTH = len(_TAG_HEADER) + _TAG_BYTES
+_NEARER_TO_ZERO = (MAX_HEADING_MRAD + rad_to_mrad(TAU)) / 2.0
+"""Headings beyond it, mrad, are nearer to a whole turn than to the largest heading."""
 
 
 class RejectReason(StrEnum):
@@ -103,17 +115,28 @@ class Position:
     trail: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
-        _check("robot", self.robot, 0, MAX_ROBOT)
-        _check("sequence", self.sequence, 0, MAX_SEQUENCE)
-        _check("time_ms", self.time_ms, 0, MAX_TIME_MS)
-        _check("x_cm", self.x_cm, -MAX_CM - 1, MAX_CM)
-        _check("y_cm", self.y_cm, -MAX_CM - 1, MAX_CM)
-        _check("heading_mrad", self.heading_mrad, 0, MAX_HEADING_MRAD)
+        robot, sequence, time_ms, heading_mrad = self.robot, self.sequence, self.time_ms, self.heading_mrad
+        x_cm, y_cm = self.x_cm, self.y_cm
+        # All at once, without the table: every frame is checked, and hardly any is wrong.
+        if not (
+            type(robot) is type(sequence) is type(time_ms) is type(x_cm) is type(y_cm) is type(heading_mrad) is int
+            and 0 <= robot <= MAX_ROBOT
+            and 0 <= sequence <= MAX_SEQUENCE
+            and 0 <= time_ms <= MAX_TIME_MS
+            and MIN_CM <= x_cm <= MAX_CM
+            and MIN_CM <= y_cm <= MAX_CM
+            and 0 <= heading_mrad <= MAX_HEADING_MRAD
+        ):
+            raise ValueError(next(wrong for name in _RANGES if (wrong := _wrong(name, getattr(self, name)))))
+        if self.trail:
+            self._check_trail()
+
+    def _check_trail(self) -> None:
         if len(self.trail) > MAX_TRAIL:
             raise ValueError(f"trail has {len(self.trail)} positions, at most {MAX_TRAIL} fit")
         for dx, dy in self.trail:
-            _check("trail", dx, -MAX_STEP_CM - 1, MAX_STEP_CM)
-            _check("trail", dy, -MAX_STEP_CM - 1, MAX_STEP_CM)
+            if not (type(dx) is type(dy) is int and min(dx, dy) >= MIN_STEP_CM and max(dx, dy) <= MAX_STEP_CM):
+                raise ValueError(f"trail has ({dx!r}, {dy!r}), which are no integers in {MIN_STEP_CM}..{MAX_STEP_CM}")
 
     @classmethod
     def of(
@@ -131,15 +154,10 @@ class Position:
         Raises:
             ValueError: when a number does not fit.
         """
-        return cls(
-            robot,
-            sequence,
-            _rounded(s_to_ms(time_s)),
-            _rounded(m_to_cm(pose.x)),
-            _rounded(m_to_cm(pose.y)),
-            _milliradians(pose.heading),
-            trail,
-        )
+        time_ms = s_to_ms(time_s)
+        if not math.isfinite(time_ms):
+            raise ValueError(f"the time {time_s} s is not finite")
+        return cls(robot, sequence, round(time_ms), *_rounded(pose), trail)
 
     @classmethod
     def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
@@ -164,6 +182,8 @@ class Position:
     @property
     def past(self) -> tuple[tuple[float, float], ...]:
         """The trail as absolute (x, y) in m, newest first."""
+        if not self.trail:
+            return ()
         places = []
         x, y = self.x_cm, self.y_cm
         for dx, dy in self.trail:
@@ -186,10 +206,10 @@ def as_received(pose: Pose) -> Pose:
     Raises:
         ValueError: if a frame cannot hold the pose.
     """
-    x_cm, y_cm = _rounded(m_to_cm(pose.x)), _rounded(m_to_cm(pose.y))
-    _check("x_cm", x_cm, -MAX_CM - 1, MAX_CM)
-    _check("y_cm", y_cm, -MAX_CM - 1, MAX_CM)
-    return Pose(cm_to_m(x_cm), cm_to_m(y_cm), wrap(mrad_to_rad(_milliradians(pose.heading))))
+    x_cm, y_cm, heading_mrad = _rounded(pose)
+    if not (MIN_CM <= x_cm <= MAX_CM and MIN_CM <= y_cm <= MAX_CM):
+        raise ValueError(f"{pose} is outside {MIN_CM}..{MAX_CM} cm")
+    return Pose(cm_to_m(x_cm), cm_to_m(y_cm), wrap(mrad_to_rad(heading_mrad)))
 
 
 def longest_frame(trail: int, *, tagged: bool) -> int:
@@ -224,14 +244,10 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
     ]
     if position.trail:
         body.append([delta for step in position.trail for delta in step])
-    packer = msgpack.Packer(autoreset=False)
-    packer.pack_array_header(len(body) + (key is not None))
-    for value in body:
-        packer.pack(value)
-    frame = packer.bytes()
-    if key is not None:
-        frame += _TAG_HEADER + _tag(frame, key)
-    return bytes(frame)
+    if key is None:
+        return _packed(body)
+    untagged = _packed([*body, bytes(_TAG_BYTES)])[:-_TAG_LENGTH]
+    return untagged + _TAG_HEADER + _tag(untagged, key)
 
 
 def decode(frame: bytes, key: bytes | None = None) -> Position:
@@ -268,6 +284,11 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
     return position
 
 
+def _packed(values: list[object]) -> bytes:
+    packed: bytes = msgpack.packb(values)
+    return packed
+
+
 def _unpack(frame: bytes) -> list[Any]:
     """The frame's outermost array, its first value an int; `Rejected` otherwise."""
     if len(frame) > MAX_FRAME:
@@ -291,11 +312,12 @@ def _trail(flat: object) -> tuple[tuple[int, int], ...]:
     return tuple(zip(flat[::2], flat[1::2], strict=True))
 
 
-def _check(name: str, value: object, low: int, high: int) -> None:
+def _wrong(name: str, value: object) -> str:
+    """What is wrong with a number of a position; nothing where it fits."""
+    least, most = _RANGES[name]
     if type(value) is not int:
-        raise ValueError(f"{name} is not an integer")
-    if not low <= value <= high:
-        raise ValueError(f"{name} is {value}, outside {low}..{high}")
+        return f"{name} is not an integer"
+    return "" if least <= value <= most else f"{name} is {value}, outside {least}..{most}"
 
 
 def _check_key(key: bytes | None) -> None:
@@ -303,18 +325,13 @@ def _check_key(key: bytes | None) -> None:
         raise ValueError(f"a key has 1 to {MAX_KEY} bytes, this one {len(key)}")
 
 
-def _rounded(value: float) -> int:
-    if not math.isfinite(value):
-        raise ValueError(f"{value} is not finite")
-    return round(value)
-
-
-def _milliradians(heading: float) -> int:
-    """The nearest of 0..6283 mrad round the circle, whose circumference is 6283.185 mrad."""
-    if not math.isfinite(heading):
-        raise ValueError(f"heading {heading} is not finite")
-    mrad = rad_to_mrad(heading % TAU)
-    return 0 if mrad > (MAX_HEADING_MRAD + rad_to_mrad(TAU)) / 2.0 else round(mrad)
+def _rounded(pose: Pose) -> tuple[int, int, int]:
+    """The nearest x and y in cm and heading in mrad, the latter round the circle of 6283.185 mrad."""
+    x_cm, y_cm = m_to_cm(pose.x), m_to_cm(pose.y)
+    if not (math.isfinite(x_cm) and math.isfinite(y_cm) and math.isfinite(pose.heading)):
+        raise ValueError(f"{pose} is not finite")
+    mrad = rad_to_mrad(pose.heading % TAU)
+    return round(x_cm), round(y_cm), 0 if mrad > _NEARER_TO_ZERO else round(mrad)
 
 
 def _tag(body: bytes, key: bytes) -> bytes:

@@ -186,3 +186,19 @@ def test_the_account_of_a_failure_is_one_short_printable_line() -> None:
     assert said == "its policy failed at tick 7: raised ValueError: two lines"
     assert len(policy_failure(7, PolicyFailed("x" * 5000))) == MAX_FAILURE
     assert policy_failure(7, PolicyFailed("clear \x1b[2J \ud800 the screen")).isprintable()
+
+
+@pytest.mark.parametrize(
+    "intent",
+    [
+        Bearing((0.0,), near=(1.0, math.nan)),
+        Bearing((0.0,), bend=(1.0, 2.0, 3.0)),  # type: ignore[arg-type]
+        Bearing((0.0,), wander=(1.0, 2.0)),  # type: ignore[arg-type]
+        Place(1.0, None),  # type: ignore[arg-type]
+        Place(1.0, 2e9),
+        Place(1.0, 2.0, lean=(True, 2.0)),
+    ],
+)
+def test_the_projects_own_intents_are_looked_at_too(intent: Intent) -> None:
+    with pytest.raises(PolicyFailed):
+        checked(intent, ours=True)

@@ -17,6 +17,7 @@ from patrol.journal import Status
 from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
 from worldsim.bodies import Body, standstill
+from worldsim.kernels.near import near_others
 from worldsim.motion import length, move, within_limits
 
 STEP = 0.5
@@ -252,6 +253,29 @@ def test_cars_on_arcs_meet_too() -> None:
     before = [car.pose for car in cars]
     move(cars, FIELD, STEP)
     assert [car.pose for car in cars] == before
+
+
+@given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 2)), max_size=12))
+def test_the_bodies_that_can_meet_are_those_whose_discs_overlap(discs: list[tuple[float, float, float]]) -> None:
+    found = near_others(np.array(discs, dtype=np.float64).reshape(-1, 3))
+    assert found.tolist() == [
+        any(
+            math.hypot(other[0] - one[0], other[1] - one[1]) <= one[2] + other[2]
+            for place, other in enumerate(discs)
+            if place != at
+        )
+        for at, one in enumerate(discs)
+    ]
+
+
+def test_who_is_far_away_changes_nothing_for_those_who_meet() -> None:
+    pair = [(0.0, 0.0, Velocity(4.0, 0.0)), (2.0, 0.5, Velocity(-4.0, 0.3))]
+    alone, among = [body(*one) for one in pair], [body(*one) for one in pair]
+    far = body(4.5, 5.5, Velocity(0.0, -0.5))
+    move(alone, FIELD, STEP)
+    move([among[0], far, among[1]], FIELD, STEP)
+    assert [one.pose for one in among] == [one.pose for one in alone]
+    assert (far.pose.y, [one.collisions for one in among]) == (5.25, [1, 1])
 
 
 def test_distances_add_up() -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.errors import BadInput
-from patrol.journal.links import NO_DROPS, NO_LINKS, Drops, Links
+from patrol.journal.links import NO_DROPS, NO_LINKS, Drops, Links, to_others
 from patrol.journal.records import FORGED, Status, frame_sequence
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.heard import Heard
@@ -157,26 +157,32 @@ class Ether:
         hearing = [number for number in receivers if statuses[number] is Status.ALIVE]
         if not sent or not receivers:
             return Delivery({number: [] for number in hearing}, NO_LINKS, NO_DROPS)
+        frames_sent = [frame for _, _, frame in sent]
+        oversized = [len(frame) > MAX_FRAME for frame in frames_sent]
+        sequences = np.array([frame_sequence(tick, place) for _, place, _ in sent], dtype=np.int64)
+        everybody = to_others(tuple(source for source, _, _ in sent), tuple(receivers))
+        if rules is None and len(hearing) == len(receivers) and not any(oversized):
+            links = Links(everybody.source, everybody.destination, sequences[everybody.frame])
+            return Delivery(Heard(frames_sent, hearing, everybody.reaches), links, NO_DROPS)
+        sources = np.array([source for source, _, _ in sent], dtype=np.int64)
+        numbers = np.array(receivers, dtype=np.int64)
         causes = [OVERSIZED, RECEIVER_PAUSED, RECEIVER_ABSENT, RECEIVER_DEAD]
         deaf = [causes.index(_DEAF[statuses[number]]) if statuses[number] in _DEAF else -1 for number in receivers]
-        sources = np.array([source for source, _, _ in sent], dtype=np.int64)
-        sequences = np.array([frame_sequence(tick, place) for _, place, _ in sent], dtype=np.int64)
-        numbers = np.array(receivers, dtype=np.int64)
         cause = np.repeat(np.array([deaf], dtype=np.int64), len(sent), axis=0)
         if rules is not None:
             stopped, faults = rules.stopped(sources, numbers, sequences)
             cause = np.where(stopped >= 0, stopped + len(causes), cause)
             causes += faults
-        cause[[len(frame) > MAX_FRAME for _, _, frame in sent]] = 0
-        others = sources[:, None] != numbers[None, :]
+        cause[oversized] = 0
+        others = everybody.reaches.T
         arrives = others & (cause < 0)
         frame_of, receiver_of = np.nonzero(arrives)
         links = Links(sources[frame_of], numbers[receiver_of], sequences[frame_of])
         alive = np.array([statuses[number] is Status.ALIVE for number in receivers], dtype=np.bool_)
-        heard = Heard([frame for _, _, frame in sent], hearing, np.ascontiguousarray(arrives[:, alive].T))
-        if len(links) == np.count_nonzero(others):
-            return Delivery(heard, links, NO_DROPS)
+        heard = Heard(frames_sent, hearing, np.ascontiguousarray(arrives[:, alive].T))
         frame_of, receiver_of = np.nonzero(others & (cause >= 0))
+        if not frame_of.size:
+            return Delivery(heard, links, NO_DROPS)
         dropped = Drops(
             sources[frame_of], numbers[receiver_of], sequences[frame_of], cause[frame_of, receiver_of], tuple(causes)
         )

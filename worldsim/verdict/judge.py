@@ -155,7 +155,10 @@ class Judge:
             record: The tick's record.
         """
         for reading in self._readings:
-            if all(other.usable for other in reading.needed):
+            for other in reading.needed:
+                if not other.usable:
+                    break
+            else:
                 reading.tick(record)
 
     def verdict(self) -> Verdict:

@@ -27,7 +27,7 @@ ODD = 2
 
 # fmt: off
 @njit(
-    types.void(
+    types.boolean(
         _FLAGS, _ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _I, _F, _F, _F, _I,
         _FLAGS, _LONGS, _LONGS, _LONGS, _LONGS, _LONGS, _LONGS, _TIMES, _LONGS, _BITS, _LONGS, _BITS,
     ),
@@ -69,8 +69,12 @@ def hear(
         used: uint64 (n, n), its bits.
         looked: int64 (n, n), newest of the window of looks.
         looks: uint64 (n, n), its bits.
+
+    Returns:
+        Whether any frame is `ODD`.
     """
     now = tick * step
+    in_doubt = False
     for row in range(listeners.size):
         i = listeners[row]
         for frame in range(senders.size):
@@ -79,6 +83,7 @@ def hear(
             j, number = senders[frame], sequences[frame]
             if i == j or odd[i, j] != 0 or number <= newest[i, j] or number <= looked[i, j]:
                 reaches[row, frame] = ODD
+                in_doubt = True
                 continue
             quickest = math.inf
             if sequence[i, j] >= 0:
@@ -91,6 +96,7 @@ def hear(
                 across, up = float(xs[frame] - x[i, j]), float(ys[frame] - y[i, j])
                 if across * across + up * up > reach * reach:
                     reaches[row, frame] = ODD
+                    in_doubt = True
                     continue
             reaches[row, frame] = PLAIN
             sequence[i, j], at[i, j], time[i, j] = number, tick, times[frame]
@@ -102,6 +108,7 @@ def hear(
             more = number - looked[i, j]
             looks[i, j] = (looks[i, j] << np.uint64(more) if more < span else _NO_BITS) | _LATEST
             looked[i, j] = number
+    return in_doubt
 
 
 # fmt: on

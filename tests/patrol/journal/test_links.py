@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from patrol.journal.links import NO_DROPS, NO_LINKS, drops_of, joined, links_of, places_of
+from patrol.journal.links import NO_DROPS, NO_LINKS, drops_of, joined, links_of, places_of, to_others
 
 ROWS = ((1, 2, 7), (1, 3, 7), (2, 1, 7), (0, 1, 2**40))
 DROPPED = ((1, 2, 7, "loss:b"), (1, 2, 7, "loss:a"), (1, 1, 7, "loss:b"))
@@ -50,3 +50,17 @@ def test_places_have_the_order_of_the_links() -> None:
 
 def test_joined_links_follow_one_another() -> None:
     assert tuple(joined(links_of(ROWS), drops_of(DROPPED))) == (*ROWS, *(row[:3] for row in DROPPED))
+    assert joined(links_of(ROWS), NO_DROPS) == ROWS
+
+
+def test_each_frame_goes_to_all_but_its_sender() -> None:
+    links = to_others((0, 2, 2, 3), (1, 2, 3))
+    rows = [(0, 0, 1), (0, 0, 2), (0, 0, 3), (1, 2, 1), (1, 2, 3), (2, 2, 1), (2, 2, 3), (3, 3, 1), (3, 3, 2)]
+    assert list(zip(links.frame.tolist(), links.source.tolist(), links.destination.tolist(), strict=True)) == rows
+    assert links.reaches.tolist() == [
+        [True, True, True, True],
+        [True, False, False, True],
+        [True, True, True, False],
+    ]
+    assert not any(column.flags.writeable for column in links)
+    assert [column.size for column in to_others((), ())] == [0, 0, 0, 0]

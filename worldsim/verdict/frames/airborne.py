@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from patrol.journal.links import Links, drops_of, joined, links_of
+from patrol.journal.links import Links, drops_of, joined, links_of, to_others
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.scenario.faults.kinds import Fault, Loss
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link, there
@@ -108,10 +108,9 @@ def sent_links(record: TickRecord) -> Links:
     for source, _ in record.frames:
         sequences.append(frame_sequence(record.k, places[source]))
         places[source] += 1
-    sources = np.array([source for source, _ in record.frames], dtype=np.int64)
-    here = np.array([row.number for row in record.robots if there(row.status)], dtype=np.int64)
-    frame, receiver = np.nonzero(sources[:, None] != here[None, :])
-    return Links(sources[frame], here[receiver], np.array(sequences, dtype=np.int64)[frame])
+    here = tuple([row.number for row in record.robots if there(row.status)])
+    links = to_others(tuple([source for source, _ in record.frames]), here)
+    return Links(links.source, links.destination, np.array(sequences, dtype=np.int64)[links.frame])
 
 
 def kind_of(cause: str) -> str:

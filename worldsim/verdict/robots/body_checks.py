@@ -43,8 +43,8 @@ class BodiesApart(Check):
         here = [robot for robot in record.robots if robot.number not in self._expected.away]
         self._looked += len(here)
         places = np.array([(robot.x, robot.y) for robot in here], dtype=np.float64).reshape(-1, 2)
-        radii = np.array([self._radii[robot.number] for robot in here], dtype=np.float64)
-        i, j = first_overlap(places, radii, SLACK)
+        radii = [self._radii[robot.number] for robot in here]
+        i, j = first_overlap(places, np.array(radii, dtype=np.float64), SLACK)
         if i < len(here):
             pair = f"{self._names[here[i].number]} and {self._names[here[j].number]}"
             apart = math.dist(places[i], places[j])
