@@ -57,7 +57,7 @@ class HeardPeers(Mapping[int, Peer]):
         return self._ears.peer(self._row, column)
 
     def __iter__(self) -> Iterator[int]:
-        return iter([self._ears.numbers[column] for column in np.flatnonzero(self._known)])
+        return iter([self._ears.numbers[column] for column in np.flatnonzero(self._known).tolist()])
 
     def __len__(self) -> int:
         return int(np.count_nonzero(self._known))
@@ -90,6 +90,7 @@ class SharedBelief:
         self.contacts = Contacts()
         self.inbox = ear.inbox
         self.peers = HeardPeers(ears, ear.row)
+        self._heard_since = 0
 
     @property
     def fog(self) -> Fog:
@@ -131,12 +132,17 @@ class SharedBelief:
 
     def silent(self, tick: int, patience: int, radii: Mapping[int, float], margin: float) -> list[Disc]:
         """As of `Belief`."""
+        if tick - self._heard_since <= patience:
+            return []
         row, ears = self.ear.row, self._ears
-        columns = np.flatnonzero((ears.sequence[row] != NOTHING) & (tick - ears.at[row] > patience))
+        heard = np.flatnonzero(ears.sequence[row] != NOTHING)
+        at = ears.at[row].take(heard)
+        # Whoever is heard again, or for the first time, is heard later than now.
+        self._heard_since = int(at.min(initial=tick))
         found = []
-        for column in columns:
-            number, pose = ears.numbers[column], ears.peer(row, int(column)).pose
-            found.append((pose.x, pose.y, radii[number] + margin))
+        for column in heard[tick - at > patience].tolist():
+            pose = ears.peer(row, column).pose
+            found.append((pose.x, pose.y, radii[ears.numbers[column]] + margin))
         return found
 
 
