@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from agent.belief.believed import Belief
 from agent.belief.contacts import Contacts
 from agent.belief.dilated import Blocks
+from agent.belief.kernels.heard import heard_places
 from agent.belief.kernels.look import look, show
 from agent.belief.marked_fog import MarkedFog
 from agent.routes.ground import Disc
@@ -65,8 +66,10 @@ class HeardPeers(Mapping[int, Peer]):
     @property
     def places(self) -> NDArray[np.float64]:
         """float64 (len, 2), x and y of each in m, by number."""
-        known, row = self._known, self._row
-        return all_to_m(np.stack((self._ears.x[row, known], self._ears.y[row, known]), axis=1))
+        ears = self._ears
+        found = np.empty((len(ears.numbers), 2), dtype=np.int64)
+        count = heard_places(ears.sequence, ears.at, ears.x, ears.y, self._row, NOTHING, self._since, found)
+        return all_to_m(found[:count])
 
     @property
     def _known(self) -> NDArray[np.bool_]:
