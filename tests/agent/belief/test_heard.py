@@ -1,11 +1,17 @@
-"""Where the robots are that one listener has heard of."""
+"""Which robots one listener has heard of, where they are, and which of them have fallen silent."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from agent.belief.shared import HeardPeers
+from agent.belief.believed import Belief
+from agent.belief.posts import Posts
+from agent.belief.shared import Company, HeardPeers
+from patrol.ground.footprint import Footprint
+from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.ears import Ear, Ears
 from patrol.radio.inbox import Inbox
@@ -41,3 +47,33 @@ def test_only_who_was_heard_since_a_tick_has_a_place(ears: Ears, since: int, exp
     assert list(peers) == expected
     assert len(peers.places) == len(expected)
     assert peers.places.dtype == np.float64
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 10**6), patience=st.integers(0, 6))
+def test_a_shared_belief_takes_the_same_robots_for_silent_as_one_of_its_own(seed: int, patience: int) -> None:
+    dice = np.random.default_rng(seed)
+    numbers, radii = (2, 5, 7, 9), dict.fromkeys((2, 5, 7, 9), 0.5)
+    open_ground = np.ones((20, 20), dtype=np.bool_)
+    footprint = Footprint(Terrain("t", open_ground, 2.5), 5.0)
+    nowhere = Posts(np.full((20, 20), -1, dtype=np.int32))
+
+    def inbox() -> Inbox:
+        return Inbox(2, numbers, BOUNDS, 2.0, step=STEP)
+
+    def blank() -> Belief:
+        return Belief(open_ground, open_ground, nowhere, footprint, inbox(), 0)
+
+    company, alone = Company(numbers, STEP, 2.0, footprint), blank()
+    shared = company.join(2, inbox(), blank, kind=0)
+    here, talks = Pose(1.0, 1.0, 0.0), dict.fromkeys(numbers[1:], True)
+    for tick in range(40):
+        talks = {number: talk != (dice.random() < 0.2) for number, talk in talks.items()}
+        heard = [
+            encode(Position.of(number, tick, tick * STEP, Pose(number + 0.25 * tick, 9.0, 0.0)))
+            for number, talk in talks.items()
+            if talk
+        ]
+        company.hear(tick, {2: here}, {2: heard})
+        alone.update(tick, here, heard, STEP)
+        assert shared.silent(tick, patience, radii, 0.25) == alone.silent(tick, patience, radii, 0.25)
