@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, assert_never
 
+import numpy as np
+from numpy.typing import NDArray
+
 from patrol.ground.kernels import swept_path as kernels
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from patrol.ground.terrain import Terrain
 
 
@@ -106,7 +106,9 @@ def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: floa
     match command:
         case Velocity():
             end = advance(pose, command, step)
-            kernels.line_points(path, pose.x, pose.y, end.x, end.y)
+            share = np.linspace(0.0, 1.0, len(path))[:, None]
+            path[:] = (pose.x, pose.y) + share * (end.x - pose.x, end.y - pose.y)
+            path[-1] = (end.x, end.y)
         case Drive(speed, curvature):
             kernels.arc_points(path, pose.x, pose.y, pose.heading, speed * step, speed * step * curvature)
         case Twist(speed, turn_rate):

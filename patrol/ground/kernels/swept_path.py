@@ -205,24 +205,6 @@ def chord_count(distance, turn, longest):
     return max(near, math.ceil(abs(distance) / longest), math.ceil(abs(turn) / math.pi), 1)
 
 
-@njit(types.void(_PATH, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def line_points(path, x, y, end_x, end_y):
-    """Fill `path` with the ends of n equal parts of a line.
-
-    Args:
-        path: float64 (n + 1, 2), overwritten.
-        x: of the beginning, m.
-        y: of the beginning, m.
-        end_x: m.
-        end_y: m.
-    """
-    count = path.shape[0] - 1
-    part = 1.0 / count
-    for i in range(count):
-        path[i, 0], path[i, 1] = x + i * part * (end_x - x), y + i * part * (end_y - y)
-    path[count, 0], path[count, 1] = end_x, end_y
-
-
 @njit(types.void(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def arc_points(path, x, y, heading, distance, turn):
     """Fill `path` with the ends of n equal chords of an arc; the last is `arc_end`'s.

@@ -146,17 +146,6 @@ def test_the_chords_of_an_arc_lie_on_it(twist: Twist, step: float) -> None:
             assert off <= SAGITTA + 1e-9
 
 
-@given(vx=st.floats(-5.0, 5.0), vy=st.floats(-5.0, 5.0), count=st.integers(1, 40))
-def test_a_straight_path_is_laid_in_equal_parts(vx: float, vy: float, count: int) -> None:
-    path = np.empty((count + 1, 2), dtype=np.float64)
-    lay_path(path, HERE, Velocity(vx, vy), 0.5)
-    end = advance(HERE, Velocity(vx, vy), 0.5)
-    shares = np.linspace(0.0, 1.0, count + 1)[:, None]
-    expected = (HERE.x, HERE.y) + shares * (end.x - HERE.x, end.y - HERE.y)
-    assert path[:-1].tolist() == expected[:-1].tolist()
-    assert tuple(path[-1]) == (end.x, end.y)
-
-
 @given(x=st.floats(0.6, 5.4), y=st.floats(1.6, 9.0), heading=st.floats(-math.pi, math.pi), twist=twists)
 def test_a_path_of_two_wheels_that_is_free_touches_no_wall(x: float, y: float, heading: float, twist: Twist) -> None:
     passable = np.ones((20, 20), dtype=np.bool_)
