@@ -41,5 +41,7 @@ class Contacts:
         Returns:
             The places (x, y) in m, ascending.
         """
+        if not self._seen:
+            return []
         self._seen = {place: at for place, at in self._seen.items() if tick - at <= memory}
         return sorted(self._seen)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.kernels.changes import LARGEST, NOTHING, POST, SIDE, boxes_due, carry, fall_due, note, note_freshest
-from agent.belief.kernels.dilate import dilate
+from agent.belief.kernels.changes import LARGEST, NOTHING, POST, SIDE, boxes_due, note_freshest, take_in
+from agent.belief.kernels.dilate import dilate_all
 from agent.belief.posts import Posts
 from patrol.ground.fog import Box, Fog
 from patrol.ground.terrain import BoolGrid
@@ -109,17 +109,9 @@ class Dilated:
         """
         if not looks:
             return
-        book = (self._outdated, self._oldest, self._newest)
-        gap = self._gap
-        around = [
-            self._blocks((top - gap, bottom + gap, left - gap, right + gap)) for top, bottom, left, right in looks
-        ]
-        for box, (rows, cols) in zip(looks, around, strict=True):
-            note(self._fog.last_seen, self._ground, self._carried, *book, *box)
-            carried = (self._fog.last_seen, self._carried, self._outdated, self._newest)
-            carry(self._posts_by_block, self._block_ends, *carried, *rows, *cols)
-        for rows, cols in around:
-            fall_due(self._outdated, self._freshest, self._due, *rows, *cols, self._reach_in_blocks)
+        grids = (self._fog.last_seen, self._ground, self._carried, self._posts_by_block, self._block_ends)
+        book = (self._outdated, self._oldest, self._newest, self._freshest, self._due)
+        take_in(*grids, *book, np.array(looks, dtype=np.int64), self._gap, self._reach_in_blocks)
 
     def within(self, box: Box, tick: int) -> NDArray[np.int32]:
         """The dilated ticks, up to date in a box.
@@ -137,10 +129,11 @@ class Dilated:
             book = (self._oldest, self._newest, self._freshest, self._due)
             part = (*rows, *cols, self._reach, self._reach_in_blocks)
             count = boxes_due(self._ground, self._hemmed, self._grid, *book, *part, self._boxes)
+            if count == 0:
+                return self._grid
             boxes = self._boxes[:count]
             grids = (self._carried, self._ground, self._ground, self._grid)
-            for top, bottom, left, right in boxes.tolist():
-                dilate(*grids, top, bottom, left, right, self._reach, tick, self._scratch)
+            dilate_all(*grids, boxes, self._reach, tick, self._scratch)
             note_freshest(self._ground, self._grid, self._freshest, boxes)
         return self._grid
 

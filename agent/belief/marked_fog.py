@@ -51,10 +51,10 @@ class MarkedFog(Fog):
         Args:
             tick: Now.
         """
-        seen = self.last_seen.reshape(-1)
-        if seen[self._at] != self._least:
-            self._at = int(stalest(seen, self.patrolled.reshape(-1), self._least, self._at))
-            self._least = int(seen[self._at])
+        seen = self.last_seen
+        if seen.item(self._at) != self._least:
+            self._at = int(stalest(seen.reshape(-1), self.patrolled.reshape(-1), self._least, self._at))
+            self._least = seen.item(self._at)
         return tick - max(self._least, 0)
 
     def stalest(self) -> tuple[int, int]:

@@ -31,17 +31,18 @@ class Posts:
         self.rows = self._rows.view()
         self.rows.flags.writeable = False
         self.gap = int(np.abs(self.rows[:, :2] - self.rows[:, 2:]).max(initial=0))
-        self._post_row = np.ascontiguousarray(self.rows[:, 2])
+        per_row = np.bincount(self.rows[:, 2], minlength=proxy.shape[0])
+        self._ends: list[int] = [0, *per_row.cumsum().tolist()]
 
     def between(self, first: int, last: int) -> NDArray[np.int32]:
         """The entries of `rows` whose post lies in a range of rows.
 
         Args:
-            first: First row of the range.
-            last: Last row of the range, inclusive.
+            first: First row of the range; it may lie outside the terrain.
+            last: Last row of the range, inclusive; likewise.
 
         Returns:
             int32 (k, 4).
         """
-        low, high = np.searchsorted(self._post_row, np.array([first, last + 1], dtype=np.int32))
-        return self._rows[low:high]
+        height = len(self._ends) - 1
+        return self._rows[self._ends[min(max(first, 0), height)] : self._ends[min(max(last + 1, 0), height)]]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from agent.belief.believed import Belief
 from agent.belief.contacts import Contacts
 from agent.belief.dilated import Blocks
+from agent.belief.kernels.heard import heard_places
 from agent.belief.kernels.look import look, show
 from agent.belief.marked_fog import MarkedFog
 from agent.routes.ground import Disc
@@ -57,7 +58,7 @@ class HeardPeers(Mapping[int, Peer]):
         return self._ears.peer(self._row, column)
 
     def __iter__(self) -> Iterator[int]:
-        return iter([self._ears.numbers[column] for column in np.flatnonzero(self._known)])
+        return iter([self._ears.numbers[column] for column in np.flatnonzero(self._known).tolist()])
 
     def __len__(self) -> int:
         return int(np.count_nonzero(self._known))
@@ -65,8 +66,10 @@ class HeardPeers(Mapping[int, Peer]):
     @property
     def places(self) -> NDArray[np.float64]:
         """float64 (len, 2), x and y of each in m, by number."""
-        known, row = self._known, self._row
-        return all_to_m(np.stack((self._ears.x[row, known], self._ears.y[row, known]), axis=1))
+        ears = self._ears
+        found = np.empty((len(ears.numbers), 2), dtype=np.int64)
+        count = heard_places(ears.sequence, ears.at, ears.x, ears.y, self._row, NOTHING, self._since, found)
+        return all_to_m(found[:count])
 
     @property
     def _known(self) -> NDArray[np.bool_]:
@@ -90,6 +93,7 @@ class SharedBelief:
         self.contacts = Contacts()
         self.inbox = ear.inbox
         self.peers = HeardPeers(ears, ear.row)
+        self._heard_since = 0
 
     @property
     def fog(self) -> Fog:
@@ -131,12 +135,17 @@ class SharedBelief:
 
     def silent(self, tick: int, patience: int, radii: Mapping[int, float], margin: float) -> list[Disc]:
         """As of `Belief`."""
+        if tick - self._heard_since <= patience:
+            return []
         row, ears = self.ear.row, self._ears
-        columns = np.flatnonzero((ears.sequence[row] != NOTHING) & (tick - ears.at[row] > patience))
+        heard = np.flatnonzero(ears.sequence[row] != NOTHING)
+        at = ears.at[row].take(heard)
+        # Whoever is heard again, or for the first time, is heard later than now.
+        self._heard_since = int(at.min(initial=tick))
         found = []
-        for column in columns:
-            number, pose = ears.numbers[column], ears.peer(row, int(column)).pose
-            found.append((pose.x, pose.y, radii[number] + margin))
+        for column in heard[tick - at > patience].tolist():
+            pose = ears.peer(row, column).pose
+            found.append((pose.x, pose.y, radii[ears.numbers[column]] + margin))
         return found
 
 

@@ -95,8 +95,8 @@ class GiveWay:
         """
         found = []
         for other, until in sorted(self._until.items()):
-            peer = peers[other].pose
             if tick < until:
+                peer = peers[other].pose
                 wide = self._radii[other] + self._radii[self._number] + 0.5 * point
                 apart = math.hypot(peer.x - pose.x, peer.y - pose.y) - point
                 found.append((peer.x, peer.y, max(0.0, min(wide, apart))))

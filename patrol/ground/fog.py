@@ -85,7 +85,7 @@ class Fog:
             self._histogram = grown
         state = (self.last_seen, self.patrolled, self._histogram)
         self._sum += observe(*state, view.mask, view.quality, view.row0, view.col0, tick, self._box)
-        first_row, last_row, first_col, last_col = (int(edge) for edge in self._box)
+        first_row, last_row, first_col, last_col = self._box.tolist()
         return (first_row, last_row, first_col, last_col) if first_row <= last_row else None
 
     def mfow(self, tick: int) -> int:
@@ -94,7 +94,7 @@ class Fog:
         Args:
             tick: now.
         """
-        while self._histogram[self._oldest] == 0:
+        while self._histogram.item(self._oldest) == 0:
             self._oldest += 1
         return tick - max(self._oldest - 1, 0)
 

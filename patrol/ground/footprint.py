@@ -124,7 +124,7 @@ class Footprint:
         look(self._passable, row, col, self.radius, mask, row - self.reach, col - self.reach)
         if not self._whole:
             keep_sector(mask, heading, self.angle)
-        mask.flags.writeable = False
+        mask.setflags(write=False)
         return View(row - self.reach, col - self.reach, mask, self._quality)
 
 

@@ -77,7 +77,7 @@ class Terrain:
         object.__setattr__(self, "passable", passable)
         object.__setattr__(self, "keep_out", frozen_grid(keep_out))
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, int]:
         """(height, width) in points."""
         return int(self.passable.shape[0]), int(self.passable.shape[1])
@@ -147,7 +147,8 @@ class Terrain:
             y: m.
         """
         ox, oy = self.origin
-        return math.floor((y - oy) / self.point), math.floor((x - ox) / self.point)
+        point = self.point
+        return math.floor((y - oy) / point), math.floor((x - ox) / point)
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """(x, y) in m of the centre of a point.
@@ -166,7 +167,8 @@ class Terrain:
             row: from the lowest y.
             col: from the lowest x.
         """
-        return 0 <= row < self.height and 0 <= col < self.width
+        height, width = self.shape
+        return 0 <= row < height and 0 <= col < width
 
     def contains(self, x: float, y: float) -> bool:
         """Whether a place lies on the terrain; False for NaN and infinities.

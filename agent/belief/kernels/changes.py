@@ -147,6 +147,45 @@ def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, 
                         due[up, across] = 1
 
 
+@njit(
+    types.void(TICKS, MASK, TICKS, ROWS, ENDS, TICKS, TICKS, TICKS, TICKS, FLAGS, BOXES, int64, int64),
+    cache=True,
+    nogil=True,
+)
+def take_in(
+    last_seen, ground, carried, posts, ends, outdated, oldest, newest, freshest, due, boxes, gap, reach
+):
+    """Take in what has changed in some boxes of the fog: `note`, `carry` and `fall_due`.
+
+    Args:
+        last_seen: As in `note`.
+        ground: As in `note`.
+        carried: As in `note`.
+        posts: As in `carry`.
+        ends: As in `carry`.
+        outdated: As in `note`; all of it is `NOTHING` afterwards.
+        oldest: As in `note`.
+        newest: As in `note`.
+        freshest: As in `fall_due`.
+        due: As in `fall_due`.
+        boxes: int64 (n, 4), on the grid: first row, last row, first column, last column of points.
+        gap: The largest number of rows, or of columns, between a point and its post.
+        reach: As in `fall_due`.
+    """
+    rows, cols = due.shape
+    around = np.empty_like(boxes)
+    for box in range(boxes.shape[0]):
+        top, bottom, left, right = boxes[box]
+        around[box, 0], around[box, 1] = max(0, (top - gap) // SIDE), min(rows - 1, (bottom + gap) // SIDE)
+        around[box, 2], around[box, 3] = max(0, (left - gap) // SIDE), min(cols - 1, (right + gap) // SIDE)
+        note(last_seen, ground, carried, outdated, oldest, newest, top, bottom, left, right)
+        top, bottom, left, right = around[box]
+        carry(posts, ends, last_seen, carried, outdated, newest, top, bottom, left, right)
+    for box in range(boxes.shape[0]):
+        top, bottom, left, right = around[box]
+        fall_due(outdated, freshest, due, top, bottom, left, right, reach)
+
+
 @njit(int64(TICKS, int64, int64, int64, int64), cache=True, nogil=True)
 def _hemmed_in(hemmed, top, bottom, left, right):
     """How many blocks of a box have a point in whose window something is not ground."""

@@ -20,6 +20,7 @@ FRAME = 2
 
 SCRATCH = types.Array(types.uint16, 2, "C")
 FLAT = types.Array(types.uint16, 1, "C")
+BOXES = types.Array(types.int64, 2, "C", readonly=True)
 int64 = types.int64
 
 
@@ -192,3 +193,22 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
             oldest = np.int32(ages[j])
             since = np.int32(2147483647) if oldest == 0 else now + np.int32(1) - oldest
             there[j] = since if may[j] != 0 else there[j]
+
+
+@njit(types.void(TICKS, MASK, MASK, TICKS, BOXES, int64, int64, FLAT), cache=True, nogil=True)
+def dilate_all(last_seen, source, passable, dilated, boxes, reach, tick, scratch):
+    """Recompute ``dilated`` over some boxes, one after the other, as `dilate` does.
+
+    Args:
+        last_seen: As in `dilate`.
+        source: As in `dilate`.
+        passable: As in `dilate`.
+        dilated: As in `dilate`.
+        boxes: int64 (n, 4), first row, last row, first column, last column of points.
+        reach: As in `dilate`.
+        tick: As in `dilate`.
+        scratch: As in `dilate`.
+    """
+    for box in range(boxes.shape[0]):
+        top, bottom, left, right = boxes[box]
+        dilate(last_seen, source, passable, dilated, top, bottom, left, right, reach, tick, scratch)

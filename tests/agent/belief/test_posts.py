@@ -49,6 +49,8 @@ def test_entries_are_found_by_their_posts_rows() -> None:
     assert posts.between(0, 2).tolist() == [[0, 0, 2, 1], [1, 1, 2, 1]]
     assert posts.between(3, 4).tolist() == [[5, 4, 4, 3]]
     assert len(posts.between(5, 9)) == 0
+    assert len(posts.between(-9, 1)) == 0
+    assert posts.between(-9, 9).tolist() == posts.rows.tolist()
 
 
 def test_a_terrain_without_hidden_points_has_no_posts() -> None:

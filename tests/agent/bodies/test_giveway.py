@@ -27,6 +27,12 @@ def test_the_higher_number_gives_way_for_a_while() -> None:
     assert rule.discs(10 + round(LONGEST_S / 0.5) + 1, HERE, others, 0.1) == []
 
 
+def test_once_the_while_is_over_the_other_is_not_asked_for() -> None:
+    rule = GiveWay(7, 2, 1, RADII, 0.5)
+    rule.update(10, HERE, True, peers(r1=(5.7, 5.0)), 0.5)
+    assert rule.discs(10 + round(LONGEST_S / 0.5) + 1, HERE, {}, 0.1) == []
+
+
 def test_the_lower_number_goes_on_until_its_patience_ends() -> None:
     others = peers(r3=(5.7, 5.0))
     rule = GiveWay(7, 2, 1, RADII, 0.5)
