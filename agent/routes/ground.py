@@ -65,6 +65,7 @@ class Ground:
         self.terrain = terrain
         self._borrows = base is not None
         self._beside: dict[tuple[float, float], tuple[int, int] | None] = {}
+        self._joined: tuple[float, float, tuple[int, int] | None] | None = None
         self._static = base
         self._wanted: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
         self._closed: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
@@ -136,6 +137,7 @@ class Ground:
         if self._wanted == self._closed:
             return
         before, self._closed = self._closed, self._wanted
+        self._joined = None
         discs, areas = self._closed
         if self._borrows and self._static is not None:
             if not discs and not areas:
@@ -170,6 +172,12 @@ class Ground:
             leads to; None if there is none.
         """
         self._apply()
+        joined = self._joined  # one attribute, because several threads may ask at once
+        if joined is None or joined[0] != x or joined[1] != y:
+            joined = self._joined = x, y, self._join(x, y)
+        return joined[2]
+
+    def _join(self, x: float, y: float) -> tuple[int, int] | None:
         row, col = self.terrain.point_at(x, y)
         if self.terrain.inside(row, col) and self._is_open[row + 1, col + 1]:
             return row + 1, col + 1
