@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.potential_field.cells import around, cells_of
-from agent.policies.potential_field.force import law_reach, log_fow_force
+from agent.policies.potential_field.force import law_reach, log_pull_by_age
 from agent.policies.potential_field.kernels.hardest import hardest, reaches
 from agent.policies.potential_field.nearby import Nearby, Question
 from agent.policies.potential_field.search import NO_RIVALS, Decay, Laid, Law, least_ways, part_within
@@ -316,8 +316,7 @@ class Commitment:
 
     def _pull(self, view: View) -> NDArray[np.float64]:
         """The logarithm of f by age, ticks."""
-        fow = np.arange(view.mfow + 1).clip(1) / view.mfow
-        return log_fow_force(self._patrol.fow, fow, self._patrol.alpha)
+        return log_pull_by_age(self._patrol.fow, self._patrol.alpha, view.mfow)
 
     def _question(self, view: View, rivals: NDArray[np.int64]) -> Question:
         """What is asked for first: a stale point that is not handed over."""
@@ -417,4 +416,4 @@ class Commitment:
 
     @staticmethod
     def _age(view: View, point: tuple[int, int]) -> int:
-        return view.tick - max(int(view.fog.last_seen[point]), 0)
+        return view.tick - max(view.fog.last_seen.item(point), 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit, types
 
 CELLS = types.Array(types.uint32, 2, "C", readonly=True)
@@ -153,6 +154,14 @@ def hardest_of(
     (rows, cols), (_, in_row) = cell.shape, bounds.shape
     most, most_rival = 2 * limit + 1, 2 * rival_limit + 1
     decided = math.ceil(DECIDED * width)
+    # Of all rivals, those whose paths may matter to some point of the cells.
+    near, count_near = np.empty_like(others), 0
+    for j in range(others.shape[0]):
+        up = max(row0 + 1 - others[j, 0], others[j, 0] - (row0 + rows - 2), 0)
+        across = max(col0 + 1 - others[j, 1], others[j, 1] - (col0 + cols - 2), 0)
+        if 100 * max(up, across) + 41 * min(up, across) < limit + decided:
+            near[count_near] = others[j]
+            count_near += 1
     for part in range(bounds.size + 1):
         strip_row, strip = part // in_row, part % in_row
         count = posts.shape[0]
@@ -182,8 +191,8 @@ def hardest_of(
                     theirs = int64(rival[up, across])
                     nearest = theirs >> 1 if 0 < theirs <= most_rival else nearest
             else:
-                for j in range(others.shape[0]):
-                    up, across = abs(row0 + row - others[j, 0]), abs(col0 + col - others[j, 1])
+                for j in range(count_near):
+                    up, across = abs(row0 + row - near[j, 0]), abs(col0 + col - near[j, 1])
                     matters = matters or 100 * max(up, across) + 41 * min(up, across) < far + decided
             if far - nearest > hand_over:
                 continue
