@@ -135,6 +135,4 @@ class Rungs:
 def _leads(sums: FloatArray) -> list[float]:
     """By how much each sector is stronger than the next weaker one, strongest first, after all rounding."""
     ranked = sorted(sums.tolist(), reverse=True)
-    return [
-        force * (1.0 - ROUNDING) - weaker * (1.0 + ROUNDING) for force, weaker in pairwise([*ranked, 0.0])
-    ]
+    return [force * (1.0 - ROUNDING) - weaker * (1.0 + ROUNDING) for force, weaker in pairwise([*ranked, 0.0])]
