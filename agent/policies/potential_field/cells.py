@@ -94,8 +94,8 @@ class Layer:
     def claimed(self, ground: Ground, start: tuple[int, int], rivals: NDArray[np.int64], limit: int) -> int:
         """The longest path to a point to which no rival has a shorter one.
 
-        All claimed points lie on claimed paths, so a box that is twice as wide as the longest of these holds every
-        path that decides a claim. A box that turns out to be smaller than that is doubled.
+        What lies on a path to a claimed point is claimed itself. So a box that reaches twice as far as the longest of
+        these paths holds every path that decides a claim. A box that turns out to be smaller than that is doubled.
 
         Args:
             ground: What all paths lead over.
