@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.routes.kernels.join import stand_on
 from agent.routes.kernels.wave import BLOCKED, HEMMED, OPEN
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import Terrain
@@ -65,6 +66,7 @@ class Ground:
         self.terrain = terrain
         self._borrows = base is not None
         self._beside: dict[tuple[float, float], tuple[int, int] | None] = {}
+        self._joined: tuple[float, float, tuple[int, int] | None] | None = None
         self._static = base
         self._wanted: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
         self._closed: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
@@ -136,6 +138,7 @@ class Ground:
         if self._wanted == self._closed:
             return
         before, self._closed = self._closed, self._wanted
+        self._joined = None
         discs, areas = self._closed
         if self._borrows and self._static is not None:
             if not discs and not areas:
@@ -170,6 +173,12 @@ class Ground:
             leads to; None if there is none.
         """
         self._apply()
+        joined = self._joined  # one attribute, because several threads may ask at once
+        if joined is None or joined[0] != x or joined[1] != y:
+            joined = self._joined = x, y, self._join(x, y)
+        return joined[2]
+
+    def _join(self, x: float, y: float) -> tuple[int, int] | None:
         row, col = self.terrain.point_at(x, y)
         if self.terrain.inside(row, col) and self._is_open[row + 1, col + 1]:
             return row + 1, col + 1
@@ -188,20 +197,19 @@ class Ground:
         self._apply()
         if self._static is not None and self._state is self._static._state:
             return self._static.join_each(places)  # which remembers for all that borrow its grids
-        ox, oy = self.terrain.origin
-        cells = np.floor((places[:, ::-1] - (oy, ox)) / self.terrain.point).astype(np.int64) + 1
-        # The frame is never open, and stands for everything beyond it.
-        framed = np.clip(cells, 0, np.array(self._is_open.shape) - 1)
-        off = np.flatnonzero(~self._is_open[framed[:, 0], framed[:, 1]])
-        for index in off:
+        elements = np.empty((len(places), 2), dtype=np.int64)
+        point = self.terrain.point
+        if not stand_on(np.ascontiguousarray(places), self._is_open, *self.terrain.origin, point, elements):
+            return elements
+        for index in np.flatnonzero(elements[:, 0] < 0):
             x, y = places[index].tolist()
             beside = self._beside.get((x, y), _UNKNOWN) if self._closed == ((), ()) else self.join(x, y)
             if beside == _UNKNOWN:
                 beside = self.join(x, y)
                 if len(self._beside) < _REMEMBERED:
                     self._beside[x, y] = beside
-            framed[index] = (-1, -1) if beside is None else beside
-        return framed if not off.size else framed[framed[:, 0] >= 0]
+            elements[index] = (-1, -1) if beside is None else beside
+        return elements[elements[:, 0] >= 0]
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """The centre (x, y) in m of element (row, col) of `state`."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agent.routes.ground import Ground, Spot
 from agent.routes.kernels.between import keep_between
 from agent.routes.kernels.wave import SETTLED, STATUS
-from agent.routes.path_window import FAR, PathWindow
+from agent.routes.path_window import DIAGONAL, FAR, PathWindow
 from agent.routes.wave import Wave
 
 LONGEST = 2**26
@@ -43,6 +43,12 @@ class Way:
     place: Spot
     bend: Spot
     length: float
+
+
+def unhindered(one: Element, other: Element) -> int:
+    """The length of the way between two elements if nothing is in between, in hundredths of a point."""
+    up, across = abs(one[0] - other[0]), abs(one[1] - other[1])
+    return 100 * max(up, across) + (DIAGONAL - 100) * min(up, across)
 
 
 class Routes:
@@ -102,8 +108,8 @@ class Routes:
             The way to the target, or to the reachable place nearest to it.
         """
         here = self._ground.centre(*target)
-        if start == target:
-            return Way(here, here, 0.0)
+        if start == target or self._is_straight(start, target):
+            return Way(here, here, float(unhindered(start, target)) * self._ground.terrain.point / 100.0)
         if expected is not None:
             window = self.window(-(-expected // 100) + 1)
             window.begin(self._ground, *start)
@@ -123,6 +129,17 @@ class Routes:
             nearest = int(np.argmin((rows - row) ** 2 + (cols - col) ** 2))
             row, col = int(rows[nearest]), int(cols[nearest])
         return self._way_in(window, row, col)
+
+    def _is_straight(self, start: Element, target: Element) -> bool:
+        """Whether nothing is closed between two elements, and the one is in sight of the other.
+
+        Then no way is shorter than theirs, and it does not bend. No look reaches farther than the terrain is long.
+        """
+        (row, col), (to_row, to_col) = start, target
+        if math.dist(start, target) > max(self._ground.terrain.shape):
+            return False
+        rows, cols = slice(min(row, to_row), max(row, to_row) + 1), slice(min(col, to_col), max(col, to_col) + 1)
+        return bool(self._ground.state[rows, cols].all())
 
     def _way_in(self, window: Wave, row: int, col: int) -> Way:
         """The way to a settled element of a window."""

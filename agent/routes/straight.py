@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.kernels.straight import rays
+from agent.routes.kernels.straight import between, rays
 from agent.routes.kernels.wave import OPEN
 from agent.routes.path_window import PathWindow
 
@@ -29,6 +29,10 @@ class Straight(PathWindow):
         super().__init__(height, width, span)
         self._patrolled = patrolled
         self._open = np.where(patrolled, np.uint8(OPEN), np.uint8(0))
+        # No path bends.
+        self.bend = np.arange(self.state.size, dtype=np.int32).reshape(self.state.shape)
+        self._away = np.empty((span + 1, span + 1), dtype=np.int32)
+        between(self._away)
 
     def _begin(self) -> None:
         """Open the patrolled points. Nothing is kept between calls: a longer limit overwrites."""
@@ -39,4 +43,4 @@ class Straight(PathWindow):
     def extend(self, limit: int) -> None:
         """Settle every path up to ``limit`` hundredths of a point."""
         span = min(self.span, -(-limit // 100))
-        rays(self.state, self.length, self.bend, self.start_row, self.start_col, span, limit)
+        rays(self.state, self.length, self._away, self.start_row, self.start_col, span, limit)

@@ -21,6 +21,12 @@ Box = tuple[int, int, int, int]
 ROOM = 2**12
 """Entries for which a new wave has room; it makes more as needed."""
 
+FIRST_REACH = 64
+"""How many rows and columns away claimed ground is looked for at first."""
+
+WORTH_A_BOX = 2
+"""A box has to be so many times as small as the terrain to be tried before it."""
+
 
 class Cells(NamedTuple):
     """The lengths of paths over a box.
@@ -65,6 +71,7 @@ class Layer:
 
     def __init__(self) -> None:
         self._lists = np.zeros((2, ROOM), dtype=np.uint32)
+        self._reach = FIRST_REACH
 
     def lay(self, ground: Ground, starts: Sequence[tuple[int, int]], box: Box, limit: int) -> Cells:
         """Lay the paths from the nearest of several starts.
@@ -87,6 +94,9 @@ class Layer:
     def claimed(self, ground: Ground, start: tuple[int, int], rivals: NDArray[np.int64], limit: int) -> int:
         """The longest path to a point to which no rival has a shorter one.
 
+        What lies on a path to a claimed point is claimed itself. So a box that reaches twice as far as the longest of
+        these paths holds every path that decides a claim. A box that turns out to be smaller than that is doubled.
+
         Args:
             ground: What all paths lead over.
             start: An open point (row, col) of the terrain.
@@ -96,13 +106,30 @@ class Layer:
         Returns:
             Its length in hundredths of a point.
         """
-        rows, cols = ground.state.shape
-        cell = np.empty(rows * cols, dtype=np.uint32)
-        up, across = rivals[:, 0], rivals[:, 1]
+        rows, cols = ground.terrain.shape
+        whole, reach = (0, rows, 0, cols), self._reach
+        while True:
+            box = around([start], reach, (rows, cols))
+            if WORTH_A_BOX * (box[1] - box[0]) * (box[3] - box[2]) > rows * cols:
+                box = whole
+            longest = self._claimed_in(box, ground, start, rivals, limit)
+            if box == whole or 2 * longest <= 100 * reach:
+                self._reach = 3 * longest // 100 + 1  # claimed ground may grow until it is measured again
+                return longest
+            reach *= 2
+
+    def _claimed_in(
+        self, box: Box, ground: Ground, start: tuple[int, int], rivals: NDArray[np.int64], limit: int
+    ) -> int:
+        """The same if nothing were open but a box."""
+        top, bottom, left, right = box
+        rows, cols = bottom - top + 2, right - left + 2
+        cell, origin = np.empty(rows * cols, dtype=np.uint32), (top, left)
+        up, across = rivals[:, 0] - top, rivals[:, 1] - left
         inside = (up >= 0) & (up < rows - 2) & (across >= 0) & (across < cols - 2)
         others = (up[inside] + 1) * cols + across[inside] + 1
-        begin = (start[0] + 1) * cols + start[1] + 1
-        while (longest := int(claimed(ground.state, cell, self._lists, begin, others, limit))) < 0:
+        begin = (start[0] - top + 1) * cols + start[1] - left + 1
+        while (longest := int(claimed(ground.state, *origin, cell, cols, self._lists, begin, others, limit))) < 0:
             self._make_room()
         return longest
 

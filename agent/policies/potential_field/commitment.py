@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.potential_field.cells import around, cells_of
-from agent.policies.potential_field.force import law_reach, log_fow_force
+from agent.policies.potential_field.force import law_reach, log_pull_by_age
 from agent.policies.potential_field.kernels.hardest import hardest, reaches
 from agent.policies.potential_field.nearby import Nearby, Question
 from agent.policies.potential_field.search import NO_RIVALS, Decay, Laid, Law, least_ways, part_within
@@ -64,6 +64,9 @@ ROAM_S = 45.0
 
 ROAM_REACH = 5.0
 """Radius of that circle, in radii and strides of the robot."""
+
+WIDER_THAN = 2.001
+"""No two places of a circle are so many of its radii apart, whatever is rounded."""
 
 HAND_OVER = 2.0
 """A robot claims a point if no other robot's way there is shorter by more than so many strides."""
@@ -316,8 +319,7 @@ class Commitment:
 
     def _pull(self, view: View) -> NDArray[np.float64]:
         """The logarithm of f by age, ticks."""
-        fow = np.arange(view.mfow + 1).clip(1) / view.mfow
-        return log_fow_force(self._patrol.fow, fow, self._patrol.alpha)
+        return log_pull_by_age(self._patrol.fow, self._patrol.alpha, view.mfow)
 
     def _question(self, view: View, rivals: NDArray[np.int64]) -> Question:
         """What is asked for first: a stale point that is not handed over."""
@@ -371,6 +373,8 @@ class Commitment:
         """The centre, x and y in m, of the circle in which the robot has stayed for too long; None if it has not."""
         if len(self._been) < (self._been.maxlen or 0):
             return None
+        if math.dist(self._been[0], self._been[-1]) > WIDER_THAN * self._roam:
+            return None
         xs, ys = zip(*self._been, strict=True)
         centre = 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))
         return centre if all(math.dist(centre, place) <= self._roam for place in self._been) else None
@@ -417,4 +421,4 @@ class Commitment:
 
     @staticmethod
     def _age(view: View, point: tuple[int, int]) -> int:
-        return view.tick - max(int(view.fog.last_seen[point]), 0)
+        return view.tick - max(view.fog.last_seen.item(point), 0)

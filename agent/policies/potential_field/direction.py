@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,20 @@ def bearings_by_force(sums: NDArray[np.float64]) -> list[float]:
     Returns:
         Bearings in rad; of equally strong sectors the lowest comes first.
     """
-    order = np.argsort(-sums, kind="stable")
-    return [wrap(int(sector) * TAU / sums.size) for sector in order if sums[sector] > 0.0]
+    forces = sums.tolist()
+    order = sorted(range(len(forces)), key=forces.__getitem__, reverse=True)
+    bearings = bisectors(len(forces))
+    return [bearings[sector] for sector in order if forces[sector] > 0.0]
+
+
+@cache
+def bisectors(sectors: int) -> tuple[float, ...]:
+    """The bearings on which the sectors are centred, rad.
+
+    Args:
+        sectors: Their number.
+    """
+    return tuple(wrap(sector * TAU / sectors) for sector in range(sectors))
 
 
 def bearings_by_vector(x: float, y: float, turns: int) -> list[float]:

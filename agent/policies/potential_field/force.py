@@ -7,6 +7,7 @@ patrol.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ PAPER_POINT = 0.1
 
 PAPER_AREA = 100.0 * 88.0 / 5.0
 """Patrolled ground per robot, m2, to which `patrol.reach: area` refers: the terrain `open` with five robots."""
+
+REMEMBERED = 16
+"""Tables of f by age that are kept: those of one tick."""
 
 FloatArray = NDArray[np.float64]
 
@@ -125,6 +129,38 @@ def log_distance_force(name: str, length: FloatArray, beta: float, size: float) 
             raise ValueError(f"no function {name}")
 
 
+@lru_cache(maxsize=REMEMBERED)
+def pull_by_age(name: str, alpha: float, mfow: int) -> FloatArray:
+    """f by age; robots that believe in the same fog share the table.
+
+    Args:
+        name: ``f1`` to ``f5``.
+        alpha: The exponent's factor in f3 to f5.
+        mfow: Age of the stalest point, ticks.
+
+    Returns:
+        float64 (mfow + 1,), indexed by age in ticks; read-only.
+    """
+    return _read_only(fow_force(name, np.arange(mfow + 1, dtype=np.float64) / max(mfow, 1), alpha))
+
+
+@lru_cache(maxsize=REMEMBERED)
+def log_pull_by_age(name: str, alpha: float, mfow: int) -> FloatArray:
+    """Natural logarithms of f by age, as of `pull_by_age`; age 0 counts as 1.
+
+    Args:
+        name: As of `pull_by_age`.
+        alpha: As of `pull_by_age`.
+        mfow: Age of the stalest point, ticks; at least 1.
+    """
+    return _read_only(log_fow_force(name, np.arange(mfow + 1).clip(1) / mfow, alpha))
+
+
+def _read_only(table: FloatArray) -> FloatArray:
+    table.flags.writeable = False
+    return table
+
+
 WITHIN_REACH = 0.75
 """The reach of the law is the way at which the stalest point pulls as hard as one close by with this share of its
 age."""
@@ -191,10 +227,9 @@ class ForceLaw:
             mfow: Age of the stalest point, ticks.
 
         Returns:
-            float64 (mfow + 1,), indexed by age in ticks.
+            float64 (mfow + 1,), indexed by age in ticks; read-only.
         """
-        fow = np.arange(mfow + 1, dtype=np.float64) / max(mfow, 1)
-        return fow_force(self._patrol.fow, fow, self._patrol.alpha)
+        return pull_by_age(self._patrol.fow, self._patrol.alpha, mfow)
 
     def horizon(self, exerted: float, stalest: float) -> int:
         """The longest path that can still matter.
@@ -207,4 +242,4 @@ class ForceLaw:
             Length in hundredths of a point.
         """
         threshold = self._patrol.tolerance * exerted / (self._points * stalest) if stalest > 0.0 else math.inf
-        return min(self.limit, int(np.searchsorted(self._rising, -threshold)) + 1)
+        return min(self.limit, int(self._rising.searchsorted(-threshold)) + 1)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.potential_field.cells import NO_CELLS, Cells, Layer, around
-from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, UNKNOWN, hardest_of, posts_within, survey
+from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, hardest_of, posts_within, survey
 from agent.policies.potential_field.search import least_lengths
 from agent.routes.routes import LONGEST
 
@@ -40,6 +40,9 @@ EVERY = 1000
 """Steps in which a limit is looked for, in hundredths of a point."""
 
 NOBODY = np.zeros((0, 2), dtype=np.int64)
+
+NONE_UNDECIDED = 0, 0, LONGEST, -1, LONGEST, -1
+"""What `agent.policies.potential_field.kernels.strips.hardest_of` has noted before it begins."""
 
 
 class Found(NamedTuple):
@@ -65,17 +68,13 @@ class Surveyed(NamedTuple):
 
     Attributes:
         cells: The paths.
-        limit: The longest that count, in hundredths of a point.
-        decay: As log_decay of `agent.policies.potential_field.kernels.hardest.hardest`, up to the limit.
-        nearest: int32 (m, s), see `agent.policies.potential_field.kernels.strips.survey`.
-        bounds: float64 (m, s), what no point of a strip pulls harder than; minus infinity where no path leads.
+        decay: As log_decay of `agent.policies.potential_field.kernels.hardest.hardest`, up to the longest path.
+        bounds: float64 (m, s), see `agent.policies.potential_field.kernels.strips.survey`.
         posts: int32 (k, 4), the entries of the posts to which paths lead, of points that are old enough.
     """
 
     cells: Cells
-    limit: int
     decay: NDArray[np.float64]
-    nearest: NDArray[np.int32]
     bounds: NDArray[np.float64]
     posts: NDArray[np.int32]
 
@@ -201,50 +200,45 @@ class Nearby:
             known: The longest path of a rival that counts, likewise.
             least: The logarithm of a force that some point is known to exert.
         """
-        bounds = own.bounds if limit == own.limit else np.where(own.nearest <= limit, own.bounds, -np.inf)
+        bounds, fog, best = own.bounds, asked.view.fog, np.empty(1)
         place, undecided = np.zeros(4, dtype=np.int64), np.zeros(6, dtype=np.int64)
+        ages = fog.last_seen, fog.looked, asked.view.tick, asked.least
 
-        def look(strips: NDArray[np.int32], entries: NDArray[np.int32], best: float, rival: Cells | None) -> float:
-            undecided[:] = 0, 0, LONGEST, -1, LONGEST, -1
+        def look(floor: float, posts: NDArray[np.int32], weakest: float, rival: Cells | None) -> float:
+            best[0], undecided[:] = weakest, NONE_UNDECIDED
             others = asked.others if rival is None and self._width > 0.0 else NOBODY
-            hardest = np.array([best])
-            fog = asked.view.fog
-            ages = fog.last_seen, fog.looked, asked.view.tick, asked.least
-            rivals = (others, *(rival or NO_CELLS), self._width, self._hand_over)
-            for points in (None, entries):
-                forces = (*ages, asked.pull, own.decay, *rivals, asked.shunned)
-                hardest_of(points, strips, *own.cells[:3], limit, *forces, hardest, place, undecided)
-            return float(hardest[0])
+            law = *ages, asked.pull, own.decay
+            rivals = others, *(rival or NO_CELLS), self._width, self._hand_over
+            hardest_of(
+                bounds, floor, posts, *own.cells[:3], limit, *law, *rivals, asked.shunned, best, place, undecided
+            )
+            return float(best[0])
 
         if least == -math.inf:
-            top = np.argpartition(bounds, -TOP, axis=None)[-TOP:] if bounds.size > TOP else np.arange(bounds.size)
-            least = look(_strips(np.sort(top), bounds.shape[1]), own.posts[:0], least, None)
+            top = np.partition(bounds.reshape(-1), -TOP)[-TOP] if bounds.size > TOP else least
+            least = look(float(top), own.posts[:0], least, None)
         floor = least - ROUNDING * (1.0 + abs(least)) if math.isfinite(least) else least
-        strips = _strips(np.flatnonzero(bounds.reshape(-1) >= floor), bounds.shape[1])
-        best = look(strips, own.posts, floor, None)
-        if undecided[0] and best > floor:
-            best = look(strips, own.posts, best, None)
+        hardest = look(floor, own.posts, floor, None)
+        if undecided[0] and hardest > floor:
+            hardest = look(floor, own.posts, hardest, None)
         if undecided[0]:
-            best = look(strips, own.posts, floor, self._rivals(asked, undecided, known))
-        if best == floor:
+            hardest = look(floor, own.posts, floor, self._rivals(asked, undecided, known))
+        if hardest == floor:
             return None
         row, col, stand_row, stand_col = place.tolist()
-        return Found(best, (row, col), (stand_row, stand_col), own.cells, known)
+        return Found(hardest, (row, col), (stand_row, stand_col), own.cells, known)
 
     def _survey(self, asked: Question, start: Element, limit: int) -> Surveyed:
         """Lay the robot's own paths up to a length in hundredths of a point, and find what they lead to."""
         own, fog, tick = self.paths(asked.view, start, limit), asked.view.fog, asked.view.tick
         rows, cols = own.cell.shape
         decay = asked.decay.table(limit)
-        nearest, oldest = np.full((2, rows, -(-cols // STRIP)), UNKNOWN, dtype=np.int32)
-        survey(own.cell, limit, fog.last_seen, own.row0, own.col0, nearest, oldest)
-        ages = np.clip(tick - np.maximum(oldest, 0), 0, asked.pull.size - 1)
-        bounds: NDArray[np.float64] = asked.pull[ages] + decay[np.clip(nearest, 1, limit)]
-        bounds[nearest == UNKNOWN] = -np.inf
+        bounds = np.empty((rows, -(-cols // STRIP)))
+        survey(own.cell, limit, fog.last_seen, own.row0, own.col0, tick, asked.pull, decay, bounds)
         posts = self._posts.between(own.row0 + 1, own.row0 + rows - 2)
         found = np.empty_like(posts)
         count = posts_within(posts, *own[:3], limit, fog.last_seen, tick, asked.least, found)
-        return Surveyed(own, limit, decay, nearest, bounds, found[:count])
+        return Surveyed(own, decay, bounds, found[:count])
 
     def _rivals(self, asked: Question, undecided: NDArray[np.int64], known: int) -> Cells:
         """The paths of rivals to points that they may have a claim to."""
@@ -260,8 +254,3 @@ class Nearby:
         ground = asked.view.ground
         box = around([(top, left), (bottom, right), *starts], limit // 200 + 2, ground.terrain.shape)
         return self._layer.lay(ground.static, starts, box, limit)
-
-
-def _strips(flat: NDArray[np.intp], number: int) -> NDArray[np.int32]:
-    """Rows and numbers of strips from their flat indices: int32 (k, 2)."""
-    return np.stack(np.divmod(flat, number), axis=1).astype(np.int32)

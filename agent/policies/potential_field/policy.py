@@ -29,6 +29,8 @@ from patrol.pose import TAU
 from patrol.radio.peers import places_of
 from patrol.random import Purpose
 
+NOBODY: NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
+
 
 class PotentialField:
     """One robot's social potential field (paper, "Final algorithm")."""
@@ -104,7 +106,7 @@ class PotentialField:
     def _rivals(self, view: View) -> NDArray[np.int64]:
         """The elements of the static ground where other robots stand, where claims are used."""
         if "claims" not in self._separations:
-            return np.zeros((0, 2), dtype=np.int64)
+            return NOBODY
         return view.ground.static.join_each(places_of(view.peers))
 
     def _keep_apart(self, view: View) -> None:

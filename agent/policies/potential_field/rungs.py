@@ -8,6 +8,8 @@ ends at the horizon. A rung beyond the horizon would hold forces that this sum l
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -83,11 +85,12 @@ class Rungs:
         """
         if strongest <= self._bounds[1, rung]:
             return 0
+        leads = _leads(sums)
         # A sector that all the rest goes to, against one that gets nothing of it.
-        ahead = _leads(sums) > self._bounds[0, rung] * (1.0 + ROUNDING)
-        sure = int(np.argmin(np.append(ahead, False)))
+        rest = self._bounds.item(0, rung) * (1.0 + ROUNDING)
+        sure = next((place for place, lead in enumerate(leads) if not lead > rest), len(leads))
         if sure:
-            self._likely = self._first_to_do(0, sums, strongest, rung)
+            self._likely = self._first_to_do(0, leads[0], strongest, rung)
         return sure
 
     def after(self, rung: int, sums: FloatArray, strongest: float) -> int:
@@ -102,7 +105,7 @@ class Rungs:
             A later one; the number of rungs where none is left.
         """
         left = self.lengths.size
-        self._likely = min(self._first_to_do(rung + 1, sums, strongest, rung + STRIDE), left - 1)
+        self._likely = min(self._first_to_do(rung + 1, _leads(sums)[0], strongest, rung + STRIDE), left - 1)
         return self._likely if self._likely > rung else left
 
     def keep_within(self, longest: int) -> None:
@@ -114,15 +117,22 @@ class Rungs:
         within = int(np.searchsorted(self.lengths, longest, side="right"))
         self._likely = max(0, min(self._likely, within - 1))
 
-    def _first_to_do(self, first: int, sums: FloatArray, strongest: float, otherwise: int) -> int:
-        """The first rung, of ``first`` and later ones, that is likely to do."""
-        lead = EARLY * _leads(sums)[0]
-        does = (self._bounds[0, first:] < lead) & (self._bounds[1, first:] < strongest)
-        return first + int(np.argmax(does)) if does.any() else otherwise
+    def _first_to_do(self, first: int, lead: float, strongest: float, otherwise: int) -> int:
+        """The first rung, of ``first`` and later ones, that is likely to do.
+
+        Args:
+            first: See above.
+            lead: Of the strongest sector.
+            strongest: The greatest force so far.
+            otherwise: What to return where none is.
+        """
+        for rung, (total, most) in enumerate(self._bounds[:, first:].T.tolist(), start=first):
+            if total < EARLY * lead and most < strongest:
+                return rung
+        return otherwise
 
 
-def _leads(sums: FloatArray) -> FloatArray:
+def _leads(sums: FloatArray) -> list[float]:
     """By how much each sector is stronger than the next weaker one, strongest first, after all rounding."""
-    ranked = -np.sort(-sums)
-    leads: FloatArray = ranked * (1.0 - ROUNDING) - np.append(ranked[1:], 0.0) * (1.0 + ROUNDING)
-    return leads
+    ranked = sorted(sums.tolist(), reverse=True)
+    return [force * (1.0 - ROUNDING) - weaker * (1.0 + ROUNDING) for force, weaker in pairwise([*ranked, 0.0])]

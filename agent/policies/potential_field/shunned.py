@@ -14,6 +14,8 @@ LONGEST_SHUNNED_S = 960.0
 MOST_SHUNNED = 64
 """Places that are left out at a time, or remembered."""
 
+NONE: NDArray[np.int64] = np.zeros((0, 3), dtype=np.int64)
+
 Point = tuple[int, int]
 
 
@@ -72,6 +74,8 @@ class Shunned:
         Returns:
             int64 (n, 3), row, column and squared radius in points.
         """
+        if not self.places:
+            return NONE
         rows = [(row, col, self._around) for row, col, until, _ in self.places if tick < until]
         return np.array(rows, dtype=np.int64).reshape(-1, 3)
 

@@ -165,8 +165,8 @@ def spread(state, row0, col0, cell, cols, lists, starts, limit, top, bottom, lef
     return _run(cell, cols, lists, starts.size, limit, 1)
 
 
-@njit(int64(GRID, CELLS, LISTS, int64, STARTS, int64), cache=True, nogil=True)
-def claimed(state, cell, lists, start, rivals, limit):
+@njit(int64(GRID, int64, int64, CELLS, int64, LISTS, int64, STARTS, int64), cache=True, nogil=True)
+def claimed(state, row0, col0, cell, cols, lists, start, rivals, limit):
     """The longest path from a start to a point to which no rival has a shorter one.
 
     All paths grow at once, and a point's cell holds the shortest: twice its length if it begins at the start, or 1 more
@@ -174,8 +174,11 @@ def claimed(state, cell, lists, start, rivals, limit):
     nearer to is itself such a point. So it is over when the start's paths have been cut off on every side.
 
     Args:
-        state: uint8 (m, n), see `agent.routes.kernels.wave.HEMMED`.
-        cell: uint32 (m n,), overwritten.
+        state: As of `spread`.
+        row0: As of `spread`.
+        col0: As of `spread`.
+        cell: uint32, flat over the window, whose outermost points are taken for blocked; overwritten.
+        cols: Columns of the window.
         lists: See `spread`.
         start: Flat index of the start, which is open.
         rivals: int64 (s,), flat indices of where the rivals' paths start.
@@ -184,8 +187,8 @@ def claimed(state, cell, lists, start, rivals, limit):
     Returns:
         Its length in hundredths of a point; -1 if there was not room enough in ``lists``.
     """
-    rows, cols = state.shape
-    _clear(state, 0, 0, cell, cols, 8 * UNKNOWN, 0, rows, 0, cols)
+    rows = cell.size // cols
+    _clear(state, row0, col0, cell, cols, 8 * UNKNOWN, 0, rows, 0, cols)
     starts = rivals.size + 1
     if starts > lists.shape[1] - 8:
         return -1

@@ -119,3 +119,29 @@ def test_an_area_is_closed_as_a_whole(seed: int, share: float) -> None:
     ground = Ground(Terrain("t", is_open, 0.5), is_open)
     ground.close(areas=[area])
     assert np.array_equal(ground.state, fresh(is_open & ~part, []))
+
+
+def test_several_bodies_join_the_ground_as_each_of_them_does() -> None:
+    dice = np.random.default_rng(2)
+    is_open = dice.random((20, 30)) < 0.7
+    terrain = Terrain("t", np.ones((20, 30), dtype=np.bool_), 0.5, (-3.0, 2.0))
+    base = Ground(terrain, is_open)
+    places = dice.uniform((-6.0, 0.0), (15.0, 14.0), (200, 2))
+    for ground in (base, Ground(terrain, is_open, base)):
+        for discs in ([], [(1.0, 5.0, 2.0)], []):
+            ground.close(discs) if discs else ground.begin([])
+            each = [ground.join(x, y) for x, y in places.tolist()]
+            joined = [element for element in each if element is not None]
+            assert 50 < len(joined) < 200
+            assert ground.join_each(places).tolist() == [list(element) for element in joined]
+    assert base.join_each(np.zeros((0, 2))).shape == (0, 2)
+
+
+def test_what_a_place_joins_is_looked_up_anew_when_something_closes() -> None:
+    terrain = Terrain("t", np.ones((9, 9), dtype=np.bool_), 1.0)
+    ground = Ground(terrain, terrain.passable)
+    assert ground.join(4.5, 4.5) == (5, 5)
+    ground.close([(4.5, 4.5, 0.4)])
+    assert ground.join(4.5, 4.5) not in (None, (5, 5))
+    ground.begin([])
+    assert ground.join(4.5, 4.5) == (5, 5)

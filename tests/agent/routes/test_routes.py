@@ -200,6 +200,24 @@ def test_a_way_bends_at_a_corner() -> None:
     assert routes.way((6, 3), (6, 12)) == Way(ground.centre(6, 12), ground.centre(6, 12), 9.0 * ground.terrain.point)
 
 
+@pytest.mark.parametrize("closed", [(), [(8, 20)], [(4, 9), (11, 31)]])
+def test_a_way_over_open_ground_is_the_wave_s(closed: list[tuple[int, int]]) -> None:
+    is_open = np.ones((14, 40), dtype=np.bool_)
+    for place in closed:
+        is_open[place] = False
+    ground, routes = routes_of(is_open)
+    wave = Wave(14, 40, 40)
+    for start in ((1, 1), (7, 3), (14, 40)):
+        wave.begin(ground, *start)
+        wave.extend(LONGEST)
+        for row, col in np.argwhere(is_open)[::3] + 1:
+            at = int(row) - 1 - wave.row0, int(col) - 1 - wave.col0
+            bend_row, bend_col = divmod(int(wave.bend[at]), wave.state.shape[1])
+            bend = ground.centre(bend_row + wave.row0 + 1, bend_col + wave.col0 + 1)
+            length = float(wave.length[at]) * POINT / 100.0
+            assert routes.way(start, (int(row), int(col))) == Way(ground.centre(int(row), int(col)), bend, length)
+
+
 def test_windows_are_shared_and_leave_nothing_behind() -> None:
     is_open, (row, col) = grid_of(5)
     other, (other_row, other_col) = np.ones_like(is_open), (0, 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit, types
 
 CELLS = types.Array(types.uint32, 2, "C", readonly=True)
@@ -12,6 +13,7 @@ TABLE = types.Array(types.float64, 1, "C", readonly=True)
 OTHERS = types.Array(types.int64, 2, "C", readonly=True)
 ROWS = types.Array(types.int32, 2, "C", readonly=True)
 INTS = types.Array(types.int32, 2, "C")
+BOUNDS = types.Array(types.float64, 2, "C")
 BEST = types.Array(types.float64, 1, "C")
 PLACES = types.Array(types.int64, 1, "C")
 int64 = types.int64
@@ -27,9 +29,11 @@ DECIDED = 40.0
 """Number of widths beyond which a claim is decided."""
 
 
-@njit(types.void(CELLS, int64, SEEN, int64, int64, INTS, INTS), cache=True, nogil=True)
-def survey(cell, limit, seen, row0, col0, nearest, oldest):
-    """The shortest path to each strip, and when the point was seen that was seen the longest ago.
+@njit(types.void(CELLS, int64, SEEN, int64, int64, int64, TABLE, TABLE, BOUNDS), cache=True, nogil=True)
+def survey(cell, limit, seen, row0, col0, tick, log_pull, log_decay, bounds):
+    """The shortest path to each strip, and what no point of the strip pulls harder than.
+
+    That is how hard a point would pull if it had the shortest path and were as old as the oldest one.
 
     Args:
         cell: uint32 (m, n), see `agent.routes.kernels.lengths`.
@@ -37,24 +41,29 @@ def survey(cell, limit, seen, row0, col0, nearest, oldest):
         seen: int32 (h, w), the tick at which each point was last seen.
         row0: Row of ``seen`` under row 0 of the cells.
         col0: Column of ``seen`` under column 0 of the cells.
-        nearest: int32 (m, s), the shortest paths, in hundredths of a point; filled in, UNKNOWN for none.
-        oldest: int32 (m, s), the ticks; filled in, UNKNOWN where there is no path.
+        tick: Now.
+        log_pull: As of `agent.policies.potential_field.kernels.hardest.hardest`.
+        log_decay: As there, up to ``limit``.
+        bounds: float64 (m, s), the bounds; filled in, minus infinity where there is no path.
     """
     rows, cols = cell.shape
     most = types.uint32(2 * limit)
-    for row in range(1, rows - 1):
-        for strip in range(nearest.shape[1]):
+    for row in range(rows):
+        for strip in range(bounds.shape[1]):
             first = max(1, strip * STRIP)
             end = max(first, min(strip * STRIP + STRIP, cols - 1))
-            known, when = cell[row, first:end], seen[row0 + row, col0 + first : col0 + end]
             least, since = types.uint32(UNKNOWN), types.int32(UNKNOWN)
-            for k in range(known.size):
-                # One less than a cell is beyond all others where it is blocked.
-                settled = known[k] - types.uint32(1) <= most
-                least = min(least, known[k] if settled else types.uint32(UNKNOWN))
-                since = min(since, when[k] if settled else types.int32(UNKNOWN))
-            nearest[row, strip] = least >> types.uint32(1) if least < types.uint32(UNKNOWN) else UNKNOWN
-            oldest[row, strip] = since
+            if 0 < row < rows - 1:
+                known, when = cell[row, first:end], seen[row0 + row, col0 + first : col0 + end]
+                for k in range(known.size):
+                    # One less than a cell is beyond all others where it is blocked.
+                    settled = known[k] - types.uint32(1) <= most
+                    least = min(least, known[k] if settled else types.uint32(UNKNOWN))
+                    since = min(since, when[k] if settled else types.int32(UNKNOWN))
+            bounds[row, strip] = -math.inf
+            if least < types.uint32(UNKNOWN):
+                age = min(max(tick - max(int64(since), 0), 0), log_pull.size - 1)
+                bounds[row, strip] = log_pull[age] + log_decay[max(int64(least >> types.uint32(1)), 1)]
 
 
 @njit(int64(ROWS, CELLS, int64, int64, int64, SEEN, int64, int64, INTS), cache=True, nogil=True)
@@ -98,19 +107,16 @@ def posts_within(posts, cell, row0, col0, limit, seen, tick, least, found):
 
 # fmt: off
 @njit(
-    [
-        types.void(
-            posts, ROWS, CELLS, int64, int64, int64, SEEN, SEEN, int64, int64, TABLE, TABLE, OTHERS, CELLS, int64,
-            int64, int64, float64, int64, OTHERS, BEST, PLACES, PLACES,
-        )
-        for posts in (types.none, ROWS)
-    ],
+    types.void(
+        BOUNDS, float64, ROWS, CELLS, int64, int64, int64, SEEN, SEEN, int64, int64, TABLE, TABLE, OTHERS, CELLS, int64,
+        int64, int64, float64, int64, OTHERS, BEST, PLACES, PLACES,
+    ),
     cache=True,
     nogil=True,
 )
 def hardest_of(
-    posts, strips, cell, row0, col0, limit, seen, looked, tick, least, log_pull, log_decay, others, rival, rival_row0,
-    rival_col0, rival_limit, width, hand_over, shunned, best, place, undecided,
+    bounds, floor, posts, cell, row0, col0, limit, seen, looked, tick, least, log_pull, log_decay, others, rival,
+    rival_row0, rival_col0, rival_limit, width, hand_over, shunned, best, place, undecided,
 ):
     """Find the point with the greatest force among some strips; see `agent.policies.potential_field.kernels.hardest`.
 
@@ -118,9 +124,10 @@ def hardest_of(
     they exert a force that is great enough without any rival.
 
     Args:
-        posts: None for the points on which a body can stand. Otherwise int32 (n, 4) of `posts_within`: such a point
-            pulls from its post, wherever that is.
-        strips: int32 (k, 2), row of the cells and number of each strip, row by row.
+        bounds: float64 (m, s), see `survey`. The strips are those with a bound of at least ``floor``.
+        floor: The logarithm of a force.
+        posts: int32 (n, 4) of `posts_within`, points on which no body can stand: such a point pulls from its post, in
+            whatever strip that is. They are looked at after all strips.
         cell: uint32 (m, n), see `agent.routes.kernels.lengths`, of the robot's own paths.
         row0: Row of the terrain's point under row 0 of the cells.
         col0: Column of the same point.
@@ -144,62 +151,73 @@ def hardest_of(
         undecided: int64 (6,), updated in place: the number of points that were left out, the longest path to one, and
             the first and last row and column of them.
     """
-    count = strips.shape[0] * STRIP if posts is None else posts.shape[0]
-    rows, cols = cell.shape
+    (rows, cols), (_, in_row) = cell.shape, bounds.shape
     most, most_rival = 2 * limit + 1, 2 * rival_limit + 1
     decided = math.ceil(DECIDED * width)
-    for i in range(count):
-        if posts is None:
-            row, col = int64(strips[i // STRIP, 0]), strips[i // STRIP, 1] * STRIP + i % STRIP
+    # Of all rivals, those whose paths may matter to some point of the cells.
+    near, count_near = np.empty_like(others), 0
+    for j in range(others.shape[0]):
+        up = max(row0 + 1 - others[j, 0], others[j, 0] - (row0 + rows - 2), 0)
+        across = max(col0 + 1 - others[j, 1], others[j, 1] - (col0 + cols - 2), 0)
+        if 100 * max(up, across) + 41 * min(up, across) < limit + decided:
+            near[count_near] = others[j]
+            count_near += 1
+    for part in range(bounds.size + 1):
+        strip_row, strip = part // in_row, part % in_row
+        count = posts.shape[0]
+        if part < bounds.size:
+            count = STRIP if bounds[strip_row, strip] >= floor else 0
+        for k in range(count):
+            row, col = strip_row, strip * STRIP + k
             seen_row, seen_col = row0 + row, col0 + col
-        else:
-            row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
-        if row < 1 or row >= rows - 1 or col < 1 or col >= cols - 1:
-            continue
-        known = int64(cell[row, col])
-        if known == 0 or known > most:
-            continue
-        when = max(seen[seen_row, seen_col], 0)
-        if tick - when < least or looked[seen_row, seen_col] >= tick:
-            continue
-        far = max(known >> 1, 1)
-        force = log_pull[min(tick - when, log_pull.size - 1)] + log_decay[far]
-        if force < best[0]:
-            continue
-        nearest, matters = int64(UNKNOWN), False
-        if rival.size > 0:
-            up, across = row0 + row - rival_row0, col0 + col - rival_col0
-            if 0 <= up < rival.shape[0] and 0 <= across < rival.shape[1]:
-                theirs = int64(rival[up, across])
-                nearest = theirs >> 1 if 0 < theirs <= most_rival else nearest
-        else:
-            for j in range(others.shape[0]):
-                up, across = abs(row0 + row - others[j, 0]), abs(col0 + col - others[j, 1])
-                matters = matters or 100 * max(up, across) + 41 * min(up, across) < far + decided
-        if far - nearest > hand_over:
-            continue
-        if width > 0.0:
-            behind = (far - nearest) / width
-            weaker = force - (behind if behind > 40.0 else math.log1p(math.exp(max(behind, -40.0))))
-        else:
-            weaker = force
-        if not matters and weaker <= best[0]:
-            continue
-        away = True
-        for j in range(shunned.shape[0]):
-            up, across = row0 + row - shunned[j, 0], col0 + col - shunned[j, 1]
-            away = away and up * up + across * across > shunned[j, 2]
-        if not away:
-            continue
-        if matters:
-            place_row, place_col = row0 + row, col0 + col
-            undecided[0] += 1
-            undecided[1] = max(undecided[1], far)
-            undecided[2], undecided[3] = min(undecided[2], place_row), max(undecided[3], place_row)
-            undecided[4], undecided[5] = min(undecided[4], place_col), max(undecided[5], place_col)
-        else:
-            best[0] = weaker
-            place[0], place[1], place[2], place[3] = seen_row, seen_col, row0 + row, col0 + col
+            if part == bounds.size:
+                row, col, seen_row, seen_col = posts[k, 2] - row0, posts[k, 3] - col0, posts[k, 0], posts[k, 1]
+            if row < 1 or row >= rows - 1 or col < 1 or col >= cols - 1:
+                continue
+            known = int64(cell[row, col])
+            if known == 0 or known > most:
+                continue
+            when = max(seen[seen_row, seen_col], 0)
+            if tick - when < least or looked[seen_row, seen_col] >= tick:
+                continue
+            far = max(known >> 1, 1)
+            force = log_pull[min(tick - when, log_pull.size - 1)] + log_decay[far]
+            if force < best[0]:
+                continue
+            nearest, matters = int64(UNKNOWN), False
+            if rival.size > 0:
+                up, across = row0 + row - rival_row0, col0 + col - rival_col0
+                if 0 <= up < rival.shape[0] and 0 <= across < rival.shape[1]:
+                    theirs = int64(rival[up, across])
+                    nearest = theirs >> 1 if 0 < theirs <= most_rival else nearest
+            else:
+                for j in range(count_near):
+                    up, across = abs(row0 + row - near[j, 0]), abs(col0 + col - near[j, 1])
+                    matters = matters or 100 * max(up, across) + 41 * min(up, across) < far + decided
+            if far - nearest > hand_over:
+                continue
+            if width > 0.0:
+                behind = (far - nearest) / width
+                weaker = force - (behind if behind > 40.0 else math.log1p(math.exp(max(behind, -40.0))))
+            else:
+                weaker = force
+            if not matters and weaker <= best[0]:
+                continue
+            away = True
+            for j in range(shunned.shape[0]):
+                up, across = row0 + row - shunned[j, 0], col0 + col - shunned[j, 1]
+                away = away and up * up + across * across > shunned[j, 2]
+            if not away:
+                continue
+            if matters:
+                place_row, place_col = row0 + row, col0 + col
+                undecided[0] += 1
+                undecided[1] = max(undecided[1], far)
+                undecided[2], undecided[3] = min(undecided[2], place_row), max(undecided[3], place_row)
+                undecided[4], undecided[5] = min(undecided[4], place_col), max(undecided[5], place_col)
+            else:
+                best[0] = weaker
+                place[0], place[1], place[2], place[3] = seen_row, seen_col, row0 + row, col0 + col
 
 
 # fmt: on

@@ -148,6 +148,23 @@ def test_claimed_ground_reaches_as_far_as_the_paths_of_all_robots_say(seed: int)
         assert Layer().claimed(ground, (start[0], start[1]), off, limit) == expected
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_claimed_ground_is_measured_in_a_box_no_smaller_than_what_decides_it(seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    terrain = cluttered(seed, (200, 230), 120)
+    ground, wave, layer = Ground(terrain, terrain.passable), Wave(200, 230, 230), Layer()
+    open_points = np.argwhere(terrain.passable)
+    for team in (60, 60, 2, 25, 60):
+        start, *others = open_points[dice.integers(0, len(open_points), team)].tolist()
+        rival = wave.lengths_from(ground, 1, 1, [(row + 1, col + 1) for row, col in others], LONGEST)
+        own = wave.lengths_from(ground, 1, 1, [(start[0] + 1, start[1] + 1)], LONGEST)
+        expected = int(own[own <= np.minimum(rival, LONGEST)].max())
+        rivals = np.array(others, dtype=np.int64)
+        layer._reach = int(dice.integers(1, 80))
+        for _ in range(2):
+            assert layer.claimed(ground, (start[0], start[1]), rivals, LONGEST) == expected
+
+
 @pytest.mark.parametrize("name", ["g1", "g2", "g3", "g4", "g5"])
 def test_a_table_of_g_holds_what_each_length_gives_by_itself(name: str) -> None:
     decay = Decay(PatrolSpec.model_validate({"distance": name}), 0.1)
