@@ -6,7 +6,7 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -50,6 +50,7 @@ class Shared:
     Attributes:
         footprint: The scenario's sensor on its terrain.
         psi: Of `psi_of`.
+        radii: Of `radii_of`.
         scratches: Working memory, one for each group of minds (`group_of`); those of one never think at the same time.
         company: Holds what they believe, as long as that is the same; None where each holds its own.
         posts: By the identity of a body's static fields, which live as long as the scenario.
@@ -58,6 +59,7 @@ class Shared:
 
     footprint: Footprint
     psi: Psi
+    radii: Mapping[int, float]
     scratches: Sequence[dict[str, PathWindow]] = field(default_factory=lambda: ({},))
     company: Company | None = None
     posts: dict[int, Posts] = field(default_factory=dict)
@@ -94,7 +96,13 @@ def shared_by(
     if believe and not sensor.leaves_age and scenario.radio.adaptive is None:
         speed = max(spec.speed for spec in scenario.roster)
         company = Company([spec.number for spec in scenario.roster], scenario.step, speed, sensor, at_once=groups > 1)
-    return Shared(sensor, psi_of(scenario, prepared.terrain), tuple({} for _ in range(groups)), company)
+    psi = psi_of(scenario, prepared.terrain)
+    return Shared(sensor, psi, radii_of(scenario), tuple({} for _ in range(groups)), company)
+
+
+def radii_of(scenario: Scenario) -> Mapping[int, float]:
+    """The radii of all robots of a scenario by number, m."""
+    return MappingProxyType({spec.number: spec.radius for spec in scenario.roster})
 
 
 def group_of(number: int, groups: int) -> int:
@@ -127,7 +135,6 @@ def build_mind(
     scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields[number]
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
     lengths = lengths_of(scenario, spec)
-    radii = MappingProxyType({one.number: one.radius for one in scenario.roster})
     scratch = shared.scratches[group_of(number, len(shared.scratches))]
 
     def chance(tick: int, index: int, purpose: Purpose) -> float:
@@ -152,7 +159,7 @@ def build_mind(
     ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.company else None)
     setup = PolicySetup(
         spec=spec,
-        radii=radii,
+        radii=shared.radii,
         step=scenario.step,
         sensor=scenario.sensor,
         patrol=patrol,
@@ -174,7 +181,7 @@ def build_mind(
     body = BODIES[spec.model](
         BodySetup(
             spec=spec,
-            radii=radii,
+            radii=shared.radii,
             identity=(scenario.seed, number, incarnation),
             step=scenario.step,
             patrol=patrol,
@@ -186,7 +193,7 @@ def build_mind(
     )
     facts = Facts(
         spec=spec,
-        radii=radii,
+        radii=shared.radii,
         step=scenario.step,
         margin=spec.radius + 0.5 * scenario.point,
         patience=math.ceil(scenario.radio.forget_after / scenario.step),

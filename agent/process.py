@@ -189,7 +189,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
     warm(("patrol", "agent"), process.log.info)
     if scenario.patrol.policy == PAPER:  # somebody's own may compile what needs scipy
         numba_alone()
-    from agent.build import Shared, build_mind, shared_by
+    from agent.build import Shared, build_mind, radii_of, shared_by
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
     from patrol.prepare import sensor_footprint
@@ -202,7 +202,7 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
     if static is None:
         shared = shared_by(prepared)
     else:
-        shared = Shared(sensor_footprint(scenario, prepared.terrain), load_psi(scenario, static))
+        shared = Shared(sensor_footprint(scenario, prepared.terrain), load_psi(scenario, static), radii_of(scenario))
     try:
         return build_mind(prepared, spec.number, options.incarnation, fleet_key(scenario.radio.key), shared)
     except PolicyFailed as failed:

@@ -21,6 +21,7 @@ from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journa
 from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
+from patrol.process.memory.garbage import spared
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import as_received
 from worldsim.fleet.loop import run_ticks
@@ -295,7 +296,8 @@ def _run(
             events(event)
 
     try:
-        reason = run_ticks(world, fleet, on_tick, on_event, stop, fleet)
+        with spared():
+            reason = run_ticks(world, fleet, on_tick, on_event, stop, fleet)
     except BaseException as error:
         asked = isinstance(error, KeyboardInterrupt)
         with suppress(OSError):  # it may be the journal's disk that is full

@@ -6,6 +6,8 @@ other modules import.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -285,10 +287,16 @@ class Scenario(Section):
     faults: Faults = Field((), description="what goes wrong, and when")
     nemesis: NemesisSpec | None = Field(None, description="random faults, written out when this file is loaded")
 
-    @property
+    @cached_property
     def roster(self) -> tuple[RobotSpec, ...]:
         """The robots in the order of their numbers, 1..N."""
         return tuple(roster_of(self.robots))
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """As of any model; a copy makes its own roster."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("roster", None)
+        return copied
 
     @property
     def spares(self) -> frozenset[int]:

@@ -10,7 +10,7 @@ import pytest
 
 from agent.bodies.goal import GoalFinder
 from agent.bodies.refine import psi_field
-from agent.build import Shared, build_mind, shared_by
+from agent.build import Shared, build_mind, radii_of, shared_by
 from agent.psi import load_psi, psi_of, save_psi
 from patrol.exchange import Sensed
 from patrol.prepare import Prepared, prepare, sensor_footprint
@@ -75,7 +75,8 @@ def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number:
 
 def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_path: Path) -> None:
     save_psi(mixed, tmp_path)
-    saved = Shared(sensor_footprint(mixed.scenario, mixed.terrain), load_psi(mixed.scenario, tmp_path))
+    footprint = sensor_footprint(mixed.scenario, mixed.terrain)
+    saved = Shared(footprint, load_psi(mixed.scenario, tmp_path), radii_of(mixed.scenario))
     for number in (1, 2, 3):
         sensed = Sensed(0, mixed.starts[number - 1], False, (), 0.0)
         decisions = [build_mind(mixed, number, shared=shared).step(sensed, []) for shared in (None, saved)]

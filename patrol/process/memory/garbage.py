@@ -9,6 +9,8 @@ until it is ready, and then leaves what it has loaded alone for good.
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 def hold_collection() -> None:
@@ -21,3 +23,13 @@ def begin_collection() -> None:
     if not gc.isenabled():
         gc.freeze()
         gc.enable()
+
+
+@contextmanager
+def spared() -> Iterator[None]:
+    """Collect nothing of what is there already while a block runs: one that makes little and lasts."""
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()

@@ -84,6 +84,16 @@ def test_the_name_comes_from_the_file_or_the_terrain(tmp_path: Path) -> None:
     assert load_scenario({"terrain": {"map": "maps/hall.yaml"}}).name == "hall"
 
 
+def test_a_copy_with_other_robots_has_its_own_roster() -> None:
+    two, three = (load_scenario({**YARDS, "robots": {"count": count}}) for count in (2, 3))
+    assert (len(two.roster), len(three.roster)) == (2, 3)
+    assert two.roster is two.roster, "it is made once"
+    copied = two.model_copy(update={"robots": three.robots})
+    assert copied.roster == three.roster
+    assert copied == two.model_copy(update={"robots": three.robots})
+    assert "roster" not in copied.model_dump()
+
+
 def test_a_group_makes_a_roster() -> None:
     robots = {"count": 3, "model": "holonomic", "speed": 1, "starts": [[1, 2], [3, 4, 7]]}
     roster = load_scenario({**YARDS, "robots": robots}).roster

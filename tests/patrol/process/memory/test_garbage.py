@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from patrol.process.memory.garbage import begin_collection, hold_collection
+from patrol.process.memory.garbage import begin_collection, hold_collection, spared
 
 
 @pytest.fixture(autouse=True)
@@ -32,3 +32,12 @@ def test_a_process_that_has_not_held_collection_is_not_changed() -> None:
     before = gc.get_freeze_count()
     begin_collection()
     assert (gc.isenabled(), gc.get_freeze_count()) == (True, before)
+
+
+def test_what_is_there_before_a_block_is_collected_again_after_it() -> None:
+    there: list[list[int]] = [[]]
+    with spared():
+        assert not any(one is there for one in gc.get_objects())
+        made: list[list[int]] = [[]]
+        assert any(one is made for one in gc.get_objects())
+    assert any(one is there for one in gc.get_objects())
