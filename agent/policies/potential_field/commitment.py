@@ -65,9 +65,6 @@ ROAM_S = 45.0
 ROAM_REACH = 5.0
 """Radius of that circle, in radii and strides of the robot."""
 
-WIDER_THAN = 2.001
-"""No two places of a circle are so many of its radii apart, whatever is rounded."""
-
 HAND_OVER = 2.0
 """A robot claims a point if no other robot's way there is shorter by more than so many strides."""
 
@@ -372,8 +369,6 @@ class Commitment:
     def _home(self) -> Spot | None:
         """The centre, x and y in m, of the circle in which the robot has stayed for too long; None if it has not."""
         if len(self._been) < (self._been.maxlen or 0):
-            return None
-        if math.dist(self._been[0], self._been[-1]) > WIDER_THAN * self._roam:
             return None
         xs, ys = zip(*self._been, strict=True)
         centre = 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))

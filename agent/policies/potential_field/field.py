@@ -288,7 +288,8 @@ class Field:
         law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)
         here = paths.row0 + paths.start_row
         posts = self._posts.between(here - span, here + span)
-        for points, seen in ((None, standing), (posts, beyond)) if len(posts) else ((None, standing),):
+        parts = [(None, standing), (posts, beyond)] if len(posts) else [(None, standing)]
+        for points, seen in parts:
             gather(points, *grids, first, last, span, *place, seen, seen if looked is None else looked, *law, *forces)
 
 
