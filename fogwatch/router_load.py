@@ -21,8 +21,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from experiments.bench.measure import Unmeasured
-from experiments.bench.procfs import family_of, loopback_bytes
+from experiments.bench.tools.measure import Unmeasured
+from experiments.bench.tools.procfs import family_of, loopback_bytes
 from fogwatch.launch.children import Child, Children
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link

@@ -286,9 +286,9 @@ def test_the_wheel_holds_the_six_packages_and_nothing_else(tmp_path: Path) -> No
 # Files that this program wrote itself, in a place of its own, or brought along.
 OWN_FILES = {
     "agent/psi.py": "fields that its launcher prepared",
-    "experiments/bench/machine.py": "the kernel's facts about this machine",
-    "experiments/bench/processes.py": "what its own fleets wrote",
-    "experiments/bench/procfs.py": "the kernel's facts about its own children",
+    "experiments/bench/tools/machine.py": "the kernel's facts about this machine",
+    "experiments/bench/measures/processes.py": "what its own fleets wrote",
+    "experiments/bench/tools/procfs.py": "the kernel's facts about its own children",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
     "fogwatch/certificates.py": "the certificate of the authority that it has made",

@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterable
 from itertools import chain
 
-from agent.bodies.manoeuvre import Manoeuvres
-from agent.bodies.retreat import Retreat
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import CarSteering, Footing
-from agent.bodies.unstuck import YIELDS, Unstuck
+from agent.bodies.stuck.manoeuvre import Manoeuvres
+from agent.bodies.stuck.retreat import Retreat
+from agent.bodies.stuck.unstuck import YIELDS, Unstuck
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.view import View
 from patrol.ground.swept_path import advance

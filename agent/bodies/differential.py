@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 
-from agent.bodies.back_off import BackOff
 from agent.bodies.giveway import nearest
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
+from agent.bodies.stuck.back_off import BackOff
 from agent.bodies.wheel_steering import WheelSteering
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Spot

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.bench.measure import Contender, Measured, Unmeasured
+from experiments.bench.tools.measure import Contender, Measured, Unmeasured
 from patrol.ground.terrain import BoolGrid
 
 INSTALL = "pip install 'fogwatch[bench]'"

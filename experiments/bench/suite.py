@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from experiments.bench import decisions, fleets, horizon, kernels, processes, scale
-from experiments.bench.groups import ALL, GROUPS
-from experiments.bench.measure import Task
+from experiments.bench.measures import decisions, fleets, horizon, kernels, processes, scale
+from experiments.bench.tools.groups import ALL, GROUPS
+from experiments.bench.tools.measure import Task
 from patrol.errors import BadInput, did_you_mean
 
 

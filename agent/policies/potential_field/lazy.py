@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import cast, overload
 
-from agent.policies.potential_field.direction import bearings_by_force
-from agent.policies.potential_field.field import Pull
 from agent.policies.potential_field.policy import PotentialField
+from agent.policies.potential_field.pull.direction import bearings_by_force
+from agent.policies.potential_field.pull.field import Pull
 from agent.view import View
 
 

@@ -11,10 +11,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.potential_field.commitment import Commitment
-from agent.policies.potential_field.direction import bearings_by_force, bearings_by_vector
-from agent.policies.potential_field.field import Field, Pull, window_of
-from agent.policies.potential_field.fuzzy import FuzzySectors
+from agent.policies.potential_field.pull.direction import bearings_by_force, bearings_by_vector
+from agent.policies.potential_field.pull.field import Field, Pull, window_of
+from agent.policies.potential_field.pull.fuzzy import FuzzySectors
 from agent.policies.potential_field.separation import (
     artificial_obstacles,
     critical_areas,
@@ -22,6 +21,7 @@ from agent.policies.potential_field.separation import (
     occupied_areas,
     repel,
 )
+from agent.policies.potential_field.targets.commitment import Commitment
 from agent.ports import Bearing, Intent, PolicySetup, Stay
 from agent.routes.ground import Area, Disc
 from agent.view import View

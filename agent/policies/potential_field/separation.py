@@ -1,7 +1,7 @@
 """Keeping robots apart beyond sharing positions (paper, "Artificial Obstacles", "Semaphores", and repulsive forces).
 
 Obstacles and semaphores change where paths may lead; repulsion changes the forces. Claims are in
-`agent.policies.potential_field.claims`.
+`agent.policies.potential_field.pull.claims`.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def repel(sums: NDArray[np.float64], pose: Pose, peers: Mapping[int, Peer], patr
     repulsion_reach)^2). The paper gives no formula; this one is relative to the attraction, whatever its scale.
 
     Args:
-        sums: The sums of an `agent.policies.potential_field.field.Pull`; changed in place.
+        sums: The sums of an `agent.policies.potential_field.pull.field.Pull`; changed in place.
         pose: The robot's own.
         peers: The robots heard so far, by number.
         patrol: The scenario's section `patrol`.

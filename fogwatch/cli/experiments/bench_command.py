@@ -10,10 +10,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.bench.groups import ALL, GROUPS
-from experiments.bench.machine import Machine, this_machine
-from experiments.bench.measure import QUICK, THOROUGH, Finding, Task, take
-from experiments.bench.results import as_json, check_page, page, table_of
+from experiments.bench.tools.groups import ALL, GROUPS
+from experiments.bench.tools.machine import Machine, this_machine
+from experiments.bench.tools.measure import QUICK, THOROUGH, Finding, Task, take
+from experiments.bench.tools.results import as_json, check_page, page, table_of
 from experiments.sweeps.casetable import json_text, write_text
 from fogwatch.cli.ending import INTERRUPTED
 from fogwatch.progress import command_line

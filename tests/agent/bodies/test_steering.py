@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.bodies.steering import CarSteering, HolonomicSteering
-from agent.bodies.unstuck import AT_A_LOSS, HOPELESS_S, ORIENTED, YIELDS, Unstuck
+from agent.bodies.stuck.unstuck import AT_A_LOSS, HOPELESS_S, ORIENTED, YIELDS, Unstuck
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, wrap

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from experiments.bench import rivals
-from experiments.bench.measure import Unmeasured
 from experiments.bench.ours import Dilatation, WholeWave
 from experiments.bench.rivals import INSTALL, WAVES, agreement, dilatation_rival, wave_rivals
+from experiments.bench.tools.measure import Unmeasured
 from patrol.ground.terrain import BoolGrid
 
 START = (30, 40)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from experiments.bench.groups import ALL, GROUPS
-from experiments.bench.kernels import tasks
-from experiments.bench.measure import Effort
+from experiments.bench.measures.kernels import tasks
 from experiments.bench.suite import chosen, every_task
+from experiments.bench.tools.groups import ALL, GROUPS
+from experiments.bench.tools.measure import Effort
 from patrol.errors import BadInput
 
 LEAST = Effort(repeats=2, seconds=0.1, quick=True)

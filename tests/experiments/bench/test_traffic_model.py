@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from experiments.bench.scale import SHARE, modelled
+from experiments.bench.measures.scale import SHARE, modelled
 from experiments.bench.traffic_model import Fleet, RouterCost, cores, largest_fleet, regions_of
 
 COST = RouterCost(core_s=5e-6, wire_bytes=130.0)

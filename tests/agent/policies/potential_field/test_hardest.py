@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.policies.potential_field.kernels.hardest import hardest, reaches
-from agent.policies.potential_field.search import NO_RIVALS
+from agent.policies.potential_field.targets.search import NO_RIVALS
 from agent.routes.kernels.wave import SETTLED
 from agent.routes.path_window import FAR
 

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.belief.posts import Posts
-from agent.policies.potential_field.claims import share_table
-from agent.policies.potential_field.field import Field
-from agent.policies.potential_field.fuzzy import FuzzySectors
+from agent.policies.potential_field.pull.claims import share_table
+from agent.policies.potential_field.pull.field import Field
+from agent.policies.potential_field.pull.fuzzy import FuzzySectors
 from agent.policies.potential_field.separation import (
     artificial_obstacles,
     critical_areas,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.bench.measure import Effort, Finding, Task
-from experiments.bench.measure import take as take_all
+from experiments.bench.tools.measure import Effort, Finding, Task
+from experiments.bench.tools.measure import take as take_all
 from fogwatch.cli.app import app
 from fogwatch.cli.ending import INTERRUPTED, guarded
 from fogwatch.cli.experiments import bench_command

@@ -1,0 +1,247 @@
+"""Manoeuvres: how a car gets where no single arc leads, with three-point turns and ways out in reverse.
+
+A car that drives towards the next bend with its nose ends up facing walls that it cannot turn away from. So a car on
+its way to a place searches over the arcs that it can drive, forward and in reverse (hybrid A*), guided by the length of
+the way that is left, and drives what it has found to the end. Every search brings it nearer to the place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.bodies.kernels.manoeuvre import CLEARANCE, TOO_SHORT, search
+from agent.bodies.stuck.ways_left import WaysLeft, ways_back, ways_left
+from patrol.ground.swept_path import advance
+from patrol.pose import Drive
+
+if TYPE_CHECKING:
+    from agent.bodies.steering import CarSteering
+    from agent.routes.ground import Spot
+    from agent.view import View
+    from patrol.ground.terrain import Terrain
+    from patrol.pose import Pose
+    from patrol.scenario import RobotSpec
+
+LEAST_TURN = 0.25
+"""Least angle that the tightest arc of a search turns by, rad; a shorter step is taken several times."""
+
+TIGHTNESS = (0.0, 1.0, -1.0, 0.5, -0.5)
+"""Curvatures of the arcs, as shares of the tightest."""
+
+SHORT = 0.4
+"""Length of the short arcs, as a share of the long ones; they fit where those do not."""
+
+AHEAD = 5.0
+"""How much nearer one search has to come, in turning radii."""
+
+MOST_NODES = 12_000
+"""Poses that one search looks at."""
+
+MOST_ARCS = 256
+"""Arcs that one search may find."""
+
+OFF_COURSE = 0.1
+"""How far a car may be from where its last step should have brought it, in strides."""
+
+ASKEW = 0.05
+"""How far its heading may be from what it should be, rad."""
+
+MARGIN = 8.0
+"""How much farther than twice the direct way, in turning radii, ways to a place may lead that count."""
+
+BEYOND = 2.5
+"""How much farther than to the car, in turning radii, they are followed at first."""
+
+NEAR = 0.5
+"""A search ends where at most so many strides of the way are left."""
+
+
+OFF_CENTRES = 1.5
+"""Sum of the distances of two places from the centres of their points, in points; rounded up."""
+
+
+class Manoeuvres:
+    """Arcs to be driven one after the other.
+
+    Attributes:
+        parking: A car no farther than this from a place, with nothing in between, parks there; m.
+    """
+
+    def __init__(self, spec: RobotSpec, terrain: Terrain, steering: CarSteering, step: float) -> None:
+        """Lay out the arcs of the search.
+
+        Args:
+            spec: The car's.
+            terrain: The map.
+            steering: Of this car.
+            step: s per tick.
+        """
+        self._spec = spec
+        self._terrain = terrain
+        self._steering = steering
+        self._step = step
+        stride = spec.speed * step
+        self._tolerance = OFF_COURSE * stride
+        self._times = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
+        self._near = max(NEAR * stride, terrain.point)
+        # Ways are measured between the centres of points, so the car may be this much farther away.
+        self.parking = self._near + OFF_CENTRES * terrain.point
+        tightest = 1.0 / spec.turning_radius
+        drives = [
+            Drive(sign * share * spec.speed, bend * tightest)
+            for share in (1.0, SHORT)
+            for sign in (1.0, -1.0)
+            for bend in TIGHTNESS
+        ]
+        self._drives = drives
+        length = self._times * step
+        self._arcs = np.array([(drive.speed * length, drive.curvature) for drive in drives])
+        self._cell = max(0.5 * stride * self._times * SHORT, terrain.point)
+        self._plan: deque[Drive] = deque()
+        self._place: Spot | None = None
+        self._expected: Pose | None = None
+
+    def drop(self) -> None:
+        """Forget what was found."""
+        self._plan.clear()
+        self._place = None
+
+    def next(self, view: View, place: Spot) -> Drive | None:
+        """The next step towards a place.
+
+        Args:
+            view: Of this tick.
+            place: x and y in m, where the car's centre may be.
+
+        Returns:
+            None where no arc brings the car nearer.
+        """
+        if self._place is None or math.dist(self._place, place) > self._near:
+            self.drop()
+        if not self._goes_on(view.pose):
+            self.drop()
+            self._approach(view, place)
+        return self._take(view.pose)
+
+    def proceed(self, pose: Pose) -> Drive | None:
+        """The next step of what was found before, wherever it leads.
+
+        Args:
+            pose: The car's own.
+
+        Returns:
+            None where nothing was found, or the car cannot go on with it.
+        """
+        return self._take(pose) if self._goes_on(pose) else None
+
+    def back(self, view: View, left: NDArray[np.float64]) -> Drive | None:
+        """The next step of a car that is off the reachable points, back to one of them.
+
+        Args:
+            view: Of this tick.
+            left: float64 (h, w), lengths in m of the ways back (`agent.routes.way_back.WayBack.lengths`).
+
+        Returns:
+            None where no arc brings the car nearer.
+        """
+        pose = view.pose
+        if self._place is not None or not self._goes_on(pose):
+            self.drop()
+            here = self._terrain.point_at(pose.x, pose.y)
+            self._search(view, ways_back(self._terrain, left, *here), near=0.0, progress=math.inf)
+        return self._take(pose)
+
+    def _goes_on(self, pose: Pose) -> bool:
+        """Whether the car is where the last step should have brought it, and can take the next one."""
+        expected = self._expected
+        return (
+            expected is not None
+            and math.dist((pose.x, pose.y), (expected.x, expected.y)) <= self._tolerance
+            and abs(math.remainder(pose.heading - expected.heading, math.tau)) <= ASKEW
+            and bool(self._plan)
+            and self._steering.is_free(pose, self._plan[0])
+        )
+
+    def _take(self, pose: Pose) -> Drive | None:
+        """The first step of the plan; None without one that is free."""
+        if not self._plan or not self._steering.is_free(pose, self._plan[0]):
+            self.drop()
+            return None
+        drive = self._plan.popleft()
+        self._expected = advance(pose, drive, self._step)
+        return drive
+
+    def _approach(self, view: View, place: Spot) -> None:
+        """Look for arcs that bring the car nearer to a place; none where no way leads there."""
+        turning = self._spec.turning_radius
+        for beyond in (BEYOND * turning, math.inf):
+            left = ways_left(view, place, MARGIN * turning, beyond)
+            if left is None:
+                return
+            self._place = place
+            if self._search(view, left, near=min(self._near, 0.5 * left.first), progress=AHEAD * turning):
+                return
+
+    def _search(self, view: View, left: WaysLeft, *, near: float, progress: float) -> bool:
+        """Look for arcs that bring the car nearer.
+
+        Args:
+            view: Of this tick.
+            left: The ways left.
+            near: How short the way left has to be, m.
+            progress: How much shorter it has to become otherwise, m.
+
+        Returns:
+            Whether no way was asked for that is not known and may count.
+        """
+        pose, terrain = view.pose, self._terrain
+        found = np.zeros(MOST_ARCS, dtype=np.int64)
+        closed = self._closed(view)
+        count = 0
+        # A gap that is exactly as wide as the body leaves no clearance.
+        for clearance in (CLEARANCE, 0.0):
+            if count == 0:
+                count = search(
+                    terrain.blocked,
+                    terrain.room,
+                    closed,
+                    left.length,
+                    left.row0,
+                    left.col0,
+                    left.known,
+                    left.limit,
+                    terrain.point,
+                    *terrain.origin,
+                    pose.x,
+                    pose.y,
+                    pose.heading,
+                    left.first,
+                    self._arcs,
+                    self._cell,
+                    self._spec.radius,
+                    clearance,
+                    self._spec.turning_radius,
+                    near,
+                    progress,
+                    MOST_NODES,
+                    found,
+                )
+        for index in found[: max(0, count)]:
+            self._plan.extend([self._drives[index]] * self._times)
+        return count != TOO_SHORT
+
+    def _closed(self, view: View) -> NDArray[np.uint8]:
+        """The points that are closed at this tick; of size 0 where there are none or the car is on one of them."""
+        ground = view.ground
+        row, col = self._terrain.point_at(view.pose.x, view.pose.y)
+        if ground.static is ground:
+            return np.zeros((0, 0), dtype=np.uint8)
+        closed = ground.static.open_now & ~ground.open_now
+        if closed[row, col]:
+            return np.zeros((0, 0), dtype=np.uint8)
+        return closed.view(np.uint8)

@@ -1,0 +1,341 @@
+"""The social potential field of one robot: the forces of all points, summed (paper, steps 4 and 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.belief.dilated import Blocks
+from agent.belief.posts import Posts
+from agent.policies.potential_field.kernels.force import gather
+from agent.policies.potential_field.pull.claims import share_table
+from agent.policies.potential_field.pull.direction import sector_table
+from agent.policies.potential_field.pull.force import ForceLaw
+from agent.policies.potential_field.pull.rungs import Rungs
+from agent.routes.ground import Ground
+from agent.routes.path_window import PathWindow, Place
+from agent.routes.region_paths import Regions
+from agent.routes.straight import Straight
+from agent.routes.wave import Wave
+from patrol.ground.fields import StaticFields
+from patrol.scenario import BodyLengths, PatrolSpec
+from patrol.scenario.lengths import PAPER_LENGTHS
+
+if TYPE_CHECKING:
+    from patrol.regions.split import RegionSplit
+
+FIRST_LOOK = 20.0
+"""Path length in m of the first round, whose forces determine the horizon of the second."""
+
+CLOSE_ENOUGH = 0.5
+"""A place close by is worth a stop when it pulls with at least this share of the strongest force."""
+
+UNCLAIMED = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Pull:
+    """The forces on a robot.
+
+    Attributes:
+        sums: float64 (sectors,), the sum of moduli in each sector; for the vector method float64 (3,), the sum's x and
+            y, and the sum of moduli.
+        near: The open element (row, col) of the ground, in sight of the robot, where it should stop because a place
+            close by pulls about as hard as any other (see `Field.pull`); None for none.
+        bend: The element where the path to the strongest single force first bends; None without any force.
+        sure: Where forces were left out, the number of sectors, strongest first, whose order and place before all
+            others they cannot change; None where none were left out.
+    """
+
+    sums: NDArray[np.float64]
+    near: tuple[int, int] | None
+    bend: tuple[int, int] | None = None
+    sure: int | None = None
+
+
+class Field:
+    """Sums the forces on a robot over sectors (mode) or as a vector (paper, steps 4 and 5).
+
+    Paths are followed in two rounds: first the near ones; their forces then determine the horizon up to which farther
+    ones can still change the result (see `ForceLaw`).
+
+    Attributes:
+        law: f and g as tables, and the horizon.
+        paths: The window of the path method.
+    """
+
+    def __init__(
+        self,
+        patrol: PatrolSpec,
+        fields: StaticFields,
+        posts: Posts,
+        point: float,
+        scratch: dict[str, PathWindow],
+        regions: RegionSplit | None = None,
+        *,
+        lengths: BodyLengths = PAPER_LENGTHS,
+        team: int = 1,
+    ) -> None:
+        """Tabulate the law and allocate the window of the paths.
+
+        Args:
+            patrol: The scenario's section `patrol`.
+            fields: The terrain's static fields.
+            posts: The points on which no body fits, and where to see them from.
+            point: Side of the terrain's points, m.
+            scratch: Windows shared by minds of one process that never think at the same time.
+            regions: The terrain's regions, for paths through regions; otherwise unused.
+            lengths: The lengths of the robot's patrol, m.
+            team: Number of robots that patrol the ground.
+        """
+        height, width = fields.reach.shape
+        sources = int(np.count_nonzero(fields.patrolled))
+        self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width), team=team)
+        span = min(max(height, width), -(-self.law.limit // 100))
+        self.paths = window_of(patrol.paths, (height, width, span), scratch, fields.patrolled, regions)
+        self._point = point
+        self._nearby = min(self.law.limit, round(100.0 * lengths.goal_distance / point))
+        self._posts = posts
+        self._share = share_table(patrol.claim_width, point) if "claims" in patrol.separations else UNCLAIMED
+        self._as_vector = patrol.direction == "vector"
+        self._sector = sector_table(patrol.sectors, span + 1)
+        self._sectors = patrol.sectors
+        self._expected = round(100.0 * FIRST_LOOK / point)
+        self._settled = 0
+        self._clear = int(np.count_nonzero(self._share == 1.0)) - self._share.size // 2
+        self._first = min(self.law.limit, self._expected)
+        self._rungs = Rungs(self._first // 2, self._nearby, self.law.limit)
+        self._may_stop = patrol.paths == "wave" and not self._as_vector
+
+    def lead(
+        self,
+        ground: Ground,
+        row: int,
+        col: int,
+        seen: NDArray[np.int32],
+        dilated: Callable[[int], NDArray[np.int32]],
+        tick: int,
+        mfow: int,
+        rivals: Sequence[Place] = (),
+        looked: NDArray[np.int32] | None = None,
+        blocks: Blocks | None = None,
+    ) -> Pull:
+        """The forces on a robot, as far as they are needed to be sure which way it goes (`Rungs`).
+
+        Args:
+            ground: As of `pull`, like all others that are not listed.
+            row: As of `pull`.
+            col: As of `pull`.
+            seen: As of `pull`.
+            dilated: As of `pull`.
+            tick: As of `pull`.
+            mfow: As of `pull`.
+            rivals: As of `pull`.
+            looked: As of `pull`.
+            blocks: How old the points can be at most; None if nobody knows, and then no force is left out.
+
+        Returns:
+            As `pull`, but for the sums: those of the first sectors are less than the whole ones, in the same order.
+        """
+        rungs, given = self._rungs, (ground, row, col, seen, dilated, tick, mfow, rivals, looked)
+        if blocks is None or not self._may_stop or not rungs.lengths.size:
+            return self.pull(*given)
+        by_age = self.law.pull(mfow)
+        rung = rungs.begin(blocks, row - 1, col - 1, tick, by_age, self.law.decay)
+        while rung < rungs.lengths.size:
+            length = int(rungs.lengths[rung])
+            self._claim(ground, row, col, rivals, length)
+            self.paths.begin(ground, row, col)
+            self.paths.extend(length)
+            self._settled = length
+            nearby, forces = self._forces(), self._forces()
+            self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
+            # Anew, and in the order of `pull`: of equal forces the first one counts.
+            standing = dilated(self._span(length))
+            self._gather(0, min(length, self._first), standing, seen, tick, by_age, forces)
+            if length > self._first:
+                horizon = self._horizon(forces, by_age)
+                if length > horizon:
+                    # `pull` leaves out forces that would be summed here, so the orders may differ.
+                    rungs.keep_within(horizon)
+                    break
+                self._gather(self._first, length, standing, seen, tick, by_age, forces)
+            strongest = float(forces.strongest[0])
+            if sure := rungs.sure(rung, forces.sums, strongest):
+                return self._found(nearby, forces, sure)
+            rung = rungs.after(rung, forces.sums, strongest)
+        return self.pull(*given)
+
+    def pull(
+        self,
+        ground: Ground,
+        row: int,
+        col: int,
+        seen: NDArray[np.int32],
+        dilated: Callable[[int], NDArray[np.int32]],
+        tick: int,
+        mfow: int,
+        rivals: Sequence[Place] = (),
+        looked: NDArray[np.int32] | None = None,
+    ) -> Pull:
+        """The forces on a robot.
+
+        Dilatation attracts a robot to a small stale place, and close to it pulls equally from all sides. So where a
+        path of at most the goal distance leads to a place that pulls, without dilatation, at least `CLOSE_ENOUGH` times
+        as hard as the strongest one does with it, the result also names that place, or the first bend on the way to it.
+
+        Args:
+            ground: As it is now.
+            row: Row of the robot's open element in `Ground.state`.
+            col: Column of the same element.
+            seen: int32 (h, w), last-seen ticks before dilatation.
+            dilated: Gives last-seen ticks after dilatation, int32 (h, w), up to date for so many rows and columns
+                around the robot.
+            tick: Now.
+            mfow: Age of the stalest point, ticks.
+            rivals: The elements of the static ground where other robots stand; used with claims only.
+            looked: int32 (h, w), the tick at which each point was last in view, where a look may leave some of a
+                point's age; ``seen`` unless given.
+        """
+        by_age = self.law.pull(mfow)
+        self._claim(ground, row, col, rivals, self.law.limit)
+        self.paths.begin(ground, row, col)
+        # Paths as long as at the last tick are likely to be asked for again: one wave is faster than three.
+        self._settled = min(self.law.limit, self._expected)
+        self.paths.extend(self._settled)
+        nearby = self._forces()
+        self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
+        forces = self._forces()
+        first = self._first
+        self._gather(0, first, dilated(self._span(first)), seen, tick, by_age, forces)
+        horizon = self._horizon(forces, by_age)
+        self._expected = horizon
+        if horizon > first:
+            self._gather(first, horizon, dilated(self._span(horizon)), seen, tick, by_age, forces)
+        return self._found(nearby, forces)
+
+    def _found(self, nearby: _Forces, forces: _Forces, sure: int | None = None) -> Pull:
+        close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
+        return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces), sure)
+
+    def _horizon(self, forces: _Forces, by_age: NDArray[np.float64]) -> int:
+        """The longest path to be followed, by the forces of the first round; see `ForceLaw`."""
+        exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
+        return max(self._first, self.law.horizon(exerted, float(by_age[-1])))
+
+    def _span(self, length: int) -> int:
+        """How many rows and columns a path reaches at most, by its length in hundredths of a point."""
+        return min(self.paths.span, -(-length // 100))
+
+    def _bend(self, forces: _Forces) -> tuple[int, int] | None:
+        """The element of the ground where the path to the strongest of some forces first bends."""
+        if forces.strongest[0] <= 0.0:
+            return None
+        up, across = divmod(int(self.paths.bend.reshape(-1)[forces.source[0]]), self.paths.state.shape[1])
+        return up + self.paths.row0 + 1, across + self.paths.col0 + 1
+
+    def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place], length: int) -> None:
+        """Compute how near the rivals are to every point, before the window is used for the robot's own paths.
+
+        The rivals' paths ignore what is closed to this robot, above all a disc around the rival itself. They are
+        followed until they leave the whole of each force, to which the robot's own path is of some length at most.
+        """
+        self._contest = _Contest(self.paths.length, UNCLAIMED)
+        if self._share.size and rivals:
+            limit = min(self.law.limit, length - self._clear + 1)
+            lengths = self.paths.nearness(ground.static, row, col, rivals, limit, length)
+            self._contest = _Contest(lengths, self._share)
+
+    def _forces(self) -> _Forces:
+        return _Forces(np.zeros(3 if self._as_vector else self._sectors), np.zeros(1), np.zeros(1, dtype=np.int64))
+
+    def _gather(
+        self,
+        first: int,
+        last: int,
+        standing: NDArray[np.int32],
+        beyond: NDArray[np.int32],
+        tick: int,
+        by_age: NDArray[np.float64],
+        forces: _Forces,
+        looked: NDArray[np.int32] | None = None,
+    ) -> None:
+        """Add the forces along paths longer than ``first`` and at most ``last`` hundredths of a point.
+
+        Args:
+            first: Exclusive lower bound of the path length.
+            last: Inclusive upper bound of the path length.
+            standing: int32 (h, w), last-seen ticks of the points where the body fits.
+            beyond: int32 (h, w), last-seen ticks of the points where it does not. These are never dilated: a point that
+                looks stale because its neighbour is would attract the robot to the wrong post.
+            tick: Now.
+            by_age: float64, f by age in ticks.
+            forces: Where the forces are added.
+            looked: As in `pull`.
+        """
+        paths = self.paths
+        if last > self._settled:
+            paths.extend(last)
+            self._settled = last
+        span = self._span(last)
+        grids = (paths.state, paths.length, paths.bend)
+        place = (paths.start_row, paths.start_col, paths.row0, paths.col0)
+        law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)
+        here = paths.row0 + paths.start_row
+        posts = self._posts.between(here - span, here + span)
+        parts = [(None, standing), (posts, beyond)] if len(posts) else [(None, standing)]
+        for points, seen in parts:
+            gather(points, *grids, first, last, span, *place, seen, seen if looked is None else looked, *law, *forces)
+
+
+def window_of(
+    paths: str,
+    sizes: tuple[int, int, int],
+    scratch: dict[str, PathWindow],
+    patrolled: NDArray[np.bool_],
+    regions: RegionSplit | None,
+) -> PathWindow:
+    """The window of a path method, shared where possible.
+
+    Args:
+        paths: Name of the path method.
+        sizes: The terrain's height and width, and the window's span, in points.
+        scratch: Windows made so far.
+        patrolled: bool (h, w), for straight paths.
+        regions: For paths through regions.
+
+    Raises:
+        ValueError: Paths through regions without regions.
+    """
+    key = f"{paths} {sizes}"
+    make: Callable[[], PathWindow] = partial(Wave, *sizes)
+    # A window holds a reference to the object whose id is in its key, so no other object can get that id.
+    if paths == "regions":
+        if regions is None:
+            raise ValueError("paths through regions need a split")
+        key, make = f"{key} {id(regions.parts)}", partial(Regions, *sizes, regions)
+    elif paths == "straight":
+        key, make = f"{key} {id(patrolled)}", partial(Straight, *sizes, patrolled)
+    if key not in scratch:
+        scratch[key] = make()
+    return scratch[key]
+
+
+class _Contest(NamedTuple):
+    """How near the rivals are, and what they leave: see `agent.policies.potential_field.kernels.force.gather`."""
+
+    rival: NDArray[np.int32]
+    share: NDArray[np.float64]
+
+
+class _Forces(NamedTuple):
+    """What the kernels add to: see `agent.policies.potential_field.kernels.force.gather`."""
+
+    sums: NDArray[np.float64]
+    strongest: NDArray[np.float64]
+    source: NDArray[np.int64]

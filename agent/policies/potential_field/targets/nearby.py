@@ -1,0 +1,256 @@
+"""The point that pulls hardest, found among the nearest points where nothing farther away can pull harder.
+
+What is worth a robot's while mostly lies where its sight ends. So its paths are followed a little farther than that at
+first, and then as far as something stale could still pull harder than what was found. The paths of rivals are followed
+only to points that would pull hardest without them.
+
+Here a choice is made as if two windows were looked at, a small one and then the whole terrain: the small one decides if
+what it holds pulls harder than anything outside could, and knows no longer paths of rivals than its own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, hardest_of, posts_within, survey
+from agent.policies.potential_field.targets.cells import NO_CELLS, Cells, Layer, around
+from agent.policies.potential_field.targets.search import least_lengths
+from agent.routes.routes import LONGEST
+
+if TYPE_CHECKING:
+    from agent.belief.posts import Posts
+    from agent.policies.potential_field.targets.search import Decay
+    from agent.routes.routes import Element
+    from agent.view import View
+
+BEYOND_SIGHT = 1.25
+"""How far paths are followed at first, in sensor ranges."""
+
+TOP = 8
+"""Strips that are looked at first, so that most of the others can be left out."""
+
+ROUNDING = 1e-9
+"""By how much a strip may pull less than a point and still be looked at, relative to the logarithm of the force."""
+
+EVERY = 1000
+"""Steps in which a limit is looked for, in hundredths of a point."""
+
+NOBODY = np.zeros((0, 2), dtype=np.int64)
+
+NONE_UNDECIDED = 0, 0, LONGEST, -1, LONGEST, -1
+"""What `agent.policies.potential_field.kernels.strips.hardest_of` has noted before it begins."""
+
+
+class Found(NamedTuple):
+    """What pulls hardest.
+
+    Attributes:
+        force: Its logarithm.
+        point: The point, row and column of the terrain.
+        close: The point to stand on, likewise.
+        cells: The robot's own paths.
+        limit: The longest path that counts, in hundredths of a point.
+    """
+
+    force: float
+    point: tuple[int, int]
+    close: tuple[int, int]
+    cells: Cells
+    limit: int
+
+
+class Surveyed(NamedTuple):
+    """What is known of a robot's paths before any point is looked at.
+
+    Attributes:
+        cells: The paths.
+        decay: As log_decay of `agent.policies.potential_field.kernels.hardest.hardest`, up to the longest path.
+        bounds: float64 (m, s), see `agent.policies.potential_field.kernels.strips.survey`.
+        posts: int32 (k, 4), the entries of the posts to which paths lead, of points that are old enough.
+    """
+
+    cells: Cells
+    decay: NDArray[np.float64]
+    bounds: NDArray[np.float64]
+    posts: NDArray[np.int32]
+
+
+class Question(NamedTuple):
+    """What is asked for in one tick.
+
+    Attributes:
+        view: Of this tick.
+        pull: As log_pull of `agent.policies.potential_field.kernels.hardest.hardest`.
+        decay: The logarithm of g.
+        others: int64 (n, 2), the points (row, col) of the terrain on which rivals stand.
+        shunned: int64 (n, 3), see `agent.policies.potential_field.kernels.hardest.hardest`.
+        least: Points younger than this are left out, ticks.
+    """
+
+    view: View
+    pull: NDArray[np.float64]
+    decay: Decay
+    others: NDArray[np.int64]
+    shunned: NDArray[np.int64]
+    least: int
+
+    def beyond(self, limit: int) -> float:
+        """The hardest that a point could pull whose path is longer than a limit in hundredths of a point."""
+        return float(self.pull[-1] + self.decay.of(np.array([limit]))[0])
+
+
+class Nearby:
+    """Looks for the point that pulls hardest."""
+
+    def __init__(self, posts: Posts, sight: float, near: int, width: float, hand_over: int) -> None:
+        """Lay no paths yet.
+
+        Args:
+            posts: The points on which no body fits.
+            sight: The sensor's range, in points.
+            near: How far the small window reaches, in hundredths of a point.
+            width: Of the claims, in hundredths of a point; 0 without claims.
+            hand_over: See `agent.policies.potential_field.kernels.hardest.hardest`.
+        """
+        self._posts = posts
+        self._near = near
+        self._width = width
+        self._hand_over = hand_over
+        self._decided = math.ceil(DECIDED * width)
+        # Within this, the small window knows all paths of rivals that matter.
+        self._first = max(0, min(math.ceil(100.0 * BEYOND_SIGHT * sight), near - self._decided))
+        self._layer = Layer()
+
+    def find(self, asked: Question, start: Element, *, whole: bool = False) -> Found | None:
+        """The point that pulls hardest, unless a rival's way there is shorter by more than is handed over.
+
+        Args:
+            asked: In this tick.
+            start: The element of the ground on which the robot stands.
+            whole: Whether to choose as if nothing but the whole terrain were looked at.
+
+        Returns:
+            None where nothing within the small window pulls, or nothing bounds how far away something could.
+        """
+        best, limit, known = None, self._near, LONGEST if whole else self._near
+        for limit in (self._first, self._near) if self._first >= EVERY else (self._near,):
+            best = self._hardest(asked, self._survey(asked, start, limit), limit, known)
+            if best is not None:
+                break
+        if best is None or best.force > asked.beyond(limit):
+            return best
+        needed = self._needed(asked, best.force, limit)
+        if needed is None:
+            return None
+        own, least = self._survey(asked, start, needed), best.force
+        if whole:
+            return self._hardest(asked, own, needed, known, least)
+        best = self._hardest(asked, own, min(needed, self._near), self._near, least)
+        if needed <= self._near or (best is not None and best.force > asked.beyond(self._near)):
+            return best
+        return self._hardest(asked, own, needed, LONGEST, least)
+
+    def claimed(self, view: View, start: Element, others: NDArray[np.int64]) -> int | None:
+        """How far the robot's claimed ground reaches.
+
+        Args:
+            view: Of this tick.
+            start: The element of the ground on which it stands.
+            others: int64 (n, 2), the points (row, col) of the terrain on which rivals stand.
+
+        Returns:
+            Hundredths of a point; 0 where it claims nothing but its own place. None while something is closed, because
+            rivals' paths then lead over other ground than the robot's own.
+        """
+        if view.ground.static is not view.ground:
+            return None
+        rivals = others if self._width > 0.0 else NOBODY
+        return self._layer.claimed(view.ground, (start[0] - 1, start[1] - 1), rivals, LONGEST)
+
+    def paths(self, view: View, start: Element, limit: int) -> Cells:
+        """The robot's own paths.
+
+        Args:
+            view: Of this tick.
+            start: The element of the ground on which it stands.
+            limit: The longest, in hundredths of a point.
+        """
+        here = start[0] - 1, start[1] - 1
+        return self._layer.lay(view.ground, [here], around([here], limit // 100 + 2, view.ground.terrain.shape), limit)
+
+    def _needed(self, asked: Question, force: float, least: int) -> int | None:
+        """The length from which on nothing pulls as hard as a force, hundredths of a point; None without one."""
+        limits = np.arange(least, 100 * sum(asked.view.ground.terrain.shape), EVERY)
+        weaker = np.flatnonzero(asked.pull[-1] + asked.decay.of(limits) < force - ROUNDING * (1.0 + abs(force)))
+        return int(limits[weaker[0]]) if weaker.size else None
+
+    def _hardest(
+        self, asked: Question, own: Surveyed, limit: int, known: int, least: float = -math.inf
+    ) -> Found | None:
+        """The point that pulls hardest.
+
+        Args:
+            asked: In this tick.
+            own: The robot's own paths.
+            limit: The longest that counts, in hundredths of a point; no longer than those surveyed.
+            known: The longest path of a rival that counts, likewise.
+            least: The logarithm of a force that some point is known to exert.
+        """
+        bounds, fog, best = own.bounds, asked.view.fog, np.empty(1)
+        place, undecided = np.zeros(4, dtype=np.int64), np.zeros(6, dtype=np.int64)
+        ages = fog.last_seen, fog.looked, asked.view.tick, asked.least
+
+        def look(floor: float, posts: NDArray[np.int32], weakest: float, rival: Cells | None) -> float:
+            best[0], undecided[:] = weakest, NONE_UNDECIDED
+            others = asked.others if rival is None and self._width > 0.0 else NOBODY
+            law = *ages, asked.pull, own.decay
+            rivals = others, *(rival or NO_CELLS), self._width, self._hand_over
+            hardest_of(
+                bounds, floor, posts, *own.cells[:3], limit, *law, *rivals, asked.shunned, best, place, undecided
+            )
+            return float(best[0])
+
+        if least == -math.inf:
+            top = np.partition(bounds.reshape(-1), -TOP)[-TOP] if bounds.size > TOP else least
+            least = look(float(top), own.posts[:0], least, None)
+        floor = least - ROUNDING * (1.0 + abs(least)) if math.isfinite(least) else least
+        hardest = look(floor, own.posts, floor, None)
+        if undecided[0] and hardest > floor:
+            hardest = look(floor, own.posts, hardest, None)
+        if undecided[0]:
+            hardest = look(floor, own.posts, floor, self._rivals(asked, undecided, known))
+        if hardest == floor:
+            return None
+        row, col, stand_row, stand_col = place.tolist()
+        return Found(hardest, (row, col), (stand_row, stand_col), own.cells, known)
+
+    def _survey(self, asked: Question, start: Element, limit: int) -> Surveyed:
+        """Lay the robot's own paths up to a length in hundredths of a point, and find what they lead to."""
+        own, fog, tick = self.paths(asked.view, start, limit), asked.view.fog, asked.view.tick
+        rows, cols = own.cell.shape
+        decay = asked.decay.table(limit)
+        bounds = np.empty((rows, -(-cols // STRIP)))
+        survey(own.cell, limit, fog.last_seen, own.row0, own.col0, tick, asked.pull, decay, bounds)
+        posts = self._posts.between(own.row0 + 1, own.row0 + rows - 2)
+        found = np.empty_like(posts)
+        count = posts_within(posts, *own[:3], limit, fog.last_seen, tick, asked.least, found)
+        return Surveyed(own, decay, bounds, found[:count])
+
+    def _rivals(self, asked: Question, undecided: NDArray[np.int64], known: int) -> Cells:
+        """The paths of rivals to points that they may have a claim to."""
+        longest, top, bottom, left, right = undecided[1:].tolist()
+        limit = min(longest + self._decided, known)
+        rows, cols = asked.others[:, 0], asked.others[:, 1]
+        up, across = np.maximum(top - rows, rows - bottom).clip(0), np.maximum(left - cols, cols - right).clip(0)
+        near = least_lengths(up, across) <= limit
+        starts = [(row, col) for row, col in asked.others[near].tolist()]
+        if not starts:
+            return NO_CELLS
+        # Half of such a path is near its one end, and half of it near the other.
+        ground = asked.view.ground
+        box = around([(top, left), (bottom, right), *starts], limit // 200 + 2, ground.terrain.shape)
+        return self._layer.lay(ground.static, starts, box, limit)

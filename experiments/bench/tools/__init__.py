@@ -1,0 +1,1 @@
+"""How anything is measured, kept and shown."""

@@ -1,0 +1,283 @@
+"""Cars in corridors: three-point turns, ways out in reverse, and ways round what is closed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agent.bodies.car import CarBody
+from agent.bodies.kernels.manoeuvre import CLEARANCE, TOO_SHORT, _fits, _is_free, search
+from agent.bodies.stuck.manoeuvre import MOST_ARCS, Manoeuvres
+from agent.ports import Place, State
+from agent.routes.ground import Spot
+from agent.routes.path_window import FAR
+from patrol.ground.swept_path import advance, path_is_free
+from patrol.ground.terrain import Terrain
+from patrol.pose import Drive, Pose
+from tests.agent.plans import Robots, plan, prepared_in
+
+RADIUS, TURNING, SPEED = 0.5, 1.0, 1.0
+CAR = {"model": "car", "radius": RADIUS, "turning_radius": TURNING, "speed": SPEED}
+
+
+def car(terrain: Terrain, pose: Pose, place: Spot, start: Pose | None = None, **patrol: object) -> Robots:
+    """A car that is to go to a place; ``start`` is where its reachable ground begins, unless that is its pose."""
+    prepared = prepared_in(terrain, [start or pose], CAR, patrol=patrol, sensor={"range": 3.0})
+    return Robots(prepared, Place(*place), at_poses=[pose])
+
+
+def dead_end(width: float) -> Terrain:
+    """A room of 6 x 6 m, and a corridor of 8 m that leads out of it and ends."""
+    low = 3.0 - 0.5 * width
+    return plan((14.0, 6.0), (0.0, 0.0, 6.0, 6.0), (6.0, low, 14.0, low + width))
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi, 0.3])
+def test_it_leaves_a_corridor_of_2_6_radii_in_which_it_cannot_turn(heading: float) -> None:
+    robots = car(dead_end(2.6 * RADIUS + 0.1), Pose(13.0, 3.0, heading if heading != 0.3 else 0.0), (2.0, 3.0))
+    robots.until_near((2.0, 3.0), 0.8, 80)
+    assert robots.bodies[0].collisions == 0
+
+
+@pytest.mark.parametrize("width", [3.0, 3.6, 4.2])
+def test_it_turns_round_in_a_corridor_by_three_points(width: float) -> None:
+    """It has to pass the bend at the corridor's other end with its nose, or in reverse, and comes there either way."""
+    terrain = plan((14.0, 8.0), (0.0, 0.0, 14.0, width), (0.0, 0.0, 3.0, 8.0))
+    robots = car(terrain, Pose(12.0, 0.5 * width, 0.0), (1.5, 7.0))
+    states, reverse = set(), 0
+    for _ in range(120):
+        (decision,) = robots.tick()
+        states.add(decision.state)
+        reverse += decision.command.numbers[0] < 0.0
+        if robots.apart((1.5, 7.0)) < 0.8:
+            break
+    assert robots.apart((1.5, 7.0)) < 0.8
+    assert states == {State.PATROLLING}
+    assert reverse > 0
+
+
+def test_it_backs_out_of_a_dead_end_as_wide_as_its_body() -> None:
+    terrain = dead_end(2.0 * RADIUS)
+    robots = car(terrain, Pose(9.0, 3.0, 0.0), (2.0, 3.0), start=Pose(3.0, 3.0, 0.0))
+    robots.until_near((2.0, 3.0), 0.8, 80)
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential"])
+def test_others_come_out_of_it_too(model: str) -> None:
+    terrain = dead_end(2.0 * RADIUS)
+    body = {"model": model, "radius": RADIUS, "speed": SPEED}
+    prepared = prepared_in(terrain, [Pose(3.0, 3.0, 0.0)], body, patrol={"random_move": 0.0})
+    robots = Robots(prepared, Place(2.0, 3.0), at_poses=[Pose(9.0, 3.0, 0.0)])
+    robots.until_near((2.0, 3.0), 0.1, 60)
+
+
+def test_without_manoeuvres_it_stays_there() -> None:
+    terrain = dead_end(2.0 * RADIUS)
+    robots = car(terrain, Pose(9.0, 3.0, 0.0), (2.0, 3.0), start=Pose(3.0, 3.0, 0.0), manoeuvres=False)
+    for _ in range(20):
+        (decision,) = robots.tick()
+        assert (decision.command, decision.state) == (Drive(0.0, 0.0), State.HOLDING)
+
+
+def test_a_car_without_manoeuvres_has_none() -> None:
+    for chosen in (True, False):
+        body = car(dead_end(2.0), Pose(3.0, 3.0, 0.0), (2.0, 2.0), manoeuvres=chosen).minds[0].body
+        assert isinstance(body, CarBody)
+        assert (body._manoeuvres is not None) == chosen
+
+
+def test_the_same_inputs_give_the_same_commands() -> None:
+    runs = []
+    for _ in range(2):
+        robots = car(dead_end(1.4), Pose(13.0, 3.0, 0.0), (2.0, 1.0))
+        runs.append([robots.tick() for _ in range(40)])
+    assert runs[0] == runs[1]
+
+
+def test_what_is_closed_is_gone_round() -> None:
+    terrain = plan((14.0, 8.0), (0.0, 0.0, 14.0, 8.0))
+    robots = car(terrain, Pose(2.0, 4.0, 0.0), (12.0, 4.0))
+    wreck = (7.0, 4.0, 1.5)
+    robots.minds[0].body.obstacles = lambda *_: [wreck]  # type: ignore[method-assign]
+    for _ in range(50):
+        robots.tick()
+        assert robots.apart(wreck[:2]) > wreck[2] - 0.1
+        if robots.apart((12.0, 4.0)) < 0.8:
+            return
+    pytest.fail(f"it is at {robots.bodies[0].pose}")
+
+
+def test_bumped_again_and_again_it_waits_now_and_then_and_finally_gets_itself_unstuck() -> None:
+    robots = car(plan((14.0, 8.0), (0.0, 0.0, 14.0, 8.0)), Pose(4.0, 4.0, 0.0), (12.0, 4.0))
+    pose, commands, states = robots.bodies[0].pose, [], []
+    for _ in range(40):
+        (decision,) = robots.tick()
+        commands.append(decision.command)
+        states.append(decision.state)
+        robots.bodies[0].pose, robots.bodies[0].bumped = pose, True
+    assert Drive(0.0, 0.0) in commands
+    assert states[0] == State.PATROLLING
+    assert State.DEAD_END in states
+    assert any(command.numbers[0] < 0.0 for command in commands)
+
+
+def test_a_place_close_by_round_a_corner_is_reached() -> None:
+    """Where little of the way is left and a wall is in between, the car neither parks nor swings."""
+    terrain = plan((8.0, 8.0), (0.0, 0.0, 8.0, 3.8), (0.0, 4.2, 8.0, 8.0), (5.5, 3.8, 8.0, 4.2))
+    robots = car(terrain, Pose(4.9, 3.0, 0.0), (5.0, 5.0))
+    robots.until_near((5.0, 5.0), 0.8, 60)
+
+
+# --- the search alone ------------------------------------------------------------------------------------------------
+
+
+def cluttered(seed: int, point: float) -> Terrain:
+    """8 x 8 m with ten blocks."""
+    dice = np.random.default_rng(seed)
+    size = round(8.0 / point)
+    passable = np.ones((size, size), dtype=np.bool_)
+    for _ in range(10):
+        row, col = (int(place) for place in dice.integers(0, size, 2))
+        high, wide = (int(extent) for extent in dice.integers(1, max(2, size // 8), 2))
+        passable[row : row + high, col : col + wide] = False
+    return Terrain("cluttered", passable, point)
+
+
+ARCS = [(sign * share * 0.5, bend) for share in (1.0, 0.4) for sign in (1.0, -1.0) for bend in (0.0, 1.0, -1.0, 0.5)]
+
+
+MOST_NODES = 3000
+
+
+def found_in(terrain: Terrain, pose: Pose, left: np.ndarray, radius: float, known: float = 100.0) -> list[int] | None:
+    """The arcs that a search finds, which ends 2 m nearer to the goal; None where it asks for a way that is not known.
+
+    Args:
+        terrain: The map.
+        pose: Where it begins.
+        left: float64 (h, w), the way left from each point, m.
+        radius: Of the body, m.
+        known: The longest way that is known, m.
+    """
+    found = np.zeros(MOST_ARCS, dtype=np.int64)
+    nothing = np.zeros((0, 0), dtype=np.uint8)
+    hundredths, limit, longest = (
+        np.rint(left * (100.0 / terrain.point)),
+        *(round(100.0 * way / terrain.point) for way in (100.0, known)),
+    )
+    lengths = np.where(hundredths <= longest, hundredths, FAR).astype(np.int32)
+    first = float(left[terrain.point_at(pose.x, pose.y)])
+    place = (terrain.point, *terrain.origin, pose.x, pose.y, pose.heading, first)
+    sizes = (0.2, radius, CLEARANCE, 1.0, 0.1, 2.0)
+    grids = (terrain.blocked, terrain.room, nothing, lengths, 0, 0, longest, limit)
+    count = search(*grids, *place, np.array(ARCS), *sizes, MOST_NODES, found)
+    return None if count == TOO_SHORT else [int(index) for index in found[:count]]
+
+
+@settings(max_examples=80)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    point=st.sampled_from([0.1, 0.25, 0.5]),
+    radius=st.floats(0.2, 0.8),
+    heading=st.floats(-3.1, 3.1),
+    x=st.floats(1.0, 7.0),
+    y=st.floats(1.0, 7.0),
+)
+def test_every_arc_that_is_found_is_free_and_they_lead_nearer(
+    seed: int, point: float, radius: float, heading: float, x: float, y: float
+) -> None:
+    terrain = cluttered(seed, point)
+    pose = Pose(x, y, heading)
+    rows, cols = np.mgrid[0 : terrain.height, 0 : terrain.width]
+    left = np.hypot((rows + 0.5) * point - 7.0, (cols + 0.5) * point - 7.0)
+    start = pose
+    for index in found_in(terrain, pose, left, radius) or ():
+        length, curvature = ARCS[index]
+        drive = Drive(length, curvature)
+        assert path_is_free(terrain, pose, drive, 1.0, radius)
+        pose = advance(pose, drive, 1.0)
+    if pose != start:
+        assert left[terrain.point_at(pose.x, pose.y)] < left[terrain.point_at(start.x, start.y)]
+
+
+@settings(max_examples=80)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    radius=st.floats(0.2, 0.8),
+    heading=st.floats(-3.1, 3.1),
+    x=st.floats(1.0, 7.0),
+    y=st.floats(1.0, 7.0),
+    beyond=st.floats(0.0, 3.0),
+)
+def test_a_search_that_knows_no_long_ways_finds_the_same_or_asks_for_them(
+    seed: int, radius: float, heading: float, x: float, y: float, beyond: float
+) -> None:
+    terrain, pose = cluttered(seed, 0.1), Pose(x, y, heading)
+    rows, cols = np.mgrid[0 : terrain.height, 0 : terrain.width]
+    left = np.round(np.hypot((rows + 0.5) * 0.1 - 7.0, (cols + 0.5) * 0.1 - 7.0), 3)
+    everything = found_in(terrain, pose, left, radius)
+    assert everything is not None
+    assert found_in(terrain, pose, left, radius, float(left[terrain.point_at(x, y)]) + beyond) in (None, everything)
+
+
+@settings(max_examples=200)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    point=st.sampled_from([0.1, 0.25, 0.5]),
+    radius=st.floats(0.2, 0.8),
+    distance=st.sampled_from([2.0, -2.0, 0.5, -0.5]),
+    curvature=st.sampled_from([0.0, 1.0, -0.5]),
+    heading=st.floats(-3.1, 3.1),
+    x=st.floats(-0.5, 8.5),
+    y=st.floats(-0.5, 8.5),
+    closes=st.booleans(),
+)
+def test_an_arc_is_free_where_the_body_fits_at_all_samples_and_none_is_closed(
+    seed: int,
+    point: float,
+    radius: float,
+    distance: float,
+    curvature: float,
+    heading: float,
+    x: float,
+    y: float,
+    closes: bool,
+) -> None:
+    terrain, samples = cluttered(seed, point), 40
+    closed = cluttered(seed + 1, point).blocked if closes else np.zeros((0, 0), dtype=np.uint8)
+    free = True
+    for sample in range(1, samples + 1):
+        end = advance(Pose(x, y, heading), Drive(distance * sample / samples, curvature), 1.0)
+        fits = bool(_fits(terrain.blocked, point, *terrain.origin, end.x, end.y, radius))
+        free = free and fits and not (closes and closed[terrain.point_at(end.x, end.y)])
+    grids = (terrain.blocked, terrain.room, closed, point, *terrain.origin)
+    assert bool(_is_free(*grids, x, y, heading, distance, curvature, samples, radius)) == free
+
+
+def test_where_no_way_leads_nothing_is_found() -> None:
+    terrain = plan((8.0, 8.0), (0.0, 0.0, 3.0, 8.0), (4.0, 0.0, 8.0, 8.0))
+    # It stands as near to its goal behind the wall as it gets.
+    rows, cols = np.mgrid[0:80, 0:80]
+    left = np.hypot((rows + 0.5) * 0.1 - 4.0, (cols + 0.5) * 0.1 - 7.0)
+    left[:, :25] += 10.0
+    left[:, 24:25] = np.where(np.abs(rows[:, :1] - 40) < 2, 0.5, 20.0)
+    assert found_in(terrain, Pose(2.45, 4.0, 0.0), left, 0.5) == []
+
+
+def test_a_plan_is_driven_to_its_end_and_made_anew_only_when_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    searches = []
+    real = Manoeuvres._search
+
+    def counted(self: Manoeuvres, *args: object, **more: object) -> bool:
+        searches.append(robots.k)
+        return real(self, *args, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Manoeuvres, "_search", counted)
+    robots = car(plan((40.0, 6.0), (0.0, 0.0, 40.0, 6.0)), Pose(2.0, 3.0, 0.0), (38.0, 3.0))
+    for _ in range(60):
+        robots.tick()
+    assert 4 <= len(searches) <= 8

@@ -1,0 +1,108 @@
+"""Fleets in benchmarks: they run as any other, and their readings are what the ticks were."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments.bench.measures.decisions import Patrol
+from experiments.bench.measures.fleets import STEP_S, blocks, measures_of, run_apart, square_scenario
+from experiments.bench.measures.one_fleet import FleetReadings, run_fleet
+from experiments.bench.tools.measure import Unmeasured
+from experiments.inprocess import run_in_process
+from patrol.scenario import load_scenario
+
+SMALL: dict[str, Any] = {
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "duration": 15.0,
+    "robots": {"count": 3, "model": "holonomic"},
+}
+
+
+def test_stretches_hold_every_tick_once() -> None:
+    assert blocks([1.0, 2.0, 3.0], count=5) == [(1.0, 1), (2.0, 1), (3.0, 1)]
+    found = blocks([1.0] * 23, count=5)
+    assert sum(ticks for _, ticks in found) == 23
+    assert all(total == ticks for total, ticks in found)
+    with pytest.raises(Unmeasured, match="no tick was done"):
+        blocks([])
+
+
+def test_robot_seconds_per_second_and_core_are_what_the_ticks_simulated() -> None:
+    readings = FleetReadings(
+        40, 1.0, 2.0, [0.2] * 10, [0.1] * 10, 0.5, 300.0, 17.0, valid=True, mfow_late_s=4.0, trace=""
+    )
+    found = {one.name: one for one in measures_of(readings, 6)}
+    assert found["robot-seconds per second and core"].values == pytest.approx([6 * STEP_S / 0.1] * 5)
+    assert found["robot-seconds per second and core"].says.startswith("20 with")  # 30 robot-s in 1.5 s
+    assert found["times real time"].values == pytest.approx([STEP_S / 0.2] * 5)
+    assert found["memory per robot"].values == (50.0,)
+    assert found["until the first tick"].values == (3.0,)
+    with pytest.raises(Unmeasured, match="verdict is not valid"):
+        measures_of(FleetReadings(40, 1.0, 2.0, [0.2], [0.1], 0.5, 300.0, 17.0, False, 4.0, ""), 6)
+
+
+def test_a_fleet_that_is_measured_does_what_it_does_otherwise() -> None:
+    scenario = load_scenario(SMALL)
+    readings = run_fleet(scenario, 1e9, skip=4, threads=1)
+    end = run_in_process(scenario).journal.end
+    assert end is not None
+    assert readings.trace == end.trace_hash
+    assert len(readings.wall) == len(readings.processor) == scenario.ticks - 4
+    assert readings.valid
+    assert readings.peak_mb > 50.0
+    assert 10.0 < readings.frame_bytes < 64.0
+
+
+def test_a_measured_patrol_goes_where_it_goes_otherwise() -> None:
+    scenario = load_scenario(SMALL)
+    ticks = list(run_in_process(scenario).journal.ticks)
+    patrol = Patrol(scenario)
+    for tick in ticks[:-1]:
+        assert [(row.x, row.y) for row in tick.robots] == patrol.places
+        patrol.decide()
+        patrol.next_tick()
+
+
+def test_a_fleet_ends_when_its_time_is_over() -> None:
+    scenario = load_scenario({**SMALL, "duration": 5000.0})
+    readings = run_fleet(scenario, 0.0, skip=2, threads=1)
+    assert len(readings.wall) < scenario.ticks - 2
+    assert readings.valid
+
+
+def test_the_kilometre_is_a_scenario_like_any_other(tmp_path: Path) -> None:
+    scenario = load_scenario(square_scenario(1000, tmp_path, loss=0.2))
+    assert len(scenario.roster) == 1000
+    assert [fault.kind for fault in scenario.faults] == ["loss"]
+    assert load_scenario(square_scenario(5, tmp_path)).faults == ()
+
+
+@pytest.mark.processes
+def test_a_fleet_of_its_own_process_ends_when_nobody_waits_for_it() -> None:
+    lifeline, ours = os.pipe()
+    command = [sys.executable, "-P", "-m", "experiments.bench.measures.one_fleet", str(lifeline)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, pass_fds=[lifeline]) as process:
+        os.close(lifeline)
+        assert process.stdin is not None
+        task = {"scenario": {**SMALL, "duration": 100_000.0}, "settings": {}, "seconds": 1e9, "skip": 4, "threads": 1}
+        process.stdin.write(json.dumps(task))
+        process.stdin.close()
+        os.close(ours)
+        assert process.wait(60) == 130
+
+
+@pytest.mark.processes
+def test_a_fleet_of_its_own_process_answers_or_says_why_not() -> None:
+    assert run_apart(SMALL, 1e9).trace == run_fleet(load_scenario(SMALL), 1e9, 4, 1).trace
+    assert len(run_apart(SMALL, 1e9, settings={"duration": 5.0}).wall) == 6
+    with pytest.raises(Unmeasured, match=r"the fleet's process failed: .*robots\.count"):
+        run_apart({**SMALL, "robots": {"count": 0}}, 1.0)

@@ -1,0 +1,58 @@
+"""The machine of a benchmark, and what the kernel says of processes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from experiments.bench.tools.machine import this_machine
+from experiments.bench.tools.measure import Unmeasured
+from experiments.bench.tools.procfs import family_of, loopback_bytes, memory_of, peak_mb, since_boot
+
+
+def test_a_busy_machine_is_warned_of() -> None:
+    machine = this_machine()
+    assert machine.cores >= 1
+    quiet, busy = replace(machine, load=0.0), replace(machine, load=2.0 * machine.cores)
+    assert (quiet.busy, quiet.warning) == (False, "")
+    assert busy.busy
+    assert busy.warning.startswith(f"this machine is busy: load {busy.load:.1f} on {machine.cores} cores")
+    assert len(machine.lines) == 2
+
+
+def test_the_memory_of_a_process_is_what_it_holds() -> None:
+    memory = memory_of(os.getpid())
+    assert 0.0 < memory.private <= memory.pss <= memory.rss
+    held = bytearray(64_000_000)
+    grown = memory_of(os.getpid())
+    assert grown.private - memory.private == pytest.approx(64.0, abs=8.0)
+    assert peak_mb() >= grown.rss - 1.0
+    del held
+
+
+@pytest.mark.processes
+def test_a_family_is_a_process_and_all_that_descend_from_it() -> None:
+    code = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'print(1, flush=True); input()'])"
+    command = [sys.executable, "-c", code]
+    begun = since_boot()
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        assert child.stdout.readline() == b"1\n"
+        family = {one.pid: one for one in family_of(child.pid)}
+        (grandchild,) = [one for one in family.values() if one.parent == child.pid]
+        assert set(family) == {child.pid, grandchild.pid}
+        assert grandchild.words[:2] == (sys.executable, "-c")
+        assert begun - 0.1 < family[child.pid].began <= grandchild.began <= since_boot()
+        child.stdin.close()
+    assert family_of(child.pid) == []
+    with pytest.raises(Unmeasured, match="cannot be read"):
+        memory_of(child.pid)
+
+
+def test_what_this_machine_sends_itself_is_counted() -> None:
+    assert loopback_bytes() >= 0
