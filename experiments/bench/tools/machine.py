@@ -10,12 +10,13 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+import experiments
 from experiments.sweeps.pool import cores
 
 BUSY_LOAD = 0.3
 """The share of the machine above which others' work disturbs a benchmark."""
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(experiments.__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,14 @@ def test_a_busy_machine_is_warned_of() -> None:
     assert busy.busy
     assert busy.warning.startswith(f"this machine is busy: load {busy.load:.1f} on {machine.cores} cores")
     assert len(machine.lines) == 2
+
+
+def test_a_benchmark_names_its_commit() -> None:
+    root = Path(__file__).parents[4]
+    asked = subprocess.run(["git", "-C", str(root), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
+    if asked.returncode != 0:
+        pytest.skip("this is no checkout")
+    assert this_machine().commit.removesuffix("+") == asked.stdout.strip()
 
 
 def test_the_memory_of_a_process_is_what_it_holds() -> None:
