@@ -27,7 +27,8 @@ def test_a_busy_machine_is_warned_of() -> None:
 
 def test_a_benchmark_names_its_commit() -> None:
     root = Path(__file__).parents[4]
-    asked = subprocess.run(["git", "-C", str(root), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
+    command = ["git", "-C", str(root), "rev-parse", "--short", "HEAD"]
+    asked = subprocess.run(command, capture_output=True, text=True, check=False)
     if asked.returncode != 0:
         pytest.skip("this is no checkout")
     assert this_machine().commit.removesuffix("+") == asked.stdout.strip()
