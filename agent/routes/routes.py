@@ -23,8 +23,11 @@ LEAST_SPAN = 64
 LARGE = 2**21
 """Points of a window that is worth letting go; one over a whole terrain of 1600 x 2400 points takes 54 MB."""
 
+STRAIGHT_OVER = 2**16
+"""Points between two places among which a closed one is looked for before a wave."""
+
 IDLE = 16
-"""Requests for other windows after which a large one is let go. Some are needed at the beginning only."""
+"""Ways found without it after which a large one is let go. Some are needed at the beginning only."""
 
 Element = tuple[int, int]
 """Row and column in `Ground.state`: one more than those of the terrain's point."""
@@ -109,6 +112,8 @@ class Routes:
         """
         here = self._ground.centre(*target)
         if start == target or self._is_straight(start, target):
+            for key in list(self._scratch):
+                self._let_go(key)
             return Way(here, here, float(unhindered(start, target)) * self._ground.terrain.point / 100.0)
         if expected is not None:
             window = self.window(-(-expected // 100) + 1)
@@ -134,9 +139,12 @@ class Routes:
         """Whether nothing is closed between two elements, and the one is in sight of the other.
 
         Then no way is shorter than theirs, and it does not bend. No look reaches farther than the terrain is long.
+        Where much lies between them, something is closed nearly always, and is not looked for.
         """
         (row, col), (to_row, to_col) = start, target
         if math.dist(start, target) > max(self._ground.terrain.shape):
+            return False
+        if (abs(to_row - row) + 1) * (abs(to_col - col) + 1) > STRAIGHT_OVER:
             return False
         rows, cols = slice(min(row, to_row), max(row, to_row) + 1), slice(min(col, to_col), max(col, to_col) + 1)
         return bool(self._ground.state[rows, cols].all())
@@ -169,7 +177,7 @@ class Routes:
         return wave
 
     def _let_go(self, key: str) -> None:
-        """Count a request for another window; let a large wave go that nobody has asked for in a while."""
+        """Count a way found without this window; let a large wave go that nobody has asked for in a while."""
         wave = self._scratch[key]
         wave.idle += 1
         if wave.idle > IDLE and isinstance(wave, Wave) and wave.state.size > LARGE:

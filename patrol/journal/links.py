@@ -93,14 +93,9 @@ class Links(_Rows[tuple[int, int, int]]):
         source: int64 (n,).
         destination: int64 (n,).
         sequence: int64 (n,).
-        packed: What a trace hash takes in of them (`patrol.journal.trace`); empty until one has.
     """
 
-    __slots__ = ("packed",)
-
-    def __init__(self, source: Column, destination: Column, sequence: Column) -> None:
-        super().__init__(source, destination, sequence)
-        self.packed = b""
+    __slots__ = ()
 
 
 class Drops(_Rows[tuple[int, int, int, str]]):

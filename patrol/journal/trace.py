@@ -50,8 +50,7 @@ class TraceHash:
         ]
         self._hash.update(b"".join(parts))
         links = links_of(record.deliveries)
-        links.packed = links.packed or _packed(links)
-        self._hash.update(links.packed)
+        self._hash.update(_packed(links))
         self._hash.update(_LAST.pack(len(links), record.mfow))
 
     def hexdigest(self) -> str:

@@ -136,7 +136,7 @@ class Position:
             raise ValueError(f"trail has {len(self.trail)} positions, at most {MAX_TRAIL} fit")
         for dx, dy in self.trail:
             if not (type(dx) is type(dy) is int and min(dx, dy) >= MIN_STEP_CM and max(dx, dy) <= MAX_STEP_CM):
-                raise ValueError(f"trail has ({dx!r}, {dy!r}), which are no integers in {MIN_STEP_CM}..{MAX_STEP_CM}")
+                raise ValueError(f"trail has a step that is no pair of integers in {MIN_STEP_CM}..{MAX_STEP_CM}")
 
     @classmethod
     def of(

@@ -289,7 +289,7 @@ class Scenario(Section):
 
     @cached_property
     def roster(self) -> tuple[RobotSpec, ...]:
-        """The robots in the order of their numbers, 1..N."""
+        """The robots in the order of their numbers, 1..N. It is no field: `model_dump` leaves it out."""
         return tuple(roster_of(self.robots))
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+PATIENCE_S = 300.0
 PROGRAM = """
 import sys
 from agent.fork_server import _load
@@ -27,7 +28,8 @@ print("later:", *sorted(name for name in set(sys.modules) - prepared if ".kernel
 
 @pytest.mark.parametrize("model", ["car", "holonomic", "differential"])
 def test_an_agent_that_patrols_loads_no_kernels(model: str) -> None:
-    ran = subprocess.run([sys.executable, "-P", "-c", PROGRAM, model], capture_output=True, text=True, check=True)
+    command = [sys.executable, "-P", "-c", PROGRAM, model]
+    ran = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     kernels, later = (line.split()[1:] for line in ran.stdout.splitlines() if line.startswith(("kernels:", "later:")))
     assert "agent.routes.kernels.wave" in kernels
     assert [name for name in later if name.startswith(("agent.", "patrol."))] == []

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from patrol.ground.swept_path import advance
+from patrol.ground.swept_path import advance, chords, lay_path
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Twist, Velocity
@@ -276,6 +276,22 @@ def test_who_is_far_away_changes_nothing_for_those_who_meet() -> None:
     move([among[0], far, among[1]], FIELD, STEP)
     assert [one.pose for one in among] == [one.pose for one in alone]
     assert (far.pose.y, [one.collisions for one in among]) == (5.25, [1, 1])
+
+
+def test_bodies_meet_as_if_the_paths_of_all_were_laid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A car on a narrow arc, far from all others, sets into how many chords everybody's arcs are divided."""
+    pair = [(0.0, 0.0, Drive(4.0, 0.15), CAR), (3.2, 0.1, Drive(-4.0, 0.2), CAR)]
+    bodies = [body(*one) for one in [*pair, (20.0, 20.0, Drive(4.4, 0.28), CAR)]]
+    pieces = max(chords(one.command, STEP) for one in bodies)
+    assert pieces > max(chords(one.command, STEP) for one in bodies[:2]), "the far one is cut finer"
+    due = np.empty((2, pieces + 1, 2))
+    for path, one in zip(due, bodies[:2], strict=True):
+        lay_path(path, one.pose, one.command, STEP)
+    laid = []
+    monkeypatch.setattr("worldsim.motion.cancel_meeting", lambda paths, *_: laid.append(paths.copy()))
+    move(bodies, Terrain("wide", np.ones((60, 60), dtype=np.bool_), 0.5, (-2.0, -1.0)), STEP)
+    assert len(laid) == 1
+    assert np.array_equal(laid[0], due)
 
 
 def test_distances_add_up() -> None:

@@ -1,1 +1,1 @@
-"""How anything is measured, kept and shown."""
+"""How the benchmarks take time and memory, what they say of the machine, and how results are written."""

@@ -27,7 +27,12 @@ def begin_collection() -> None:
 
 @contextmanager
 def spared() -> Iterator[None]:
-    """Collect nothing of what is there already while a block runs: one that makes little and lasts."""
+    """Collect nothing of what is there already while a block runs.
+
+    It is for loops that last, over large structures that stay. What is garbage by then is collected first, since
+    nothing would collect it in the block.
+    """
+    gc.collect()
     gc.freeze()
     try:
         yield

@@ -218,6 +218,20 @@ def test_a_way_over_open_ground_is_the_wave_s(closed: list[tuple[int, int]]) -> 
             assert routes.way(start, (int(row), int(col))) == Way(ground.centre(int(row), int(col)), bend, length)
 
 
+def test_a_way_heeds_what_was_closed_whatever_length_is_expected() -> None:
+    is_open = np.ones((14, 40), dtype=np.bool_)
+    ground, routes = routes_of(is_open)
+    start, target = (7, 3), (7, 30)
+    before = routes.way(start, target)
+    assert before == routes.way(start, target, expected=100) == routes.way(start, target, expected=10_000)
+    assert before.bend == before.place
+    ground.close([(*ground.centre(7, 15), 2.0 * POINT)])
+    around = [routes.way(start, target, expected) for expected in (None, 100, 10_000)]
+    assert around[0].length > before.length
+    assert around[0].bend != around[0].place
+    assert around[1:] == around[:1] * 2
+
+
 def test_windows_are_shared_and_leave_nothing_behind() -> None:
     is_open, (row, col) = grid_of(5)
     other, (other_row, other_col) = np.ones_like(is_open), (0, 0)

@@ -356,7 +356,7 @@ def test_a_server_that_cannot_be_started_leaves_nothing(tmp_path: Path, monkeypa
         with pytest.raises(OSError, match="no room"):
             ForkServer(children, tmp_path / "log", lambda: False, [["python"]])
         children.close()
-    assert len(descriptors(os.getpid())) < before + tries, "other threads of this process hold some of their own"
+    assert len(descriptors(os.getpid())) < before + tries // 2, "other threads of this process hold some of their own"
     assert adopters.count == adopting
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from patrol.journal.links import Links, drops_of, joined, links_of, to_others
+from patrol.journal.links import Links, drops_of, joined, links_of
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.scenario.faults.kinds import Fault, Loss
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link, there
@@ -16,6 +17,7 @@ from worldsim.radio.rules import DROPS
 from worldsim.verdict.common.faults import NO_ROBOT
 
 if TYPE_CHECKING:
+    from patrol.journal.links import Column
     from patrol.journal.records import TickRecord
 
 
@@ -109,8 +111,22 @@ def sent_links(record: TickRecord) -> Links:
         sequences.append(frame_sequence(record.k, places[source]))
         places[source] += 1
     here = tuple([row.number for row in record.robots if there(row.status)])
-    links = to_others(tuple([source for source, _ in record.frames]), here)
-    return Links(links.source, links.destination, np.array(sequences, dtype=np.int64)[links.frame])
+    frame, sender, receiver = _pairs(tuple([source for source, _ in record.frames]), here)
+    return Links(sender, receiver, np.array(sequences, dtype=np.int64)[frame])
+
+
+@lru_cache(maxsize=2)
+def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> tuple[Column, Column, Column]:
+    """Each frame with each robot that is there but its sender: places of the frames, senders, receivers; read-only.
+
+    The ether has code of its own for this, so that an error in it does not confirm itself.
+    """
+    of, to = np.array(sources, dtype=np.int64), np.array(here, dtype=np.int64)
+    frame, receiver = np.nonzero(of[:, None] != to[None, :])
+    columns = frame.astype(np.int64, copy=False), of[frame], to[receiver]
+    for column in columns:
+        column.flags.writeable = False
+    return columns
 
 
 def kind_of(cause: str) -> str:

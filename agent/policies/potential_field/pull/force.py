@@ -21,7 +21,7 @@ PAPER_AREA = 100.0 * 88.0 / 5.0
 """Patrolled ground per robot, m2, to which `patrol.reach: area` refers: the terrain `open` with five robots."""
 
 REMEMBERED = 16
-"""Tables of f by age that are kept: those of one tick."""
+"""Tables of f by age that are kept: those of one tick, unless more robots than so many believe in different fogs."""
 
 FloatArray = NDArray[np.float64]
 

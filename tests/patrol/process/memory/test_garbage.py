@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gc
+import weakref
 from collections.abc import Iterator
 
 import pytest
@@ -41,3 +42,17 @@ def test_what_is_there_before_a_block_is_collected_again_after_it() -> None:
         made: list[list[int]] = [[]]
         assert any(one is made for one in gc.get_objects())
     assert any(one is there for one in gc.get_objects())
+
+
+def test_what_is_garbage_before_a_block_is_gone_within_it() -> None:
+    class Ring:
+        """Refers to itself, so that only a collection finds it."""
+
+    gc.disable()
+    ring = Ring()
+    ring.self = ring  # type: ignore[attr-defined]
+    gone = weakref.ref(ring)
+    del ring
+    assert gone() is not None
+    with spared():
+        assert gone() is None
