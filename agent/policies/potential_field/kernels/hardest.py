@@ -15,6 +15,8 @@ SHUNNED = types.Array(types.int64, 2, "C", readonly=True)
 ROWS = types.Array(types.int32, 2, "C", readonly=True)
 int64 = types.int64
 float64 = types.float64
+index = types.uint64
+"""Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
 
 UNKNOWN = 2**31 - 1
 """The length of an unknown path."""
@@ -96,41 +98,45 @@ def hardest(
         place: int64 (4,), row and column in the terrain of the point that exerts it and of the place to stand on;
             updated in place.
     """
-    cols = right - left
-    count = (bottom - top) * cols if posts is None else posts.shape[0]
-    for i in range(count):
-        if posts is None:
-            row, col = top + i // cols, left + i % cols
-            seen_row, seen_col = row0 + row, col0 + col
-        else:
-            row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
-            if row < top or row >= bottom or col < left or col >= right:
+    if posts is None:
+        first, end, left_col, right_col = top, bottom, left, right
+    else:
+        first, end, left_col, right_col = 0, posts.shape[0], 0, 1
+    most = best[0]
+    for i in range(first, end):
+        for j in range(left_col, right_col):
+            if posts is None:
+                row, col, seen_row, seen_col = i, j, row0 + i, col0 + j
+            else:
+                row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
+                if row < top or row >= bottom or col < left or col >= right:
+                    continue
+            if state[index(row), index(col)] & 3 != 3:
                 continue
-        if state[row, col] & 3 != 3:
-            continue
-        when = max(seen[seen_row, seen_col], 0)
-        if tick - when < least or looked[seen_row, seen_col] >= tick:
-            continue
-        far = max(length[row, col], 1)
-        nearest = rival[row, col] if rival.size > 0 else UNKNOWN
-        if far - nearest > hand_over:
-            continue
-        force = log_pull[min(tick - when, log_pull.size - 1)] + log_decay[far]
-        if force <= best[0]:
-            continue
-        if width > 0.0:
-            behind = (far - nearest) / width
-            force -= behind if behind > 40.0 else math.log1p(math.exp(max(behind, -40.0)))
-            if force <= best[0]:
+            age = tick - max(int64(seen[index(seen_row), index(seen_col)]), 0)
+            if age < least or looked[index(seen_row), index(seen_col)] >= tick:
                 continue
-        up, across = row0 + row - home_row, col0 + col - home_col
-        away = up * up + across * across > home_squared
-        for j in range(shunned.shape[0]):
-            up, across = row0 + row - shunned[j, 0], col0 + col - shunned[j, 1]
-            away = away and up * up + across * across > shunned[j, 2]
-        if away:
-            best[0] = force
-            place[0], place[1], place[2], place[3] = seen_row, seen_col, row0 + row, col0 + col
+            far = max(int64(length[index(row), index(col)]), 1)
+            nearest = int64(rival[index(row), index(col)]) if rival.size > 0 else UNKNOWN
+            if far - nearest > hand_over:
+                continue
+            force = log_pull[index(min(age, log_pull.size - 1))] + log_decay[index(far)]
+            if force <= most:
+                continue
+            if width > 0.0:
+                behind = (far - nearest) / width
+                force -= behind if behind > 40.0 else math.log1p(math.exp(max(behind, -40.0)))
+                if force <= most:
+                    continue
+            up, across = row0 + row - home_row, col0 + col - home_col
+            away = up * up + across * across > home_squared
+            for k in range(shunned.shape[0]):
+                up, across = row0 + row - shunned[k, 0], col0 + col - shunned[k, 1]
+                away = away and up * up + across * across > shunned[k, 2]
+            if away:
+                most = force
+                place[0], place[1], place[2], place[3] = seen_row, seen_col, row0 + row, col0 + col
+    best[0] = most
 
 
 # fmt: on
