@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.kernels.straight import between, rays
+from agent.routes.ground import Ground
+from agent.routes.kernels.straight import between, open_up, rays
 from agent.routes.kernels.wave import OPEN
 from agent.routes.path_window import PathWindow
 
@@ -31,14 +32,16 @@ class Straight(PathWindow):
         self._open = np.where(patrolled, np.uint8(OPEN), np.uint8(0))
         # No path bends.
         self.bend = np.arange(self.state.size, dtype=np.int32).reshape(self.state.shape)
-        self._away = np.empty((span + 1, span + 1), dtype=np.int32)
+        self._away = np.empty((span + 1, 2 * span + 1), dtype=np.int32)
         between(self._away)
 
+    def _place(self, ground: Ground, row: int, col: int) -> None:
+        """As of any window, with the patrolled points open."""
+        self._lie(ground, row, col)
+        open_up(ground.state, self._open, self.state, self.row0 + 1, self.col0 + 1)
+
     def _begin(self) -> None:
-        """Open the patrolled points. Nothing is kept between calls: a longer limit overwrites."""
-        rows, cols = self.state.shape
-        top, left = self.row0 + 1, self.col0 + 1
-        self.state[1:-1, 1:-1] |= self._open[top : top + rows - 2, left : left + cols - 2]
+        """Nothing is kept between calls: a longer limit overwrites."""
 
     def extend(self, limit: int) -> None:
         """Settle every path up to ``limit`` hundredths of a point."""

@@ -17,7 +17,7 @@ from patrol.ground.doors.passages import narrow_passages
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose
-from patrol.radio.peers import Peer
+from patrol.radio.peers import Peer, places_of
 from patrol.scenario import PatrolSpec
 
 
@@ -34,10 +34,10 @@ def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, p
         Discs (x, y, radius) in m.
     """
     discs = []
-    for _, peer in sorted(peers.items()):
-        apart = math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y) - point
+    for x, y in places_of(peers).tolist():
+        apart = math.hypot(x - pose.x, y - pose.y) - point
         if apart > 0.0:
-            discs.append((peer.pose.x, peer.pose.y, min(radius, apart)))
+            discs.append((x, y, min(radius, apart)))
     return discs
 
 
@@ -70,8 +70,8 @@ def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers
     Returns:
         The areas' numbers, ascending.
     """
-    own = _area_at(areas, terrain, pose)
-    taken = {_area_at(areas, terrain, peer.pose) for peer in peers.values()}
+    own = _area_at(areas, terrain, pose.x, pose.y)
+    taken = {_area_at(areas, terrain, x, y) for x, y in places_of(peers).tolist()}
     return sorted(taken - {0, own})
 
 
@@ -89,8 +89,8 @@ def repel(sums: NDArray[np.float64], pose: Pose, peers: Mapping[int, Peer], patr
     """
     as_vector = patrol.direction == "vector"
     total = float(sums[2] if as_vector else sums.sum())
-    for _, peer in sorted(peers.items()):
-        across, up = pose.x - peer.pose.x, pose.y - peer.pose.y
+    for x, y in places_of(peers).tolist():
+        across, up = pose.x - x, pose.y - y
         distance = math.hypot(across, up)
         if distance == 0.0:
             continue
@@ -102,8 +102,8 @@ def repel(sums: NDArray[np.float64], pose: Pose, peers: Mapping[int, Peer], patr
             sums[round(math.atan2(up, across) / (TAU / sums.size)) % sums.size] += force
 
 
-def _area_at(areas: NDArray[np.int32], terrain: Terrain, pose: Pose) -> int:
-    row, col = terrain.point_at(pose.x, pose.y)
+def _area_at(areas: NDArray[np.int32], terrain: Terrain, x: float, y: float) -> int:
+    row, col = terrain.point_at(x, y)
     return int(areas[row, col]) if terrain.inside(row, col) else 0
 
 

@@ -32,6 +32,10 @@ if TYPE_CHECKING:
 FIRST_LOOK = 20.0
 """Path length in m of the first round, whose forces determine the horizon of the second."""
 
+MARGIN = 1.02
+"""How much longer paths are followed at once than the horizon of the last tick, so that a few more do not take a second
+round."""
+
 CLOSE_ENOUGH = 0.5
 """A place close by is worth a stop when it pulls with at least this share of the strongest force."""
 
@@ -214,7 +218,7 @@ class Field:
         first = self._first
         self._gather(0, first, dilated(self._span(first)), seen, tick, by_age, forces)
         horizon = self._horizon(forces, by_age)
-        self._expected = horizon
+        self._expected = round(horizon * MARGIN)
         if horizon > first:
             self._gather(first, horizon, dilated(self._span(horizon)), seen, tick, by_age, forces)
         return self._found(nearby, forces)

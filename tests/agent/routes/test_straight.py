@@ -1,0 +1,36 @@
+"""Straight paths: the line to every patrolled point, and to nothing else."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from agent.routes.ground import Ground
+from agent.routes.kernels.wave import SETTLED, STATUS
+from agent.routes.straight import Straight
+from patrol.ground.terrain import Terrain
+
+HEIGHT, WIDTH, SPAN = 30, 40, 9
+
+
+@pytest.mark.parametrize("limit", [250, 100 * SPAN])
+def test_lengths_equal_their_formula_wherever_the_window_lies(limit: int) -> None:
+    drawn = np.random.default_rng(5)
+    patrolled = drawn.random((HEIGHT, WIDTH)) < 0.8
+    reach = patrolled & (drawn.random((HEIGHT, WIDTH)) < 0.7)
+    ground = Ground(Terrain("t", patrolled, 0.5), reach)
+    window = Straight(HEIGHT, WIDTH, SPAN, patrolled)
+    # One start after the other, so that what one leaves must not be left to the next.
+    for start in [(0, 0), (HEIGHT - 1, WIDTH - 1), (15, 20), (4, 37), (15, 21)]:
+        window.begin(ground, start[0] + 1, start[1] + 1)
+        window.extend(limit)
+        expected = {}
+        for row, col in zip(*np.nonzero(patrolled), strict=True):
+            length = round(100 * math.dist(start, (row, col)))
+            if length <= limit and max(abs(row - start[0]), abs(col - start[1])) <= SPAN:
+                expected[int(row), int(col)] = length
+        settled = np.argwhere(window.state & STATUS == SETTLED).tolist()
+        found = {(row + window.row0, col + window.col0): int(window.length[row, col]) for row, col in settled}
+        assert found == expected
