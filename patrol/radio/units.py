@@ -7,12 +7,6 @@ the numbers themselves, because a call costs more than what it does.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 CM_PER_M = 100.0
 MRAD_PER_RAD = 1000.0
 MS_PER_S = 1000.0
@@ -26,11 +20,6 @@ def m_to_cm(length: float) -> float:
 def cm_to_m(length: float) -> float:
     """A length in cm as m."""
     return length / CM_PER_M
-
-
-def all_to_m(lengths: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Lengths in cm as m, each as `cm_to_m` has it."""
-    return lengths / CM_PER_M
 
 
 def rad_to_mrad(angle: float) -> float:
