@@ -23,6 +23,9 @@ LARGEST = 1e9
 
 PAIR = "pair of numbers"
 
+_INTENTS = Bearing, Place, Stay, Steer
+_MAPPINGS = dict, Mapping
+
 
 def _where(cause: BaseException | None) -> str:
     """The innermost line of code of an error, as `` (file.py:27)``."""
@@ -50,17 +53,16 @@ def checked(intent: object, *, ours: bool = False) -> Intent:
     Raises:
         PolicyFailed: It is no intent, or a number in it is none that a body can compute with.
     """
-    kind = type(intent).__name__
-    if not isinstance(intent, Bearing | Place | Stay | Steer):
-        raise PolicyFailed(f"returned {kind}; return Bearing, Place, Stay or Steer")
+    if not isinstance(intent, _INTENTS):
+        raise PolicyFailed(f"returned {type(intent).__name__}; return Bearing, Place, Stay or Steer")
     if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
         raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
     figures = intent.figures
-    if not isinstance(figures, dict | Mapping) or not all(isinstance(name, str) for name in figures):
+    if not isinstance(figures, _MAPPINGS) or (figures and not all(isinstance(name, str) for name in figures)):
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
     if _is_ready(intent, ours):
         return intent
-    plain = _plain_numbers(intent, ours)
+    kind, plain = type(intent).__name__, _plain_numbers(intent, ours)
     for name, value in _numbers(plain, ours):
         if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
             raise PolicyFailed(f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9")

@@ -86,10 +86,11 @@ class Sender:
         contacts = [encode(Position.of_contact(sensed.k, sensed.clock_s, x, y), self._key) for x, y in seen]
         frames = self._affordable((frame, *contacts))
         if frames:
-            told = seen[: len(frames) - 1]
             self._last = position
-            self._reported = tuple(place for place in seen if place in told or place in self._reported)
-            self._turn += len(told)
+            if seen or self._reported:
+                told = seen[: len(frames) - 1]
+                self._reported = tuple(place for place in seen if place in told or place in self._reported)
+                self._turn += len(told)
         return frames
 
     def _in_turn(self, seen: Places) -> Places:
@@ -117,6 +118,8 @@ class Sender:
 
     def _fitting(self, position: Position) -> tuple[Position, bytes]:
         """The position with as much of its trail as is of use and fits into a frame, and the frame."""
+        if len(self._track) == 1:  # no trail, as of a fleet that sends none
+            return position, encode(position, self._key)
         sending = self._sending
         places = list(self._track)[:: sending.trail_every]
         steps = tuple((old[0] - new[0], old[1] - new[1]) for new, old in itertools.pairwise(places))

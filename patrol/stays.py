@@ -81,8 +81,14 @@ class _Box:
 
     def add(self, x: float, y: float) -> None:
         """Take in one more position."""
-        self.left, self.right = min(self.left, x), max(self.right, x)
-        self.bottom, self.top = min(self.bottom, y), max(self.top, y)
+        if x < self.left:
+            self.left = x
+        elif x > self.right:
+            self.right = x
+        if y < self.bottom:
+            self.bottom = y
+        elif y > self.top:
+            self.top = y
 
     @property
     def centre(self) -> Place:
@@ -115,33 +121,37 @@ class _Track:
         """
         self.radius = radius
         self._ticks = ticks
-        self._places: deque[tuple[int, Place]] = deque()
+        self._places: deque[Place] = deque()
+        self._seen_at: deque[int] = deque()
         self._box: _Box | None = None
         self.since = 0
         self._circle: Place | None = None
 
     def add(self, k: int, x: float, y: float) -> None:
         """Take in the next position."""
-        places = self._places
-        places.append((k, (x, y)))
+        places, seen_at = self._places, self._seen_at
+        places.append((x, y))
+        seen_at.append(k)
         if self._box is None:
             self._box, self.since = _Box([(x, y)]), k
         self._box.add(x, y)
         if self._circle is not None:
-            while places[0][0] < k - self._ticks:
+            while seen_at[0] < k - self._ticks:
                 places.popleft()
+                seen_at.popleft()
         if self._circle is not None and math.dist(self._circle, (x, y)) > self.radius:
             # All since the stay began may still fit into a circle beside the first one.
             if self._box.within(self.radius):
                 self._circle = self._box.centre
             else:
-                self._circle, self._box = None, _Box(place for _, place in places)
+                self._circle, self._box = None, _Box(places)
         if self._circle is not None:
             return
-        while not self._box.fits(self.radius, (place for _, place in places)):
+        while not self._box.fits(self.radius, places):
             places.popleft()
-            self._box = _Box(place for _, place in places)
-        self.since = places[0][0]
+            seen_at.popleft()
+            self._box = _Box(places)
+        self.since = seen_at[0]
         if k - self.since >= self._ticks:
             self._circle = self._box.centre
 
@@ -206,6 +216,18 @@ class Stays:
         """
         track = self._tracks.get(number)
         return None if track is None else track.stay
+
+    def since(self, number: int) -> int | None:
+        """The tick in which the present stay of a robot began, which costs less than `stay`.
+
+        Args:
+            number: Of the robot.
+
+        Returns:
+            The tick; None for a robot that is free, or that has no place.
+        """
+        track = self._tracks.get(number)
+        return None if track is None else track.since
 
     def long(self, k: int) -> dict[int, Stay]:
         """The stays that have lasted `TRAPPED_S`.

@@ -29,7 +29,7 @@ from patrol.radio.inbox import Inbox
 from patrol.radio.message import CONTACT
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
-from patrol.radio.units import all_to_m
+from patrol.radio.units import CM_PER_M
 
 _Looks = tuple[bytes, frozenset[tuple[int, Pose]]]
 """What a mind has learnt in a tick: which of the tick's looks, and which others."""
@@ -67,9 +67,10 @@ class HeardPeers(Mapping[int, Peer]):
     def places(self) -> NDArray[np.float64]:
         """float64 (len, 2), x and y of each in m, by number."""
         ears = self._ears
-        found = np.empty((len(ears.numbers), 2), dtype=np.int64)
-        count = heard_places(ears.sequence, ears.at, ears.x, ears.y, self._row, NOTHING, self._since, found)
-        return all_to_m(found[:count])
+        found = np.empty((len(ears.numbers), 2), dtype=np.float64)
+        tables = ears.sequence, ears.at, ears.x, ears.y
+        count = heard_places(*tables, self._row, NOTHING, self._since, CM_PER_M, found)
+        return found[:count]
 
     @property
     def _known(self) -> NDArray[np.bool_]:

@@ -85,6 +85,7 @@ class Inbox:
 
     Attributes:
         counts: frames dropped so far, by reason.
+        rejected: frames dropped so far, for any reason.
         trail_every: ticks between the places of a trail.
     """
 
@@ -101,9 +102,11 @@ class Inbox:
     ) -> None:
         self.trail_every = trail_every
         self.counts: dict[RejectReason, int] = dict.fromkeys(RejectReason, 0)
+        self.rejected = 0
         self._own = own
         self._roster = frozenset(roster)
-        self._bounds = bounds
+        x_min, y_min, x_max, y_max = bounds
+        self._bounds = x_min - ROUNDING, y_min - ROUNDING, x_max + ROUNDING, y_max + ROUNDING
         self._max_speed = max_speed
         self._key = key
         self._step = step
@@ -179,11 +182,6 @@ class Inbox:
         self._windows[robot] = history.window
         self._starts[robot] = history.start
 
-    @property
-    def rejected(self) -> int:
-        """Frames dropped so far, for any reason."""
-        return sum(self.counts.values())
-
     def accept(self, frame: bytes, now_s: float) -> Position | None:
         """Decode a frame and check it.
 
@@ -208,6 +206,7 @@ class Inbox:
                 self._check_motion(_Heard(position, now_s))
         except Rejected as rejected:
             self.counts[rejected.reason] += 1
+            self.rejected += 1
             return None
         return self._plausible_trail(position)
 
@@ -232,8 +231,7 @@ class Inbox:
     def _check_place(self, position: Position) -> None:
         x_min, y_min, x_max, y_max = self._bounds
         for x, y in ((cm_to_m(position.x_cm), cm_to_m(position.y_cm)), *position.past):
-            inside_x = x_min - ROUNDING <= x <= x_max + ROUNDING
-            if not (inside_x and y_min - ROUNDING <= y <= y_max + ROUNDING):
+            if not (x_min <= x <= x_max and y_min <= y <= y_max):
                 raise Rejected(RejectReason.OUTSIDE, f"({x}, {y}) is off the terrain")
 
     def _check_tick(self, position: Position, now_s: float) -> None:

@@ -16,7 +16,6 @@ Numbers are rounded to the nearest unit (ties to even), headings to the nearest 
 from __future__ import annotations
 
 import hmac
-import math
 from dataclasses import dataclass
 from enum import StrEnum
 from hashlib import blake2b
@@ -25,7 +24,7 @@ from typing import Any
 import msgpack
 
 from patrol.pose import TAU, Pose, wrap
-from patrol.radio.units import cm_to_m, m_to_cm, mrad_to_rad, rad_to_mrad, s_to_ms
+from patrol.radio.units import CM_PER_M, MRAD_PER_RAD, cm_to_m, rad_to_mrad, s_to_ms
 
 VERSION = 1
 MAX_FRAME = 64
@@ -154,10 +153,11 @@ class Position:
         Raises:
             ValueError: when a number does not fit.
         """
-        time_ms = s_to_ms(time_s)
-        if not math.isfinite(time_ms):
-            raise ValueError(f"the time {time_s} s is not finite")
-        return cls(robot, sequence, round(time_ms), *_rounded(pose), trail)
+        try:
+            time_ms = round(s_to_ms(time_s))
+        except (OverflowError, ValueError):
+            raise ValueError(f"the time {time_s} s is not finite") from None
+        return cls(robot, sequence, time_ms, *_rounded(pose), trail)
 
     @classmethod
     def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
@@ -177,7 +177,7 @@ class Position:
     @property
     def pose(self) -> Pose:
         """The pose that receivers compute with (m, rad)."""
-        return Pose(cm_to_m(self.x_cm), cm_to_m(self.y_cm), wrap(mrad_to_rad(self.heading_mrad)))
+        return Pose(self.x_cm / CM_PER_M, self.y_cm / CM_PER_M, wrap(self.heading_mrad / MRAD_PER_RAD))
 
     @property
     def past(self) -> tuple[tuple[float, float], ...]:
@@ -209,7 +209,7 @@ def as_received(pose: Pose) -> Pose:
     x_cm, y_cm, heading_mrad = _rounded(pose)
     if not (MIN_CM <= x_cm <= MAX_CM and MIN_CM <= y_cm <= MAX_CM):
         raise ValueError(f"{pose} is outside {MIN_CM}..{MAX_CM} cm")
-    return Pose(cm_to_m(x_cm), cm_to_m(y_cm), wrap(mrad_to_rad(heading_mrad)))
+    return Pose(x_cm / CM_PER_M, y_cm / CM_PER_M, wrap(heading_mrad / MRAD_PER_RAD))
 
 
 def longest_frame(trail: int, *, tagged: bool) -> int:
@@ -327,11 +327,11 @@ def _check_key(key: bytes | None) -> None:
 
 def _rounded(pose: Pose) -> tuple[int, int, int]:
     """The nearest x and y in cm and heading in mrad, the latter round the circle of 6283.185 mrad."""
-    x_cm, y_cm = m_to_cm(pose.x), m_to_cm(pose.y)
-    if not (math.isfinite(x_cm) and math.isfinite(y_cm) and math.isfinite(pose.heading)):
-        raise ValueError(f"{pose} is not finite")
-    mrad = rad_to_mrad(pose.heading % TAU)
-    return round(x_cm), round(y_cm), 0 if mrad > _NEARER_TO_ZERO else round(mrad)
+    try:
+        mrad = pose.heading % TAU * MRAD_PER_RAD
+        return round(pose.x * CM_PER_M), round(pose.y * CM_PER_M), 0 if mrad > _NEARER_TO_ZERO else round(mrad)
+    except (OverflowError, ValueError):  # an infinity has no nearest integer, and NaN neither
+        raise ValueError(f"{pose} is not finite") from None
 
 
 def _tag(body: bytes, key: bytes) -> bytes:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from numba import njit, types
 
 _TABLE = types.Array(types.int64, 2, "C", readonly=True)
-_PLACES = types.Array(types.int64, 2, "C")
+_PLACES = types.Array(types.float64, 2, "C")
 _I = types.int64
+_F = types.float64
 
 
-@njit(_I(_TABLE, _TABLE, _TABLE, _TABLE, _I, _I, _I, _PLACES), cache=True, nogil=True)
-def heard_places(sequence, at, x, y, row, nothing, since, places):
+@njit(_I(_TABLE, _TABLE, _TABLE, _TABLE, _I, _I, _I, _F, _PLACES), cache=True, nogil=True)
+def heard_places(sequence, at, x, y, row, nothing, since, per_m, places):
     """Put together where the robots are that a listener has heard since a tick.
 
     Args:
@@ -21,15 +22,17 @@ def heard_places(sequence, at, x, y, row, nothing, since, places):
         row: The listener's.
         nothing: The sequence of a sender that was not heard.
         since: The tick.
-        places: int64 (n, 2), x and y in cm; the first rows are filled in, in the order of the senders.
+        per_m: cm in a metre.
+        places: float64 (n, 2), x and y in m; the first rows are filled in, in the order of the senders.
 
     Returns:
         How many robots they are.
     """
     count = 0
-    for column in range(sequence.shape[1]):
-        if sequence[row, column] != nothing and at[row, column] >= since:
-            places[count, 0] = x[row, column]
-            places[count, 1] = y[row, column]
+    said, said_at, xs, ys = sequence[row], at[row], x[row], y[row]
+    for column in range(said.size):
+        if said[column] != nothing and said_at[column] >= since:
+            places[count, 0] = xs[column] / per_m
+            places[count, 1] = ys[column] / per_m
             count += 1
     return count

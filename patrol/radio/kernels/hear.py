@@ -76,38 +76,44 @@ def hear(
     now = tick * step
     in_doubt = False
     for row in range(listeners.size):
-        i = listeners[row]
+        own, reached = listeners[row], reaches[row]
+        # Slices of the listener's rows and an unsigned column: nobody asks for each number whether it is negative.
+        in_odd, in_sequence, in_at, in_start = odd[own], sequence[own], at[own], start[own]
+        in_x, in_y, in_heading, in_time = x[own], y[own], heading[own], time[own]
+        in_newest, in_used, in_looked, in_looks = newest[own], used[own], looked[own], looks[own]
         for frame in range(senders.size):
-            if reaches[row, frame] == 0:
+            if reached[frame] == 0:
                 continue
-            j, number = senders[frame], sequences[frame]
-            if i == j or odd[i, j] != 0 or number <= newest[i, j] or number <= looked[i, j]:
-                reaches[row, frame] = ODD
+            number, j = sequences[frame], np.uint64(senders[frame])
+            last, looked_at = in_newest[j], in_looked[j]
+            if own == senders[frame] or in_odd[j] != 0 or number <= last or number <= looked_at:
+                reached[frame] = ODD
                 in_doubt = True
                 continue
             quickest = math.inf
-            if sequence[i, j] >= 0:
-                quickest = start[i, j]
-                before = at[i, j] * step
+            heard = in_sequence[j]
+            if heard >= 0:
+                quickest = in_start[j]
+                before = in_at[j] * step
                 elapsed = now - before
-                late = min(max(before - sequence[i, j] * step - quickest, 0.0), span * step)
-                held_up = min(max((number - sequence[i, j]) * step - elapsed, 0.0), late)
+                late = min(max(before - heard * step - quickest, 0.0), span * step)
+                held_up = min(max((number - heard) * step - elapsed, 0.0), late)
                 reach = 100.0 * (1.0 - 1e-9) * (speed * (elapsed + held_up + step) + rounding)
-                across, up = float(xs[frame] - x[i, j]), float(ys[frame] - y[i, j])
+                across, up = float(xs[frame] - in_x[j]), float(ys[frame] - in_y[j])
                 if across * across + up * up > reach * reach:
-                    reaches[row, frame] = ODD
+                    reached[frame] = ODD
                     in_doubt = True
                     continue
-            reaches[row, frame] = PLAIN
-            sequence[i, j], at[i, j], time[i, j] = number, tick, times[frame]
-            x[i, j], y[i, j], heading[i, j] = xs[frame], ys[frame], headings[frame]
-            start[i, j] = min(now - number * step, quickest)
-            more = number - newest[i, j]
-            used[i, j] = (used[i, j] << np.uint64(more) if more < span else _NO_BITS) | _LATEST
-            newest[i, j] = number
-            more = number - looked[i, j]
-            looks[i, j] = (looks[i, j] << np.uint64(more) if more < span else _NO_BITS) | _LATEST
-            looked[i, j] = number
+            reached[frame] = PLAIN
+            in_sequence[j], in_at[j], in_time[j] = number, tick, times[frame]
+            in_x[j], in_y[j], in_heading[j] = xs[frame], ys[frame], headings[frame]
+            in_start[j] = min(now - number * step, quickest)
+            more = number - last
+            in_used[j] = (in_used[j] << np.uint64(more) if more < span else _NO_BITS) | _LATEST
+            in_newest[j] = number
+            more = number - looked_at
+            in_looks[j] = (in_looks[j] << np.uint64(more) if more < span else _NO_BITS) | _LATEST
+            in_looked[j] = number
     return in_doubt
 
 

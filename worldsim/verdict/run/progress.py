@@ -156,9 +156,12 @@ class Progress(Check):
         places, free = judged_places(record)
         self._patrolled.update(places.keys() - free)
         for number in places:
-            stay = self._traps.stays.stay(number)
-            if stay is not None and k - stay.since > self._stays.get(number, (0, stay))[0]:
-                self._stays[number] = k - stay.since, stay
+            since = self._traps.stays.since(number)
+            longest = self._stays.get(number)
+            if since is not None and k - since > (0 if longest is None else longest[0]):
+                stay = self._traps.stays.stay(number)
+                assert stay is not None
+                self._stays[number] = k - since, stay
         self._seen.append(fog.seen)
         age = fog.mfow(k)
         if self._worst is None or age > self._worst[0]:
