@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 Row = TypeVar("Row", bound=tuple[Any, ...])
 Column = NDArray[np.int64]
-R = TypeVar("R", bound="_Rows[Any]")
 
 MAX_SHORT = 2**32 - 1
 """The largest sequence that a robot's frame can have."""
@@ -84,8 +83,8 @@ class _Rows(Sequence[Row], Generic[Row]):
         """The sequences, where they were not given."""
         raise NotImplementedError
 
-    def _equals(self: R, other: R) -> bool:
-        """Whether rows that are as many are the same."""
+    def _equals(self, other: Any) -> bool:
+        """Whether rows of the same kind that are as many are the same."""
         return (
             _same(self.sequence, other.sequence)
             and _same(self.source, other.source)
@@ -157,7 +156,7 @@ class WholeLinks(Links):
     def _laid(self) -> Column:
         return self.of_frames[self.pairs.frame]
 
-    def _equals(self, other: Links) -> bool:
+    def _equals(self, other: Any) -> bool:
         if isinstance(other, WholeLinks) and np.array_equal(self.of_frames, other.of_frames):
             return self.pairs is other.pairs or all(map(_same, self.pairs[:3], other.pairs[:3]))
         return super()._equals(other)
@@ -188,7 +187,7 @@ class Drops(_Rows[tuple[int, int, int, str]]):
         names = self.causes
         return zip(*columns, (names[cause] for cause in self.cause[part].tolist()), strict=True)
 
-    def _equals(self, other: Drops) -> bool:
+    def _equals(self, other: Any) -> bool:
         if not super()._equals(other):
             return False
         if self.causes == other.causes:
