@@ -54,7 +54,8 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
         step: s.
     """
     present = [body for body in bodies if body.present]
-    moving = [body.alive and length(body.command, step) > 0.0 for body in present]
+    far = [length(body.command, step) if body.alive else 0.0 for body in present]
+    moving = [ahead > 0.0 for ahead in far]
     stands = np.array(
         [
             not moves or not path_is_free(terrain, body.pose, body.command, step, body.spec.radius)
@@ -62,26 +63,25 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
         ],
         dtype=np.uint8,
     )
-    _cancel_meeting(present, moving, stands, step)
-    for body, moves, stood in zip(present, moving, stands.tolist(), strict=True):
+    _cancel_meeting(present, far, moving, stands, step)
+    for body, ahead, moves, stood in zip(present, far, moving, stands.tolist(), strict=True):
         body.bumped = moves and bool(stood)
         if body.bumped:
             body.collisions += 1
         elif body.alive and not is_halt(body.command):
             body.pose = advance(body.pose, body.command, step)
-            body.distance_m += length(body.command, step)
+            body.distance_m += ahead
 
 
-def _cancel_meeting(bodies: Sequence[Body], moving: Sequence[bool], stands: NDArray[np.uint8], step: float) -> None:
-    """Stop every body that would meet another.
+def _cancel_meeting(
+    bodies: Sequence[Body], far: Sequence[float], moving: Sequence[bool], stands: NDArray[np.uint8], step: float
+) -> None:
+    """Stop every body that would meet another; far: the lengths of their paths, m.
 
     A body goes no farther from where it is than its path is long. So paths are laid only for those whose discs, their
     radii and the lengths of their paths together, overlap another's.
     """
-    discs = [
-        (body.pose.x, body.pose.y, body.spec.radius + (length(body.command, step) if moves else 0.0))
-        for body, moves in zip(bodies, moving, strict=True)
-    ]
+    discs = [(body.pose.x, body.pose.y, body.spec.radius + ahead) for body, ahead in zip(bodies, far, strict=True)]
     near = np.flatnonzero(near_others(np.array(discs, dtype=np.float64).reshape(-1, 3))).tolist()
     if not near:
         return

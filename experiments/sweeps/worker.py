@@ -18,6 +18,7 @@ from importlib.metadata import version
 from typing import Any
 
 from patrol.errors import BadInput
+from patrol.process.memory.garbage import spare_what_is_loaded
 
 Task = dict[str, Any]
 """A run to make: its key, case, seed, and scenario (resolved, as plain lists, texts and numbers)."""
@@ -153,6 +154,8 @@ def main() -> None:
     os.dup2(2, 1)  # other output must not mix with the answers
     tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(tasks,), daemon=True).start()
+    print(json.dumps(run_task(tasks.get()), allow_nan=False), file=out, flush=True)
+    spare_what_is_loaded()  # the first run has loaded all that later ones need
     while True:
         print(json.dumps(run_task(tasks.get()), allow_nan=False), file=out, flush=True)
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 Row = TypeVar("Row", bound=tuple[Any, ...])
 Column = NDArray[np.int64]
-R = TypeVar("R", bound="_Rows[Any]")
 
 MAX_SHORT = 2**32 - 1
 """The largest sequence that a robot's frame can have."""
@@ -23,19 +22,26 @@ MAX_SHORT = 2**32 - 1
 class _Rows(Sequence[Row], Generic[Row]):
     """Rows of equal kind, held as columns."""
 
-    __slots__ = ("destination", "sequence", "source")
+    __slots__ = ("_sequence", "destination", "source")
 
-    def __init__(self, source: Column, destination: Column, sequence: Column) -> None:
+    def __init__(self, source: Column, destination: Column, sequence: Column | None) -> None:
         """Take the columns, which nobody changes any more.
 
         Args:
             source: int64 (n,), the frames' sources.
             destination: int64 (n,), their receivers.
-            sequence: int64 (n,), of `patrol.journal.records.frame_sequence`.
+            sequence: int64 (n,), of `patrol.journal.records.frame_sequence`; None where `_laid` lays them out.
         """
         self.source = source
         self.destination = destination
-        self.sequence = sequence
+        self._sequence = sequence
+
+    @property
+    def sequence(self) -> Column:
+        """The frames' sequences, int64 (n,)."""
+        if self._sequence is None:
+            self._sequence = self._laid()
+        return self._sequence
 
     def __len__(self) -> int:
         return self.source.size
@@ -57,7 +63,7 @@ class _Rows(Sequence[Row], Generic[Row]):
     def __eq__(self, other: object) -> bool:
         if other is self:
             return True
-        if isinstance(other, type(self)):
+        if isinstance(other, _Rows) and (isinstance(other, type(self)) or isinstance(self, type(other))):
             return len(self) == len(other) and self._equals(other)
         if isinstance(other, Sequence) and not isinstance(other, str | bytes):
             return len(self) == len(other) and all(mine == row for mine, row in zip(self, other, strict=True))
@@ -73,8 +79,12 @@ class _Rows(Sequence[Row], Generic[Row]):
         columns = (self.source[part].tolist(), self.destination[part].tolist(), self.sequence[part].tolist())
         return cast("Iterator[Row]", zip(*columns, strict=True))
 
-    def _equals(self: R, other: R) -> bool:
-        """Whether rows that are as many are the same."""
+    def _laid(self) -> Column:
+        """The sequences, where they were not given."""
+        raise NotImplementedError
+
+    def _equals(self, other: Any) -> bool:
+        """Whether rows of the same kind that are as many are the same."""
         return (
             _same(self.sequence, other.sequence)
             and _same(self.source, other.source)
@@ -96,6 +106,60 @@ class Links(_Rows[tuple[int, int, int]]):
     """
 
     __slots__ = ()
+
+
+class Pairs(NamedTuple):
+    """Some frames on their way, each with each of its receivers, by frame and receiver; nobody writes to it.
+
+    Attributes:
+        frame: int64 (n,), each link's place among the frames.
+        source: int64 (n,), each link's.
+        destination: int64 (n,), each link's.
+        robots: int64 (n,), both: ``destination << 16 | source``.
+        rises: Whether the links are in the order of source and destination, and none is there twice.
+    """
+
+    frame: Column
+    source: Column
+    destination: Column
+    robots: Column
+    rises: bool
+
+
+def pairs_of(frame: Column, source: Column, destination: Column) -> Pairs:
+    """The same from its first three columns, which nobody changes any more."""
+    order = source << 16 | destination
+    pairs = Pairs(frame, source, destination, destination << 16 | source, bool((order[1:] > order[:-1]).all()))
+    for column in pairs[:4]:
+        column.flags.writeable = False
+    return pairs
+
+
+class WholeLinks(Links):
+    """The links of frames of which none is missing from its pairs.
+
+    The pairs are those of many ticks. So a tick has one sequence for each frame, and one for each link only where
+    somebody reads that column.
+
+    Attributes:
+        pairs: Of the frames.
+        of_frames: int64, the frames' sequences.
+    """
+
+    __slots__ = ("of_frames", "pairs")
+
+    def __init__(self, pairs: Pairs, of_frames: Column) -> None:
+        super().__init__(pairs.source, pairs.destination, None)
+        self.pairs = pairs
+        self.of_frames = of_frames
+
+    def _laid(self) -> Column:
+        return self.of_frames[self.pairs.frame]
+
+    def _equals(self, other: Any) -> bool:
+        if isinstance(other, WholeLinks) and np.array_equal(self.of_frames, other.of_frames):
+            return self.pairs is other.pairs or all(map(_same, self.pairs[:3], other.pairs[:3]))
+        return super()._equals(other)
 
 
 class Drops(_Rows[tuple[int, int, int, str]]):
@@ -123,7 +187,7 @@ class Drops(_Rows[tuple[int, int, int, str]]):
         names = self.causes
         return zip(*columns, (names[cause] for cause in self.cause[part].tolist()), strict=True)
 
-    def _equals(self, other: Drops) -> bool:
+    def _equals(self, other: Any) -> bool:
         if not super()._equals(other):
             return False
         if self.causes == other.causes:
@@ -138,18 +202,14 @@ class Drops(_Rows[tuple[int, int, int, str]]):
 
 
 class ToOthers(NamedTuple):
-    """Some frames on their way to all receivers but their own senders, by frame and receiver; nobody writes to it.
+    """Some frames on their way to all receivers but their own senders; nobody writes to it.
 
     Attributes:
-        frame: int64 (n,), each link's place among the frames.
-        source: int64 (n,), each link's.
-        destination: int64 (n,), each link's.
+        pairs: Each frame with each of its receivers.
         reaches: bool (receivers, frames), whether there is a link from a frame to a receiver.
     """
 
-    frame: Column
-    source: Column
-    destination: Column
+    pairs: Pairs
     reaches: NDArray[np.bool_]
 
 
@@ -164,10 +224,9 @@ def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
     of, to = np.array(sources, dtype=np.int64), np.array(receivers, dtype=np.int64)
     others = of[:, None] != to[None, :]
     frame, receiver = np.nonzero(others)
-    links = ToOthers(frame, of[frame], to[receiver], np.ascontiguousarray(others.T))
-    for column in links:
-        column.flags.writeable = False
-    return links
+    reaches = np.ascontiguousarray(others.T)
+    reaches.flags.writeable = False
+    return ToOthers(pairs_of(frame, of[frame], to[receiver]), reaches)
 
 
 def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.errors import BadInput
-from patrol.journal.links import NO_DROPS, NO_LINKS, Drops, Links, to_others
+from patrol.journal.links import NO_DROPS, NO_LINKS, Drops, Links, WholeLinks, to_others
 from patrol.journal.records import FORGED, Status, frame_sequence
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.heard import Heard
@@ -162,7 +162,7 @@ class Ether:
         sequences = np.array([frame_sequence(tick, place) for _, place, _ in sent], dtype=np.int64)
         everybody = to_others(tuple(source for source, _, _ in sent), tuple(receivers))
         if rules is None and len(hearing) == len(receivers) and not any(oversized):
-            links = Links(everybody.source, everybody.destination, sequences[everybody.frame])
+            links: Links = WholeLinks(everybody.pairs, sequences)
             return Delivery(Heard(frames_sent, hearing, everybody.reaches), links, NO_DROPS)
         sources = np.array([source for source, _, _ in sent], dtype=np.int64)
         numbers = np.array(receivers, dtype=np.int64)

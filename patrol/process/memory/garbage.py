@@ -25,13 +25,22 @@ def begin_collection() -> None:
         gc.enable()
 
 
+def spare_what_is_loaded() -> None:
+    """Collect from now on, but nothing that is there already; for a process that has collected once all is loaded."""
+    gc.freeze()
+
+
 @contextmanager
 def spared() -> Iterator[None]:
     """Collect nothing of what is there already while a block runs.
 
     It is for loops that last, over large structures that stay. What is garbage by then is collected first, since
-    nothing would collect it in the block.
+    nothing would collect it in the block. A process that spares already what it has loaded, nearly all there is, goes
+    on as it is: to go through all that once more would take longer than it saves.
     """
+    if gc.get_freeze_count():
+        yield
+        return
     gc.collect()
     gc.freeze()
     try:

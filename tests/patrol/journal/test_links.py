@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from patrol.journal.links import NO_DROPS, NO_LINKS, drops_of, joined, links_of, places_of, to_others
+from patrol.journal.links import (
+    NO_DROPS,
+    NO_LINKS,
+    WholeLinks,
+    drops_of,
+    joined,
+    links_of,
+    pairs_of,
+    places_of,
+    to_others,
+)
 
 ROWS = ((1, 2, 7), (1, 3, 7), (2, 1, 7), (0, 1, 2**40))
 DROPPED = ((1, 2, 7, "loss:b"), (1, 2, 7, "loss:a"), (1, 1, 7, "loss:b"))
@@ -56,11 +67,48 @@ def test_joined_links_follow_one_another() -> None:
 def test_each_frame_goes_to_all_but_its_sender() -> None:
     links = to_others((0, 2, 2, 3), (1, 2, 3))
     rows = [(0, 0, 1), (0, 0, 2), (0, 0, 3), (1, 2, 1), (1, 2, 3), (2, 2, 1), (2, 2, 3), (3, 3, 1), (3, 3, 2)]
-    assert list(zip(links.frame.tolist(), links.source.tolist(), links.destination.tolist(), strict=True)) == rows
+    pairs = links.pairs
+    assert list(zip(pairs.frame.tolist(), pairs.source.tolist(), pairs.destination.tolist(), strict=True)) == rows
+    assert pairs.robots.tolist() == [to << 16 | source for _, source, to in rows]
     assert links.reaches.tolist() == [
         [True, True, True, True],
         [True, False, False, True],
         [True, True, True, False],
     ]
-    assert not any(column.flags.writeable for column in links)
-    assert [column.size for column in to_others((), ())] == [0, 0, 0, 0]
+    assert not any(column.flags.writeable for column in (*pairs[:4], links.reaches))
+    assert [column.size for column in to_others((), ()).pairs[:4]] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("sources", "receivers", "rises"),
+    [
+        ((1, 2, 5), (1, 2, 5), True),
+        ((), (), True),
+        ((1, 1), (1, 2), False),  # the same link twice
+        ((1, 2, 2), (1, 2, 5), False),
+        ((2, 1), (1, 2), False),
+    ],
+)
+def test_pairs_say_whether_they_are_in_order(sources: tuple[int, ...], receivers: tuple[int, ...], rises: bool) -> None:
+    pairs = to_others(sources, receivers).pairs
+    rows = list(zip(pairs.source.tolist(), pairs.destination.tolist(), strict=True))
+    assert pairs.rises == rises == (rows == sorted(set(rows)))
+
+
+def test_whole_links_equal_the_same_rows_however_they_are_held() -> None:
+    pairs = to_others((0, 2, 3), (2, 3)).pairs
+    whole = WholeLinks(pairs, np.array([2**40, 7, 8]))
+    rows = ((0, 2, 2**40), (0, 3, 2**40), (2, 3, 7), (3, 2, 8))
+    apart = WholeLinks(pairs_of(*(column.copy() for column in pairs[:3])), whole.of_frames.copy())
+    for same in (rows, links_of(rows), WholeLinks(pairs, whole.of_frames), apart):
+        assert whole == same
+        assert same == whole
+    other = WholeLinks(to_others((0, 2, 4), (2, 3)).pairs, whole.of_frames)
+    for different in (links_of(rows[::-1]), WholeLinks(pairs, np.array([2**40, 7, 9])), other, rows[1:]):
+        assert whole != different
+        assert different != whole
+    assert tuple(whole) == rows
+    # The same rows of other frames: the second reaches nobody.
+    lonely = WholeLinks(pairs_of(np.array([0, 2]), np.array([2, 3]), np.array([3, 2])), np.array([7, 5, 8]))
+    assert lonely == links_of(rows[2:])
+    assert links_of(rows[2:]) == lonely

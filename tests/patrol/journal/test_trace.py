@@ -4,8 +4,10 @@ import hashlib
 import struct
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from patrol.journal.links import WholeLinks, to_others
 from patrol.journal.records import RobotTick, Status, TickRecord
 from patrol.journal.trace import TraceHash, trace_hash
 
@@ -75,3 +77,10 @@ def test_a_spare_robot_is_no_robot_of_a_tick_before_it_has_joined() -> None:
     assert trace_hash([with_it]) != trace_hash([TICK])
     joined = replace(TICK, robots=(CAR, GONE, replace(waiting, status=Status.LEFT)))
     assert trace_hash([joined], {3}) == trace_hash([joined])
+
+
+@pytest.mark.parametrize("sources", [(1, 2, 3), (2, 1, 3), (1, 1, 2)])
+@pytest.mark.parametrize("latest", [7, 2**40])
+def test_links_of_which_none_is_missing_hash_as_their_rows(sources: tuple[int, ...], latest: int) -> None:
+    whole = WholeLinks(to_others(sources, (1, 2, 3)).pairs, np.array([7, 8, latest]))
+    assert trace_hash([replace(TICK, deliveries=whole)]) == trace_hash([replace(TICK, deliveries=tuple(whole))])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from patrol.journal.links import Links, drops_of, joined, links_of
+from patrol.journal.links import Links, Pairs, WholeLinks, drops_of, joined, links_of, pairs_of
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.scenario.faults.kinds import Fault, Loss
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link, there
@@ -17,7 +17,6 @@ from worldsim.radio.rules import DROPS
 from worldsim.verdict.common.faults import NO_ROBOT
 
 if TYPE_CHECKING:
-    from patrol.journal.links import Column
     from patrol.journal.records import TickRecord
 
 
@@ -103,7 +102,7 @@ def arrived(record: TickRecord) -> Links:
     return joined(delivered, Links(dropped.source[unheard], dropped.destination[unheard], dropped.sequence[unheard]))
 
 
-def sent_links(record: TickRecord) -> Links:
+def sent_links(record: TickRecord) -> WholeLinks:
     """The link of every frame of a tick to every robot that is there, by frame and receiver."""
     places: Counter[int] = Counter()
     sequences = []
@@ -111,22 +110,19 @@ def sent_links(record: TickRecord) -> Links:
         sequences.append(frame_sequence(record.k, places[source]))
         places[source] += 1
     here = tuple([row.number for row in record.robots if there(row.status)])
-    frame, sender, receiver = _pairs(tuple([source for source, _ in record.frames]), here)
-    return Links(sender, receiver, np.array(sequences, dtype=np.int64)[frame])
+    pairs = _pairs(tuple([source for source, _ in record.frames]), here)
+    return WholeLinks(pairs, np.array(sequences, dtype=np.int64))
 
 
 @lru_cache(maxsize=2)
-def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> tuple[Column, Column, Column]:
-    """Each frame with each robot that is there but its sender: places of the frames, senders, receivers; read-only.
+def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> Pairs:
+    """Each frame with each robot that is there but its sender.
 
     The ether has code of its own for this, so that an error in it does not confirm itself.
     """
     of, to = np.array(sources, dtype=np.int64), np.array(here, dtype=np.int64)
     frame, receiver = np.nonzero(of[:, None] != to[None, :])
-    columns = frame.astype(np.int64, copy=False), of[frame], to[receiver]
-    for column in columns:
-        column.flags.writeable = False
-    return columns
+    return pairs_of(frame, of[frame], to[receiver])
 
 
 def kind_of(cause: str) -> str:

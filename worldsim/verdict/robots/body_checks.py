@@ -87,7 +87,8 @@ class MovesAreTrue(Check):
         for row in record.robots:
             spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
             command = self._command(row)
-            problem = self._problem_of(row, spec, pose, command) or self._problem_of_cancelling(row, record.robots)
+            problem = self._problem_of(row, spec, pose, command)
+            problem = problem or self._problem_of_cancelling(row, pose, command, record.robots)
             if problem:
                 self._problem = f"{spec.name} {problem} at tick {record.k}"
                 return
@@ -101,10 +102,9 @@ class MovesAreTrue(Check):
     def _command(self, row: RobotTick) -> Command:
         return command_of(self._specs[row.number].model, row.c0, row.c1)
 
-    def _problem_of_cancelling(self, row: RobotTick, rows: Sequence[RobotTick]) -> str:
+    def _problem_of_cancelling(self, row: RobotTick, pose: Pose, command: Command, rows: Sequence[RobotTick]) -> str:
         """What is wrong with a move that was cancelled without reason, or was not and should have been."""
-        command, radius = self._command(row), self._specs[row.number].radius
-        pose, far = Pose(row.x, row.y, row.heading), length(command, self._step)
+        radius, far = self._specs[row.number].radius, length(command, self._step)
         if far <= 0.0:
             return "has a cancelled move although it does not drive" if row.bumped else ""
         free = path_is_free(self._terrain, pose, command, self._step, radius)

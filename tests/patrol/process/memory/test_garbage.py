@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from patrol.process.memory.garbage import begin_collection, hold_collection, spared
+from patrol.process.memory.garbage import begin_collection, hold_collection, spare_what_is_loaded, spared
 
 
 @pytest.fixture(autouse=True)
@@ -56,3 +56,14 @@ def test_what_is_garbage_before_a_block_is_gone_within_it() -> None:
     assert gone() is not None
     with spared():
         assert gone() is None
+
+
+def test_what_is_spared_for_good_stays_so_after_a_block() -> None:
+    loaded: list[list[int]] = [[]]
+    spare_what_is_loaded()
+    later: list[list[int]] = [[]]
+    with spared():
+        assert any(one is later for one in gc.get_objects()), "what came later is collected within the block too"
+    found = gc.get_objects()
+    assert not any(one is loaded for one in found)
+    assert any(one is later for one in found)
