@@ -210,6 +210,8 @@ def settle(cell, lists, mark, stride, limit):
                             now[index(waiting)] = on
                             waiting += 1
                         break
+                    if known_there >> 5 == far:
+                        sides = 0  # The straight path that came before has gone on to where these sides lead.
         if max(waiting, put, tied) >= room:
             mark[FULL] = 1
         waiting = put
