@@ -8,6 +8,7 @@ import numpy as np
 
 from agent.routes.ground import Ground
 from agent.routes.kernels.bends import follow
+from agent.routes.kernels.bends_by_rows import take_over
 from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.ties import decide
 from agent.routes.kernels.wave import (
@@ -30,6 +31,9 @@ MOST = 2**26
 MOST_POINTS = 2**28
 """Points of the largest window whose indices fit an entry."""
 
+MANY_POINTS = 2**18
+"""Points of a window from which on first bends are found row by row, not run by run."""
+
 ROOM = 2**12
 """Entries for which a new wave has room; it makes more as needed."""
 
@@ -38,16 +42,21 @@ Box = tuple[int, int, int, int]
 
 
 class Wave(PathWindow):
-    """Shortest 8-connected paths: straight steps count 1, diagonal ones 1.41 points, and no path cuts a corner."""
+    """Shortest 8-connected paths: straight steps count 1, diagonal ones 1.41 points, and no path cuts a corner.
+
+    Attributes:
+        by_rows: Whether first bends are found row by row; not to be changed between `begin` and the last `extend`.
+    """
 
     def __init__(self, height: int, width: int, span: int) -> None:
         super().__init__(height, width, span)
         if self.state.size > MOST_POINTS:
             raise ValueError(f"a window of {self.state.size} points is larger than {MOST_POINTS}")
+        self.by_rows = self.state.size >= MANY_POINTS
         self._sight = np.zeros_like(self.state)
         self._cell = np.zeros(self.state.size, dtype=np.uint32)
         self._lists = np.zeros((5, ROOM), dtype=np.uint32)
-        self._mark = np.zeros(7, dtype=np.int64)
+        self._mark = np.zeros(8, dtype=np.int64)
         self._near: Lengths | None = None
         self._laid: Box | None = None
 
@@ -96,7 +105,10 @@ class Wave(PathWindow):
         start, cols = self.start_row * self.state.shape[1] + self.start_col, self.state.shape[1]
         settle(self._cell, self._lists, self._mark, cols, limit)
         decide(self._cell, self._lists, self._mark, cols, limit)
-        follow(self._cell, self.bend.reshape(-1), self._lists, self._mark, start, cols, limit)
+        if self.by_rows:
+            take_over(self._cell, self.bend.reshape(-1), self._lists, self._mark, start, cols, limit, *box)
+        else:
+            follow(self._cell, self.bend.reshape(-1), self._lists, self._mark, start, cols, limit)
         if self._mark[FULL]:
             self._make_room()
             self._laid = None

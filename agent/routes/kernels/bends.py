@@ -36,7 +36,7 @@ def follow(cell, bend, lists, mark, start, stride, limit):
         bend: int32, where each path first bends; the point itself where no detour is needed. Filled in.
         lists: uint32 (5, k), see `agent.routes.kernels.wave.settle`; its last two rows are changed in place: entries at
             hand, and those that go on beyond the limit.
-        mark: int64 (7,), see `agent.routes.kernels.wave.NOW`; changed in place.
+        mark: int64 (8,), see `agent.routes.kernels.wave.NOW`; changed in place.
         start: Flat index of the start.
         stride: Columns of the window.
         limit: Longest settled path.

@@ -101,7 +101,7 @@ def decide(cell, lists, mark, stride, limit):
     Args:
         cell: uint32, as `settle` left it; changed in place.
         lists: uint32 (5, k), likewise; the points beyond ``limit`` stay in it.
-        mark: int64 (7,), likewise.
+        mark: int64 (8,), likewise.
         stride: Columns of the window.
         limit: As for `settle`.
 

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from agent.routes.ground import Ground
-from agent.routes.kernels import bends, lengths, ties
+from agent.routes.kernels import bends, bends_by_rows, lengths, ties
 from agent.routes.kernels import wave as kernel
 from agent.routes.kernels.wave import HEMMED, SETTLED, STATUS
 from agent.routes.path_window import FAR
@@ -207,19 +207,21 @@ def walled_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
     return is_open, row, col
 
 
-@settings(max_examples=150)
+@settings(max_examples=300)
 @given(
     values=maps,
     walled=st.booleans(),
     pieces=st.lists(st.integers(0, 3000), max_size=3),
     span=st.sampled_from([6, 17, 40]),
+    by_rows=st.booleans(),
 )
 def test_of_equally_long_paths_the_one_found_first_by_the_plain_rules_counts(
-    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int
+    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int, by_rows: bool
 ) -> None:
     is_open, row, col = walled_map(values) if walled else random_map(values)
     height, width = is_open.shape
     wave = Wave(height, width, span)
+    wave.by_rows = by_rows
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
     wave.begin(ground, row + 1, col + 1)
     is_seen = np.zeros_like(wave.state)
@@ -245,6 +247,27 @@ def test_a_wave_with_too_little_room_makes_more() -> None:
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
     found = Wave(700, 700, 700).lengths_from(ground, 351, 351, [(351, 351)], 10**6)[1:-1, 1:-1]
     assert np.array_equal(found, np.where(np.isfinite(reference), reference, FAR))
+
+
+@pytest.mark.parametrize("gap", [2, 7])
+def test_bends_of_winding_paths_are_the_same_row_by_row_and_run_by_run(gap: int) -> None:
+    """Through a labyrinth whose paths turn up and down many times, and with too little room at first."""
+    is_open = np.random.default_rng(gap).random((400, 700)) >= 0.1
+    for number, col in enumerate(range(gap, 700, 40)):
+        is_open[:, col] = False
+        is_open[slice(0, gap) if number % 2 else slice(400 - gap, 400), col] = True
+    is_open[200, 350] = True
+    ground = Ground(Terrain("t", is_open, 1.0), is_open)
+    by_rows, by_runs = Wave(400, 700, 9000), Wave(400, 700, 9000)
+    by_rows.by_rows, by_runs.by_rows = True, False
+    for wave in (by_rows, by_runs):
+        wave.begin(ground, 201, 351)
+        for limit in (5000, 40_000, 900_000):
+            wave.extend(limit)
+    known = by_runs.state & STATUS == SETTLED
+    assert np.array_equal(known, by_rows.state & STATUS == SETTLED)
+    assert known.sum() > 50_000
+    assert np.array_equal(by_runs.bend[known], by_rows.bend[known])
 
 
 @settings(max_examples=60)
@@ -290,9 +313,9 @@ def lengths_within(is_open: Bools, window: Wave, row: int, col: int) -> NDArray[
     return whole
 
 
-@pytest.mark.parametrize("other", [bends, lengths, ties])
+@pytest.mark.parametrize("other", [bends, bends_by_rows, lengths, ties])
 def test_kernels_of_the_wave_agree_on_what_is_in_cells_and_entries(other: ModuleType) -> None:
     """A kernel imports nothing of another file, so each has these numbers again."""
-    for name in ("ALL_WAYS", "BESIDE", "SEEN", "UNKNOWN", "STRETCH", "FAR", "TIES", "BEYOND", "FULL"):
+    for name in ("ALL_WAYS", "BESIDE", "SEEN", "UNKNOWN", "STRETCH", "FAR", "TIES", "BEYOND", "FULL", "BENT"):
         assert getattr(other, name, getattr(kernel, name)) == getattr(kernel, name)
     assert kernel.FAR == FAR
