@@ -7,9 +7,9 @@ of its own. Each is a missed deadline. Where robots hear each other directly, th
 and none can be late.
 
 What holds up the world itself, such as a machine that stands still for a moment, is no robot's fault: it would have
-cost all of them their deadlines at once. So a robot has its fifth of a step from when its phase A has left, and half a
-step from when its phase B has, and these run only while the world does. A tick that ends late is made up for by the
-next ones, which may be as short as that.
+cost all of them their deadlines at once. So deadlines move by as much. And where the world itself begins late, a robot
+has its fifth of a step from when its phase A has left, and half a step from when its phase B has. A tick that ends late
+is made up for by the next ones, which may be as short as that.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 COMMAND_SHARE = 0.5
 """The least share of a step that robots have from phase B to their commands."""
 HELD_UP_S = 0.04
-"""The longest that the world is busy, or not woken, in the usual course of things, s. What goes beyond it is a time in
-which the world was held up, and counts for no robot."""
+"""The longest that the world is busy, or not woken, in the usual course of things, s. Whatever takes longer is a time
+in which the world was held up, and counts for no robot."""
 LOOK_S = HELD_UP_S / 2
 """How long the world waits for a message at a time, s."""
 CUT_OFF_S = 2.0
@@ -179,17 +179,17 @@ class PacedFleet:
         Args:
             frames: Takes the frames of this tick, by robot number.
             told: When the last robot was sent the phase that this answers.
-            share: The share of the step after whose beginning it ends.
-            least: The least share of a step for which it lasts from `told`, while the world is not held up.
+            share: The share of the step after whose beginning it ends, and what the world is held up in between.
+            least: The least share of a step for which it lasts from `told`, beside what the world is held up.
             answering: It ends as soon as there are frames of all of these; None for not before its time.
         """
         assert self._begins is not None
         held_up_s, before = 0.0, told
         while answering is None or not answering <= frames.keys():
             now = self._sessions.now
-            held_up_s += max(0.0, now - before - HELD_UP_S)
+            held_up_s += now - before if now - before > HELD_UP_S else 0.0
             before = now
-            left = max(self._begins + share * self._tick_s, told + least * self._tick_s + held_up_s) - now
+            left = max(self._begins + share * self._tick_s, told + least * self._tick_s) + held_up_s - now
             arrived = self._sessions.take(min(max(left, 0.0), LOOK_S))
             if arrived is not None:
                 self._note(*arrived, frames)

@@ -68,7 +68,8 @@ def test_ticks_that_began_late_find_back_to_the_clock() -> None:
 def test_a_machine_that_stands_still_costs_no_robot_a_deadline(phase: str, kind: type[ToRobot]) -> None:
     net, fleet = fleet_at_a_pace()
     still_s = 2.0 * STEP_S
-    net.delays = {(number, 0, phase): still_s + 0.05 for number in NAMES}
+    usual_s = {"A": 0.09, "B": 0.9 * STEP_S}[phase]
+    net.delays = {(number, 0, phase): still_s + usual_s for number in NAMES}
     stood_still: list[float] = []
 
     def stand_still() -> None:
