@@ -1,28 +1,41 @@
 """A fleet of processes at the pace of the wall clock: the world waits for no robot.
 
-Tick k begins k steps after the first. Its phase A goes out at once, phase B a fifth of a step later with the frames
-that have come by then, and the step ends with the commands that have come by then. A frame that comes later is lost; a
-command that comes later counts for the tick it comes in, when that has none of its own. Each is a missed deadline.
-Where robots hear each other directly, the world only listens to their frames, and none can be late.
+Tick k begins k steps after the first. Its phase A goes out at once, phase B as soon as all frames have come, at the
+latest a fifth of a step later with those that have come by then, and the step ends with the commands that have come by
+then. A frame that comes later is lost; a command that comes later counts for the tick it comes in, when that has none
+of its own. Each is a missed deadline. Where robots hear each other directly, the world only listens to their frames,
+and none can be late.
+
+What holds up the world itself, such as a machine that stands still for a moment, is no robot's fault: it would have
+cost all of them their deadlines at once. So deadlines move by as much. And where the world itself begins late, a robot
+has its fifth of a step from when its phase A has left, and half a step from when its phase B has. A tick that ends late
+is made up for by the next ones, which may be as short as that.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import TYPE_CHECKING, Any
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.messages.phases import PHASE_B_SHARE, ReplyA, ReplyB
 from worldsim.fleet.lockstep import drain, pass_on, router_notes, tell
-from worldsim.fleet.sessions import POLL_S, Sessions
+from worldsim.fleet.sessions import Sessions
 
 if TYPE_CHECKING:
     from worldsim.fleet.router_watch import RouterWatch
     from worldsim.radio.listener import Listener
 
 
+COMMAND_SHARE = 0.5
+"""The least share of a step that robots have from phase B to their commands."""
+HELD_UP_S = 0.04
+"""The longest that the world is busy, or not woken, in the usual course of things, s. Whatever takes longer is a time
+in which the world was held up, and counts for no robot."""
+LOOK_S = HELD_UP_S / 2
+"""How long the world waits for a message at a time, s."""
 CUT_OFF_S = 2.0
 """A robot that has said nothing for so long, and for two ticks, is cut off."""
 
@@ -79,9 +92,11 @@ class PacedFleet:
         self._begin()
         for number, report in reports.items():
             self._sessions.send(number, tell(k, report))
+        told = self._sessions.now
         self.aside()
         frames: dict[int, Sequence[bytes]] = {}
-        self._collect(frames, PHASE_B_SHARE)
+        answering = reports.keys() if self._listener is None else None
+        self._collect(frames, told, PHASE_B_SHARE, PHASE_B_SHARE, answering)
         self._closed = True
         if self._listener is not None:
             heard = self._listener.frames(k)
@@ -93,7 +108,7 @@ class PacedFleet:
         """The newest commands that have come when the step ends, None for robots that sent none."""
         for number, frames in heard.items():
             self._sessions.send(number, pass_on(k, frames))
-        self._collect({}, 1.0)
+        self._collect({}, self._sessions.now, 1.0, COMMAND_SHARE)
         commands, self._commands = self._commands, {}
         self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)
         return {number: commands[number].reply if number in commands else None for number in heard}
@@ -151,12 +166,31 @@ class PacedFleet:
             due = now
         self._begins = due
 
-    def _collect(self, frames: dict[int, Sequence[bytes]], share: float) -> None:
-        """Take what has come, and what comes until a share of the step is over."""
+    def _collect(
+        self,
+        frames: dict[int, Sequence[bytes]],
+        told: float,
+        share: float,
+        least: float,
+        answering: Set[int] | None = None,
+    ) -> None:
+        """Take what has come and what comes.
+
+        Args:
+            frames: Takes the frames of this tick, by robot number.
+            told: When the last robot was sent the phase that this answers.
+            share: The share of the step after whose beginning it ends, and what the world is held up in between.
+            least: The least share of a step for which it lasts from `told`, beside what the world is held up.
+            answering: It ends as soon as there are frames of all of these; None for not before its time.
+        """
         assert self._begins is not None
-        while True:
-            left = self._begins + share * self._tick_s - self._sessions.now
-            arrived = self._sessions.take(min(max(left, 0.0), POLL_S))
+        held_up_s, before = 0.0, told
+        while answering is None or not answering <= frames.keys():
+            now = self._sessions.now
+            held_up_s += now - before if now - before > HELD_UP_S else 0.0
+            before = now
+            left = max(self._begins + share * self._tick_s, told + least * self._tick_s) + held_up_s - now
+            arrived = self._sessions.take(min(max(left, 0.0), LOOK_S))
             if arrived is not None:
                 self._note(*arrived, frames)
             elif left <= 0.0:
