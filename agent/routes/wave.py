@@ -128,7 +128,7 @@ class Wave(PathWindow):
         if laid is not None and laid[0] <= top and bottom <= laid[1] and laid[2] <= left and right <= laid[3]:
             return box
         # All of the box is in range of this look, its corners too, unless the window's span ends before.
-        cast(self.state, self.start_row, self.start_col, float(min(self.span, 3 * reach // 2)), self._sight, 0, 0)
+        cast(self.state, self.start_row, self.start_col, float(min(self.span, 2 * reach)), self._sight, 0, 0)
         if laid is None:
             lay(self.state, self._sight, self._cell, *box)
             self._start()
