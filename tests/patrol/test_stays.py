@@ -21,6 +21,7 @@ def tracked(path: list[Place], radius: float = R, step: float = 1.0) -> list[Sta
         stays.tick(k, {1: place})
         stay = stays.stay(1)
         assert stay is not None
+        assert stays.since(1) == stay.since
         assert (1 in stays.long(k)) == (k - stay.since >= LONG)
         found.append(stay)
     return found
