@@ -42,7 +42,6 @@ BENDS = types.Array(types.int32, 1, "C")
 LIST = types.Array(types.uint32, 1, "C")
 LISTS = types.Array(types.uint32, 2, "C")
 MARK = types.Array(types.int64, 1, "C")
-WAYS = types.Array(types.uint8, 1, "C")
 int64 = types.int64
 index = types.uint64
 """As in `agent.routes.kernels.wave`."""
