@@ -239,7 +239,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     from fogwatch.launch.launcher import WORLD, Failed, Launch
     from fogwatch.launch.moved_folder import found_again
     from patrol.prepare import prepare
-    from worldsim.timeline import Timeline
+    from worldsim.faults.timeline import Timeline
 
     names = [spec.name for spec in scenario.roster]
     _check_memory(len(names) - len(scenario.spares))

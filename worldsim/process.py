@@ -162,8 +162,8 @@ def _remedy(met: Meeting) -> str:
 
 def _check_process_control(scenario: Scenario, options: WorldOptions) -> None:
     """A scenario whose faults kill, pause or start processes needs the launcher that has started these."""
+    from worldsim.faults.timeline import Timeline
     from worldsim.fleet.acts import NEEDS_LAUNCHER
-    from worldsim.timeline import Timeline
 
     if options.process_control is None and Timeline(scenario).needs_process_control:
         raise BadInput(NEEDS_LAUNCHER)

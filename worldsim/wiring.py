@@ -30,19 +30,19 @@ from patrol.process.reporting.logs import Log
 from patrol.process.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT, Vitals
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import Scenario, scenario_hash
+from worldsim.controls.operator import Operator, RunState
+from worldsim.controls.requests import ControlMailbox, answer_challenge, keep_timeline
+from worldsim.faults.timeline import Timeline
 from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.process_control import ControlFailed, LauncherControl
 from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import Interrupted, Sessions
-from worldsim.operator import Operator, RunState
 from worldsim.output.feed_publisher import MOST_ASKING, Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
-from worldsim.requests import ControlMailbox, answer_challenge, keep_timeline
 from worldsim.run_record import PutOff, recording
-from worldsim.timeline import Timeline
 
 if TYPE_CHECKING:
     from patrol.process.lifeline import Ending

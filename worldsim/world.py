@@ -13,12 +13,12 @@ from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
 from patrol.radio.message import MAX_FRAMES
-from worldsim.bodies import Body, overlap, standstill
-from worldsim.intruders import Intruders
-from worldsim.motion import move, within_limits
+from worldsim.faults.timeline import Timeline
 from worldsim.radio.ether import Delivery, ether_of, there
-from worldsim.senses import Senses
-from worldsim.timeline import Timeline
+from worldsim.robots.bodies import Body, overlap, standstill
+from worldsim.robots.intruders import Intruders
+from worldsim.robots.motion import move, within_limits
+from worldsim.robots.senses import Senses
 from worldsim.truth import Truth
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ from patrol.net.security.access import write_pointer
 from patrol.net.security.credentials import read_credentials
 from patrol.net.security.seats import SEAT, seat_of
 from patrol.process.starting.readiness import StartFailure, StartReport
-from worldsim.lifecycle import process_name
+from worldsim.faults.lifecycle import process_name
 
 ROUTER, WORLD = "the router", "the world"
 """Names that no robot can have."""
@@ -160,7 +160,7 @@ class Launch:
         """End whatever is left, in order.
 
         Returns:
-            The exit codes by name (`worldsim.lifecycle.process_name`), negative for signals.
+            The exit codes by name (`worldsim.faults.lifecycle.process_name`), negative for signals.
         """
         children = self.children
         if self.interrupted:

@@ -20,8 +20,8 @@ from patrol.pose import Pose, halted
 from patrol.prepare import Prepared
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at
-from worldsim.bodies import Body
-from worldsim.motion import move
+from worldsim.robots.bodies import Body
+from worldsim.robots.motion import move
 
 POINT = 0.1
 

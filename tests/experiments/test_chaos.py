@@ -28,8 +28,8 @@ from patrol.pose import MODELS
 from patrol.scenario import Scenario, as_mapping, load_scenario
 from patrol.scenario.faults.kinds import Forgery, Partition, Spoof
 from patrol.scenario.faults.nemesis_draws import DRAWN
+from worldsim.faults.timeline import Timeline
 from worldsim.run_record import COMPLETED, INTERRUPTED
-from worldsim.timeline import Timeline
 from worldsim.verdict.common.check import CheckResult
 from worldsim.verdict.judge import Verdict
 

@@ -16,7 +16,7 @@ from fogwatch.launch.launcher import Launch
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
 from patrol.process.starting.forking import can_fork
 from tests.fleets import COARSE
-from worldsim.lifecycle import LOOKED_AT, STOPPED
+from worldsim.faults.lifecycle import LOOKED_AT, STOPPED
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

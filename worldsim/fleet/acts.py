@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Event, Status
+from worldsim.faults.lifecycle import APPLIES, LOOKED_AT, SKIPPED, WAITING
 from worldsim.fleet.process_control import NotStarted, ProcessControl
-from worldsim.lifecycle import APPLIES, LOOKED_AT, SKIPPED, WAITING
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Act
+    from worldsim.faults.timeline import Act
     from worldsim.world import World
 
 _AS_IT_IS = {status: status.name.lower() for status in Status} | {Status.LEFT: "gone", Status.ABSENT: "not there yet"}

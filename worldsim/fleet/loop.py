@@ -11,8 +11,8 @@ from worldsim.run_record import COMPLETED, DESERTED, INTERRUPTED
 
 if TYPE_CHECKING:
     from patrol.exchange import Reply, Sensed
+    from worldsim.controls.operator import Operator
     from worldsim.fleet.process_control import ProcessControl
-    from worldsim.operator import Operator
     from worldsim.world import World
 
 

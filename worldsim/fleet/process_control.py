@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Protocol
 
+from worldsim.faults.lifecycle import STOPPED, UNSEEN
 from worldsim.fleet.sessions import Interrupted, Sessions
-from worldsim.lifecycle import STOPPED, UNSEEN
 
 START_S = 60.0
 """How long a process that was started may take to open its session, s of wall time."""
@@ -32,7 +32,8 @@ class ProcessControl(Protocol):
         """Stop it where it is.
 
         Returns:
-            What was seen of the process then (`worldsim.lifecycle.STOPPED` and so on), empty where there is none.
+            What was seen of the process then (`worldsim.faults.lifecycle.STOPPED` and so on), empty where there is
+            none.
         """
         ...
 

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from patrol.journal import JournalWriter
     from patrol.journal.records import Header, Record
     from patrol.prepare import Prepared
+    from worldsim.controls.operator import RunState
+    from worldsim.controls.requests import Question
     from worldsim.mailbox import Mailbox
-    from worldsim.operator import RunState
-    from worldsim.requests import Question
     from worldsim.world import World
 
 BATCH_S = 0.05

@@ -14,11 +14,11 @@ from patrol.journal import Event, Header, RobotTick, Status, TickRecord
 from patrol.journal.links import links_of
 from patrol.journal.records import DEAD_END, FORGED, standing_after
 from patrol.pose import command_of
-from worldsim.motion import length
 from worldsim.output.direct_radio import as_measured
 from worldsim.output.intruder_facts import IntruderFacts
 from worldsim.output.traffic import Traffic, dropped_by_source
 from worldsim.radio.ether import there
+from worldsim.robots.motion import length
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

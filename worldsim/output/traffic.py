@@ -13,9 +13,9 @@ from patrol.journal.records import FORGED
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
 from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Spoof
+from worldsim.faults.timeline import Entry, Timeline
 from worldsim.radio.ether import there
 from worldsim.radio.rules import receivers
-from worldsim.timeline import Entry, Timeline
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

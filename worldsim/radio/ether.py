@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.scenario import Scenario
-    from worldsim.senses import Senses
-    from worldsim.timeline import Timeline
+    from worldsim.faults.timeline import Timeline
+    from worldsim.robots.senses import Senses
 
 OVERSIZED = "oversized"
 RECEIVER_DEAD = "receiver dead"

@@ -25,8 +25,8 @@ from worldsim.radio.rules import NOBODY
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
-    from worldsim.senses import Senses
-    from worldsim.timeline import Entry, Timeline
+    from worldsim.faults.timeline import Entry, Timeline
+    from worldsim.robots.senses import Senses
 
 _WRONG_KEY = -1
 

@@ -41,7 +41,7 @@ from worldsim.kernels.draws import below
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
-    from worldsim.timeline import Entry, Timeline
+    from worldsim.faults.timeline import Entry, Timeline
 
 LEAST_BUCKET = 64.0
 """Bytes that may be sent at once with any bandwidth, so that any frame fits sooner or later."""

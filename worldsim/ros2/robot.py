@@ -11,7 +11,7 @@ from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.ros2 import messages
 from patrol.ros2.frames import composed, inverted
 from patrol.scenario import RobotSpec
-from worldsim.bodies import Body, standstill
+from worldsim.robots.bodies import Body, standstill
 from worldsim.ros2.odometry import DriftingOdometry, Errors
 
 STILL = messages.Twist(0.0, 0.0, 0.0)

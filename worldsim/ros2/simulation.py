@@ -11,7 +11,7 @@ import numpy as np
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid, Terrain
-from worldsim.motion import move
+from worldsim.robots.motion import move
 from worldsim.ros2.node import RobotNode
 from worldsim.truth import Truth
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from patrol.scenario.controls import prepared_as_operated
-from worldsim.timeline import Timeline
+from worldsim.faults.timeline import Timeline
 from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.budget import WithinBudget
@@ -179,8 +179,8 @@ def judge(
 
     Args:
         journal: Its records, or None when there is no journal.
-        exit_codes: Exit codes of the processes by name (`worldsim.lifecycle.process_name`); None for one that was never
-            seen to end; empty for a run in one process.
+        exit_codes: Exit codes of the processes by name (`worldsim.faults.lifecycle.process_name`); None for one that
+            was never seen to end; empty for a run in one process.
         prepared: The run's scenario, starts and terrain, from which its poses and its fog are recomputed. What
             operators added is read from the journal.
         baseline_s: Mean MFoW (s) of the same scenario without its faults, for the check of recovery; None when nobody

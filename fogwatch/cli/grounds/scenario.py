@@ -16,7 +16,7 @@ from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overri
 from patrol.scenario.policy_file import PAPER
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Timeline
+    from worldsim.faults.timeline import Timeline
 
 app = typer.Typer(help="Print or check a scenario, or print the JSON schema of scenario files.", no_args_is_help=True)
 
@@ -82,7 +82,7 @@ def _faults(scenario: Scenario) -> Iterator[str]:
     """The resolved faults: what happens, when and to whom."""
     if not scenario.faults:
         return
-    from worldsim.timeline import Timeline
+    from worldsim.faults.timeline import Timeline
 
     timeline, step = Timeline(scenario), scenario.step
     count = "1 fault" if len(timeline.entries) == 1 else f"{len(timeline.entries)} faults"
@@ -103,7 +103,7 @@ def _faults(scenario: Scenario) -> Iterator[str]:
 def _remains(scenario: Scenario, timeline: Timeline) -> str:
     """Which robots do not patrol at the end, and why; empty when all do."""
     from patrol.journal.records import Status
-    from worldsim.lifecycle import standing_at_the_end
+    from worldsim.faults.lifecycle import standing_at_the_end
 
     names = {spec.number: spec.name for spec in scenario.roster}
     standing = standing_at_the_end(timeline, names, scenario.ticks)

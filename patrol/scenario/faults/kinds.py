@@ -1,6 +1,6 @@
 """The vocabulary of faults: what may be done to robots, their radio, their positions and their clocks, and when.
 
-`worldsim.timeline` says which robots and ticks a scenario's faults mean.
+`worldsim.faults.timeline` says which robots and ticks a scenario's faults mean.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from patrol.journal.file import MAGIC
 from patrol.journal.records import Event, Status, TickRecord
 from patrol.net.messages.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
 from patrol.scenario.controls import OPERATOR
-from worldsim.operator import RunState
+from worldsim.controls.operator import RunState
 from worldsim.output.feed_publisher import Feed, ground_of
 from worldsim.output.record import header_of
 from worldsim.world import World

@@ -23,11 +23,11 @@ from patrol.net.messages.phases import (
 )
 from patrol.net.security.tick_chain import TickChain
 from patrol.pose import Pose
+from worldsim.faults.lifecycle import STOPPED, UNSEEN, process_name
 from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import tell
 from worldsim.fleet.process_control import START_S, ControlFailed, LauncherControl, NotStarted, Request, answer_line
 from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Sessions
-from worldsim.lifecycle import STOPPED, UNSEEN, process_name
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2"}

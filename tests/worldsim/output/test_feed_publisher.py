@@ -15,8 +15,8 @@ from patrol.net.messages.feed import read_so_far
 from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
+from worldsim.controls.operator import RunState
 from worldsim.fleet.loop import run_ticks
-from worldsim.operator import RunState
 from worldsim.output.feed_publisher import ANSWER_S, ANSWER_SHARE, MOST_ASKING, Feed
 from worldsim.output.record import header_of
 from worldsim.world import World

@@ -14,6 +14,7 @@ from patrol.journal.records import MAX_TICKS, Status, frame_sequence, sent_at
 from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAMES
 from patrol.scenario import Scenario, load_scenario
+from worldsim.faults.timeline import Timeline
 from worldsim.radio.ether import (
     OVERSIZED,
     RECEIVER_ABSENT,
@@ -23,8 +24,7 @@ from worldsim.radio.ether import (
     Ether,
     ether_of,
 )
-from worldsim.senses import Senses
-from worldsim.timeline import Timeline
+from worldsim.robots.senses import Senses
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain

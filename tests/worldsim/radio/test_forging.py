@@ -13,9 +13,9 @@ from patrol.journal.records import FORGED, Status, frame_sequence
 from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAME, Position, Rejected, RejectReason, decode, encode
 from patrol.scenario import load_scenario
+from worldsim.faults.timeline import Timeline
 from worldsim.radio.ether import Delivery, Ether, ether_of
-from worldsim.senses import Senses
-from worldsim.timeline import Timeline
+from worldsim.robots.senses import Senses
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from patrol.journal import trace_hash
-from worldsim.timeline import Timeline
+from worldsim.faults.timeline import Timeline
 from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
 from worldsim.verdict.judge import judge
 

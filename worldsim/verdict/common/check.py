@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from patrol.ground.fog import Fog
     from patrol.journal import TickRecord
     from patrol.prepare import Prepared
+    from worldsim.faults.timeline import Timeline
     from worldsim.run_record import RunRecord
-    from worldsim.timeline import Timeline
 
 Severity = Literal["error", "warning"]
 """Error: the run cannot be believed. Warning: the patrol makes no progress, or evidence is missing."""

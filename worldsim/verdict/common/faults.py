@@ -11,7 +11,7 @@ from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
-    from worldsim.timeline import Entry, Timeline
+    from worldsim.faults.timeline import Entry, Timeline
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 NO_ROBOT = 0

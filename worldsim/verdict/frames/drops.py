@@ -23,8 +23,8 @@ from worldsim.verdict.frames.airborne import fates, fault_of, kind_of, name_of, 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from worldsim.faults.timeline import Entry
     from worldsim.radio.ether import Link
-    from worldsim.timeline import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _DEAF = {

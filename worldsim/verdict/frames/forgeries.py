@@ -18,7 +18,7 @@ from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck, active
 
 if TYPE_CHECKING:
     from patrol.journal.records import RobotTick
-    from worldsim.timeline import Entry
+    from worldsim.faults.timeline import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _HALF_CM = 0.5 + 1e-6

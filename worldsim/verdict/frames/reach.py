@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from patrol.ground.terrain import Terrain
     from patrol.journal.records import TickRecord
+    from worldsim.faults.timeline import Entry
     from worldsim.radio.ether import Link
-    from worldsim.timeline import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 ROUNDING_M = 1e-9

@@ -14,14 +14,14 @@ from patrol.pose import Pose
 from patrol.scenario.faults.kinds import Bandwidth
 from worldsim.radio.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of, there
 from worldsim.radio.rules import LEAST_BUCKET
-from worldsim.senses import Senses
+from worldsim.robots.senses import Senses
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.faults import FrameFaultCheck
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.airborne import BEFORE_THE_AIR, fates, fault_of, kind_of, origins_of
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Entry
+    from worldsim.faults.timeline import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 ROUNDING_BYTES = 1e-6

@@ -17,8 +17,8 @@ from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_TRAIL, Position, Rejected, decode, encode
-from worldsim.intruders import Intruders
-from worldsim.senses import Senses
+from worldsim.robots.intruders import Intruders
+from worldsim.robots.senses import Senses
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.airborne import sent_links

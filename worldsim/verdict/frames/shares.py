@@ -24,8 +24,8 @@ from worldsim.verdict.frames.timing import SOON
 
 if TYPE_CHECKING:
     from patrol.journal.records import TickRecord
+    from worldsim.faults.timeline import Entry, Timeline
     from worldsim.radio.ether import Link
-    from worldsim.timeline import Entry, Timeline
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 

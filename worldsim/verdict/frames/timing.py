@@ -18,8 +18,8 @@ from worldsim.verdict.frames.airborne import airborne, arrived
 if TYPE_CHECKING:
     from patrol.journal.links import Links
     from patrol.journal.records import TickRecord
+    from worldsim.faults.timeline import Entry
     from worldsim.radio.ether import Link
-    from worldsim.timeline import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 SOON = 0.2

@@ -12,7 +12,7 @@ from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Pose, command_of, is_halt
 from worldsim.kernels.apart import first_overlap
-from worldsim.motion import length
+from worldsim.robots.motion import length
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses

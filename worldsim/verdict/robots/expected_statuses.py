@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Pose
-from worldsim.bodies import overlap
-from worldsim.lifecycle import APPLIES
+from worldsim.faults.lifecycle import APPLIES
+from worldsim.robots.bodies import overlap
 from worldsim.verdict.common.check import Reading
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Act
+    from worldsim.faults.timeline import Act
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 

@@ -1,7 +1,7 @@
 """The verdict's check of drifts and clocks: what robots report of place and time, compared with the faults' numbers.
 
-It does not use `worldsim.senses`, which makes these errors, and repeats no draw: where noise or jumps are drawn it
-judges how large they are, and whether chance explains the noise.
+It does not use `worldsim.robots.senses`, which makes these errors, and repeats no draw: where noise or jumps are drawn
+it judges how large they are, and whether chance explains the noise.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from worldsim.verdict.common.faults import active
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Entry
+    from worldsim.faults.timeline import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 ROUNDED_M = 0.00501

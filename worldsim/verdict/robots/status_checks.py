@@ -10,7 +10,7 @@ from patrol.journal import Status, TickRecord
 from patrol.journal.links import links_of
 from patrol.journal.records import FORGED
 from patrol.scenario.faults.kinds import Pause
-from worldsim.lifecycle import LOOKED_AT, STOPPED, UNSEEN
+from worldsim.faults.lifecycle import LOOKED_AT, STOPPED, UNSEEN
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses

@@ -8,7 +8,7 @@ from patrol.scenario.faults.kinds import Lasting
 from worldsim.verdict.common.check import Check
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Entry
+    from worldsim.faults.timeline import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _ROUNDING = 1e-9

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from worldsim.lifecycle import process_name
+from worldsim.faults.lifecycle import process_name
 from worldsim.verdict.common.check import Check, CheckResult
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import pytest
 
 from patrol.pose import Pose
 from patrol.random import gauss
-from worldsim.senses import Senses
+from worldsim.robots.senses import Senses
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
@@ -92,12 +92,12 @@ def test_jumps_of_another_size_fail(
 def test_noise_of_another_size_or_with_a_bias_fails(
     judged: Any, monkeypatch: pytest.MonkeyPatch, factor: float, shift: float
 ) -> None:
-    monkeypatch.setattr("worldsim.senses.gauss", lambda *of: factor * gauss(*of) + shift)
+    monkeypatch.setattr("worldsim.robots.senses.gauss", lambda *of: factor * gauss(*of) + shift)
     assert senses(judged(NOISE, ticks=200))
 
 
 def test_a_pose_that_is_told_off_the_terrain_fails(judged: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("worldsim.senses._within", lambda value, _limits: value)
+    monkeypatch.setattr("worldsim.robots.senses._within", lambda value, _limits: value)
     assert "off the terrain" in senses(judged({**OVER, "noise": 0.0}))
 
 

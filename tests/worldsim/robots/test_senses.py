@@ -11,8 +11,8 @@ import pytest
 from patrol.pose import Pose
 from patrol.radio.message import MAX_TIME_MS, decode
 from patrol.scenario import load_scenario
-from worldsim.senses import Senses
-from worldsim.timeline import Timeline
+from worldsim.faults.timeline import Timeline
+from worldsim.robots.senses import Senses
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from patrol.journal import Status
 
 if TYPE_CHECKING:
-    from worldsim.timeline import Timeline
+    from worldsim.faults.timeline import Timeline
 
 SKIPPED = "skipped"
 WAITING = "waiting"

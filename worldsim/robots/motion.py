@@ -17,7 +17,7 @@ from worldsim.kernels.near import near_others
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import RobotSpec
-    from worldsim.bodies import Body
+    from worldsim.robots.bodies import Body
 
 
 def within_limits(spec: RobotSpec, command: Command) -> Command | None:

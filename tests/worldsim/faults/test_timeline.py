@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from patrol.scenario import RobotGroup, Scenario, load_scenario
 from patrol.scenario.faults.targets import size_of
-from worldsim.timeline import Act, Timeline
+from worldsim.faults.timeline import Act, Timeline
 
 SPARED = RobotGroup(count=5, spare=2)
 OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}, "duration": 100, "step": 0.5}

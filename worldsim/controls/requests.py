@@ -14,7 +14,7 @@ from patrol.net.security.control_auth import Admitted, ControlGate, Refused
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import read_control
 from patrol.scenario.copying import MAP
-from worldsim.operator import ControlRequest
+from worldsim.controls.operator import ControlRequest
 
 if TYPE_CHECKING:
     from collections import Counter
@@ -44,7 +44,7 @@ class Question(Protocol):
 
 
 class ControlMailbox:
-    """A `worldsim.operator.ControlRequests` that takes requests from operators who know the fleet's token."""
+    """A `worldsim.controls.operator.ControlRequests` that takes requests from operators who know the fleet's token."""
 
     def __init__(self, mailbox: CountingMailbox[Question], gate: ControlGate) -> None:
         """Take requests.

@@ -13,7 +13,7 @@ from patrol.errors import BadInput
 from patrol.net.keys import FleetKeys
 from patrol.net.security.control_auth import ASK, CHALLENGE, ControlClient, ControlGate, Unanswered
 from patrol.scenario.controls import Answer, Pause
-from worldsim.requests import MOST_AT_ONCE, ControlMailbox, answer_challenge
+from worldsim.controls.requests import MOST_AT_ONCE, ControlMailbox, answer_challenge
 
 KEYS = FleetKeys("f")
 TOKEN = "a token that is long enough"

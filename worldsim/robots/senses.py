@@ -17,7 +17,7 @@ from patrol.scenario.faults.kinds import Clock, Drift
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
-    from worldsim.timeline import Entry, Timeline
+    from worldsim.faults.timeline import Entry, Timeline
 
 _NOISE, _JUMP = 0, 1
 

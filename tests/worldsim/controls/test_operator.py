@@ -20,10 +20,10 @@ from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario, scenario_hash
 from patrol.scenario.controls import OPERATOR, Answer, amended, in_force, prepared_as_operated, read_control
 from patrol.scenario.copying import FILE, keep_scenario
+from worldsim.controls.operator import ControlRequest, Operator
+from worldsim.controls.requests import TIMELINE, keep_timeline
 from worldsim.fleet.loop import run_ticks
-from worldsim.operator import ControlRequest, Operator
 from worldsim.output.record import Recorder, header_of
-from worldsim.requests import TIMELINE, keep_timeline
 from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 from worldsim.world import World

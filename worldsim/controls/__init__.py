@@ -1,0 +1,1 @@
+"""An operator's controls: taken from the network, carried out between ticks."""

@@ -1,0 +1,1 @@
+"""When faults happen, and what they do to the processes of robots."""
