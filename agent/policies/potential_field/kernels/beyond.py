@@ -6,6 +6,8 @@ than the oldest one that may lend it its age.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit, types
 
@@ -18,10 +20,15 @@ index = types.uint64
 """Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
 
 
+# fmt: off
 @njit(
-    types.void(TICKS, TICKS, int64, int64, int64, int64, int64, TABLE, TABLE, LENGTHS, BOUNDS), cache=True, nogil=True
+    types.void(
+        TICKS, TICKS, int64, int64, int64, int64, int64, types.boolean, TABLE, TABLE, LENGTHS, BOUNDS,
+    ),
+    cache=True,
+    nogil=True,
 )
-def beyond(oldest, count, side, reach, row, col, tick, pull, decay, lengths, bounds):
+def beyond(oldest, count, side, reach, row, col, tick, straight, pull, decay, lengths, bounds):
     """Bound the forces of the points whose path is longer than a length, for several lengths.
 
     Args:
@@ -32,6 +39,7 @@ def beyond(oldest, count, side, reach, row, col, tick, pull, decay, lengths, bou
         row: The robot's row in the terrain.
         col: The robot's column in the terrain.
         tick: Now.
+        straight: Whether paths are straight lines, in all directions instead of eight.
         pull: float64 (mfow + 1,), f by age in ticks, not falling.
         decay: float64 (limit + 1,), g by length in hundredths of a point, not rising from 1 on; longer paths exert
             nothing.
@@ -61,6 +69,8 @@ def beyond(oldest, count, side, reach, row, col, tick, pull, decay, lengths, bou
                 when = min(when, int64(least[index(other)]))
             run = max(0, across * side - col, col - (across + 1) * side + 1)
             far = 100 * abs(run - rise) + 141 * min(run, rise)
+            if straight:
+                far = int64(100.0 * math.sqrt(run * run + rise * rise) + 0.5)
             if far > limit:
                 continue
             force = pull[index(min(tick - max(when, 0), eldest))]
@@ -84,3 +94,6 @@ def beyond(oldest, count, side, reach, row, col, tick, pull, decay, lengths, bou
                 total += tally[2, place]
                 most = max(most, tally[3, place])
         bounds[0, k], bounds[1, k] = total, most
+
+
+# fmt: on

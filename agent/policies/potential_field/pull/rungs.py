@@ -55,7 +55,17 @@ class Rungs:
         self._bounds = np.zeros((2, self.lengths.size))
         self._likely = 0
 
-    def begin(self, blocks: Blocks, row: int, col: int, tick: int, by_age: FloatArray, decay: FloatArray) -> int:
+    def begin(
+        self,
+        blocks: Blocks,
+        row: int,
+        col: int,
+        tick: int,
+        by_age: FloatArray,
+        decay: FloatArray,
+        *,
+        straight: bool = False,
+    ) -> int:
         """Bound what lies beyond each rung.
 
         Args:
@@ -65,11 +75,12 @@ class Rungs:
             tick: Now.
             by_age: float64, f by age in ticks.
             decay: float64, g by length in hundredths of a point.
+            straight: Whether paths are straight lines instead of waves' ways.
 
         Returns:
             The rung to begin with, which did at the last tick.
         """
-        beyond(*blocks, row, col, tick, by_age, decay, self.lengths, self._bounds)
+        beyond(*blocks, row, col, tick, straight, by_age, decay, self.lengths, self._bounds)
         return self._likely
 
     def sure(self, rung: int, sums: FloatArray, strongest: float) -> int:

@@ -19,6 +19,7 @@ from agent.policies.potential_field.pull.field import Field, Pull
 from agent.policies.potential_field.pull.force import ForceLaw
 from agent.policies.potential_field.pull.rungs import Rungs
 from agent.routes.ground import Area, Ground
+from agent.routes.straight import Straight
 from agent.routes.wave import Wave
 from experiments.inprocess import run_in_process
 from patrol.ground.fields import StaticFields
@@ -59,9 +60,13 @@ class Room:
         for row, col in hidden[dice.random(len(hidden)) < 0.5]:
             proxy[row, col] = row * shape[1] + col + 1
         patrolled = reach | (proxy >= 0)
-        fields, posts = StaticFields(reach, reach, patrolled, proxy), Posts(proxy)
+        straight = patrol.get("paths") == "straight"
+        fields, posts = (
+            StaticFields(reach, reach, patrolled, proxy),
+            Posts(np.full_like(proxy, -1) if straight else proxy),
+        )
         self.fog = Fog(patrolled)
-        self.dilated = Dilated(self.fog, reach, posts, int(dice.integers(0, 20)))
+        self.dilated = Dilated(self.fog, patrolled if straight else reach, posts, int(dice.integers(0, 20)))
         boxes = []
         for _ in range(int(dice.integers(1, 60))):
             row, col = (int(dice.integers(0, size)) for size in shape)
@@ -104,23 +109,26 @@ LAWS = [("f3", "g4"), ("f1", "g4"), ("f4", "g3"), ("f5", "g5"), ("f1", "g1"), ("
     seed=st.integers(0, 2**32 - 1),
     law=st.sampled_from(LAWS),
     separation=st.sampled_from(["none", "claims"]),
+    paths=st.sampled_from(["wave", "straight"]),
     sectors=st.sampled_from([4, 8, 16]),
     tolerance=st.sampled_from([0.0, 1e-16, 1e-8, 1e-3, 0.05, 0.5]),
     kept_out=st.booleans(),
     leaving_age=st.booleans(),
 )
-@example(71457, ("f5", "g4"), "none", 32, 1e-3, False, False)
-@example(71061, ("f5", "g5"), "none", 16, 0.5, False, False)
+@example(71457, ("f5", "g4"), "none", "wave", 32, 1e-3, False, False)
+@example(71061, ("f5", "g5"), "none", "wave", 16, 0.5, False, False)
 def test_what_is_left_out_changes_no_order_no_stop_and_no_bend(
     seed: int,
     law: tuple[str, str],
     separation: str,
+    paths: str,
     sectors: int,
     tolerance: float,
     kept_out: bool,
     leaving_age: bool,
 ) -> None:
     patrol = {"fow": law[0], "distance": law[1], "separation": separation, "sectors": sectors, "tolerance": tolerance}
+    patrol["paths"] = paths
     whole, some = Room(seed, kept_out=kept_out, leaving_age=leaving_age, **patrol).both()
     expected = bearings_by_force(whole.sums)
     sure = sectors if some.sure is None else some.sure
@@ -130,19 +138,21 @@ def test_what_is_left_out_changes_no_order_no_stop_and_no_bend(
         assert np.array_equal(some.sums, whole.sums)
 
 
-def test_much_is_left_out_where_what_is_stale_lies_close_by() -> None:
-    left_out = [Room(seed, separation="claims").both()[1].sure is not None for seed in range(8)]
+@pytest.mark.parametrize("paths", ["wave", "straight"])
+def test_much_is_left_out_where_what_is_stale_lies_close_by(paths: str) -> None:
+    left_out = [Room(seed, separation="claims", paths=paths).both()[1].sure is not None for seed in range(8)]
     assert sum(left_out) > 4
 
 
 @settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), law=st.sampled_from(LAWS))
-def test_bounds_hold_for_all_forces_beyond_a_length(seed: int, law: tuple[str, str]) -> None:
-    room = Room(seed, fow=law[0], distance=law[1])
+@given(seed=st.integers(0, 2**32 - 1), law=st.sampled_from(LAWS), straight=st.booleans())
+def test_bounds_hold_for_all_forces_beyond_a_length(seed: int, law: tuple[str, str], straight: bool) -> None:
+    room = Room(seed, fow=law[0], distance=law[1], paths="straight" if straight else "wave")
     row, col = room.places[0]
     by_age, decay = room.law.pull(room.mfow), room.law.decay
     height, width = room.fog.last_seen.shape
-    window = Wave(height, width, max(height, width))
+    sizes = height, width, max(height, width)
+    window = Straight(*sizes, room.fog.patrolled != 0) if straight else Wave(*sizes)
     window.begin(room.ground, row, col)
     window.extend(room.law.limit)
     lengths = window.length[1:-1, 1:-1].astype(np.int64)
@@ -155,11 +165,23 @@ def test_bounds_hold_for_all_forces_beyond_a_length(seed: int, law: tuple[str, s
     forces = by_age[ages] * decay[far]
     asked = np.array([100, 900, 4000, min(11_111, room.law.limit - 1)], dtype=np.int64)
     bounds = np.zeros((2, asked.size))
-    beyond(*room.dilated.blocks, row - 1, col - 1, TICK, by_age, decay, asked, bounds)
+    beyond(*room.dilated.blocks, row - 1, col - 1, TICK, straight, by_age, decay, asked, bounds)
     for length, total, greatest in zip(asked, *bounds, strict=True):
         rest = forces[far > length]
         assert rest.sum() <= total * (1.0 + 1e-9)
         assert rest.max(initial=0.0) <= greatest
+
+
+@pytest.mark.parametrize(("straight", "far"), [(False, 141 * 64 + 100 * 96), (True, 17_233)])
+def test_a_block_begins_where_the_shortest_way_to_it_ends(straight: bool, far: int) -> None:
+    oldest, count = np.full((5, 11), 50, dtype=np.int32), np.zeros((5, 11), dtype=np.int32)
+    oldest[4, 10], count[4, 10] = 10, 3
+    by_age, decay = np.arange(51.0), 1.0 / np.arange(1.0, 30_000.0)
+    bounds = np.zeros((2, 2))
+    asked = np.array([1000, 29_000], dtype=np.int64)
+    beyond(oldest, count, 16, 0, 0, 0, 50, straight, by_age, decay, asked, bounds)
+    assert bounds[:, 0].tolist() == [3 * 40.0 * decay[far], 40.0 * decay[far]]
+    assert bounds[:, 1].tolist() == [3 * 40.0 * decay[29_001], 40.0 * decay[29_001]]
 
 
 def test_a_rung_does_only_if_all_the_rest_cannot_change_the_order() -> None:
@@ -184,9 +206,9 @@ def test_robots_climb_until_no_rung_is_left() -> None:
 
 
 @pytest.mark.parametrize("body", ["holonomic", "differential", "car"])
-@pytest.mark.parametrize("separation", ["none", "claims"])
+@pytest.mark.parametrize(("separation", "paths"), [("none", "wave"), ("claims", "wave"), ("none", "straight")])
 def test_a_fleet_that_leaves_out_what_is_too_far_drives_as_one_that_does_not(
-    body: str, separation: str, monkeypatch: pytest.MonkeyPatch
+    body: str, separation: str, paths: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given_ = {"point": 0.5, "duration": 60, "robots.count": 3, "robots.model": body, "patrol.commitment": "none"}
     run = partial(run_in_process, verify_fog=False)
@@ -194,7 +216,7 @@ def test_a_fleet_that_leaves_out_what_is_too_far_drives_as_one_that_does_not(
     for whole in (False, True):
         if whole:
             monkeypatch.setattr(Field, "lead", lambda self, *asked: self.pull(*asked[:-1]))
-        outcome = run(open_scenario("yards", {**given_, "patrol.separation": separation}))
+        outcome = run(open_scenario("yards", {**given_, "patrol.separation": separation, "patrol.paths": paths}))
         assert outcome.journal.end is not None
         traces.append(outcome.journal.end.trace_hash)
     assert traces[0] == traces[1]
