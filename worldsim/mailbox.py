@@ -31,3 +31,12 @@ class CountingMailbox(Mailbox[T_co], Protocol[T_co]):
     """
 
     refused: Counter[str]
+
+
+class AnswersMailbox(CountingMailbox[T_co], Protocol[T_co]):
+    """A mailbox that also says how many messages are in it."""
+
+    @property
+    def waiting(self) -> int:
+        """How many messages wait to be taken."""
+        ...

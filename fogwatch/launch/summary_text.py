@@ -82,6 +82,11 @@ def measures(summary: Mapping[str, Any]) -> list[str]:
         frames, commands = (sum(deadlines[what].values()) for what in ("late_frames", "late_commands"))
         late = sum(deadlines["too_late"].values())
         lines.append(f"deadlines   missed by {commands} commands and {frames} frames; {late} of them came too late")
+        if held_up := deadlines.get("held_up_s"):
+            longest = deadlines["longest_held_up_s"]
+            lines.append(
+                f"            moved by {held_up:.2f} s while the world was held up, {longest:.2f} s at most in one tick"
+            )
     return lines
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from patrol.net.keys import FleetKeys
 from patrol.net.messages.phases import PROTOCOL, HelloReply
 from patrol.net.security.tick_chain import TickChain
-from worldsim.mailbox import CountingMailbox
+from worldsim.mailbox import AnswersMailbox
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class FleetConnection:
     keys: FleetKeys
     names: Mapping[int, str]
     posts: Mapping[int, Callable[[bytes], None]]
-    mailbox: CountingMailbox[Any]
+    mailbox: AnswersMailbox[Any]
     connected: Callable[[], bool]
     now: Callable[[], float]
     ending: Callable[[], bool]

@@ -1,15 +1,19 @@
 """A fleet of processes at the pace of the wall clock: the world waits for no robot.
 
 Tick k begins k steps after the first. Its phase A goes out at once, phase B as soon as all frames have come, at the
-latest a fifth of a step later with those that have come by then, and the step ends with the commands that have come by
-then. A frame that comes later is lost; a command that comes later counts for the tick it comes in, when that has none
-of its own. Each is a missed deadline. Where robots hear each other directly, the world only listens to their frames,
-and none can be late.
+latest a fifth of a step after phase A, and the step ends with the commands that have come by then. A frame that comes
+later is lost; a command that comes later counts for the tick it comes in, when that has none of its own. Each is a
+missed deadline. Where robots hear each other directly, the world only listens to their frames, and none can be late.
 
-What holds up the world itself, such as a machine that stands still for a moment, is no robot's fault: it would have
-cost all of them their deadlines at once. So deadlines move by as much. And where the world itself begins late, a robot
-has its fifth of a step from when its phase A has left, and half a step from when its phase B has. A tick that ends late
-is made up for by the next ones, which may be as short as that.
+Two things move deadlines, because they are no robot's fault:
+
+- The world tells its robots late. From when phase A has left a robot has a fifth of a step, from when phase B has, half
+  a step. What has come when the world looks is there in time, however long the world was busy.
+- The world is woken late from a wait, as on a machine that stands still for a moment. Robots have that time again, up
+  to a step in each tick, and the world counts it (`PacedFleet.held_up_s`).
+
+A tick that ends late is made up for by the next ones, which may last as little as half a step and the time to the last
+frame. Where that is not enough, the world falls behind and counts by how much (`PacedFleet.slipped_s`).
 """
 
 from __future__ import annotations
@@ -31,11 +35,10 @@ if TYPE_CHECKING:
 
 COMMAND_SHARE = 0.5
 """The least share of a step that robots have from phase B to their commands."""
-HELD_UP_S = 0.04
-"""The longest that the world is busy, or not woken, in the usual course of things, s. Whatever takes longer is a time
-in which the world was held up, and counts for no robot."""
-LOOK_S = HELD_UP_S / 2
-"""How long the world waits for a message at a time, s."""
+WAKING_S = 0.002
+"""How late the world is woken in the usual course of things, s; what is later counts as held up."""
+LOOK_S = 0.005
+"""How long the world waits for a message at a time, s; as much of what holds it up may pass unnoticed."""
 CUT_OFF_S = 2.0
 """A robot that has said nothing for so long, and for two ticks, is cut off."""
 
@@ -49,6 +52,8 @@ class PacedFleet:
         too_late: Frames by robot number that came after the deadline and reached nobody; the other late ones never
             came.
         slipped_s: By how much the world itself has fallen behind without catching up, s of wall time.
+        held_up_s: By how much deadlines were moved because the world was woken late, s of wall time.
+        longest_held_up_s: The most of that in one tick.
         meanwhile: Called now and then while a tick is waited for.
         aside: Called once a tick, when all robots have been sent phase A, for work that nobody waits for.
     """
@@ -72,6 +77,7 @@ class PacedFleet:
         self.late_commands: Counter[int] = Counter()
         self.too_late: Counter[int] = Counter()
         self.slipped_s = 0.0
+        self.held_up_s = self.longest_held_up_s = 0.0
         self.meanwhile: Callable[[], None] = lambda: None
         self.aside: Callable[[], None] = lambda: None
         self._sessions = sessions
@@ -80,6 +86,7 @@ class PacedFleet:
         self._step_s = self._tick_s = step_s
         self._k = 0
         self._closed = False  # no frame of this tick is taken any more
+        self._held_up_s = 0.0  # in this tick
         self._begins: float | None = None
         self._living: list[int] = []
         self._commands: dict[int, ReplyB] = {}
@@ -89,6 +96,7 @@ class PacedFleet:
         self._living = list(reports)
         self._k = k
         self._closed = False
+        self._held_up_s = 0.0
         self._begin()
         for number, report in reports.items():
             self._sessions.send(number, tell(k, report))
@@ -152,6 +160,8 @@ class PacedFleet:
             "too_late": dict(sorted(self.too_late.items())),
             "late_commands": dict(sorted(self.late_commands.items())),
             "slipped_s": self.slipped_s,
+            "held_up_s": self.held_up_s,
+            "longest_held_up_s": self.longest_held_up_s,
             **router_notes(self._router),
             **({} if self._listener is None else self._listener.notes()),
         }
@@ -179,24 +189,42 @@ class PacedFleet:
         Args:
             frames: Takes the frames of this tick, by robot number.
             told: When the last robot was sent the phase that this answers.
-            share: The share of the step after whose beginning it ends, and what the world is held up in between.
-            least: The least share of a step for which it lasts from `told`, beside what the world is held up.
+            share: The share of the step after whose beginning it ends.
+            least: The least share of a step for which it lasts from `told`.
             answering: It ends as soon as there are frames of all of these; None for not before its time.
         """
         assert self._begins is not None
-        held_up_s, before = 0.0, told
+        held_up_s = 0.0
         while answering is None or not answering <= frames.keys():
             now = self._sessions.now
-            held_up_s += now - before if now - before > HELD_UP_S else 0.0
-            before = now
             left = max(self._begins + share * self._tick_s, told + least * self._tick_s) + held_up_s - now
-            arrived = self._sessions.take(min(max(left, 0.0), LOOK_S))
-            if arrived is not None:
-                self._note(*arrived, frames)
-            elif left <= 0.0:
+            if left <= 0.0:
+                # No more than waits now: who floods the world keeps no tick open.
+                for _ in range(self._sessions.waiting):
+                    self._take(0.0, frames)
                 return
-            else:
+            look_s = min(left, LOOK_S)
+            arrived = self._take(look_s, frames)
+            held_up_s += self._woken_late(self._sessions.now - now - look_s)
+            if not arrived:
                 self.meanwhile()
+
+    def _take(self, timeout_s: float, frames: dict[int, Sequence[bytes]]) -> bool:
+        """Take one answer, if one comes in time; whether it did."""
+        arrived = self._sessions.take(timeout_s)
+        if arrived is not None:
+            self._note(*arrived, frames)
+        return arrived is not None
+
+    def _woken_late(self, late_s: float) -> float:
+        """How much time robots have again after a wait that took so much longer than it should, s; it is counted."""
+        if late_s <= WAKING_S:
+            return 0.0
+        credit = min(late_s, max(0.0, self._tick_s - self._held_up_s))
+        self._held_up_s += credit
+        self.held_up_s += credit
+        self.longest_held_up_s = max(self.longest_held_up_s, self._held_up_s)
+        return credit
 
     def _note(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, Sequence[bytes]]) -> None:
         if isinstance(answer, ReplyA):

@@ -103,6 +103,11 @@ class Sessions:
         return self._connection.now()
 
     @property
+    def waiting(self) -> int:
+        """How many messages wait to be taken."""
+        return self._connection.mailbox.waiting
+
+    @property
     def refused(self) -> Counter[str]:
         """Counts of messages from robots that were dropped, by reason."""
         return self._connection.mailbox.refused

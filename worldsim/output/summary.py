@@ -261,7 +261,9 @@ def _of_processes(journal: RunRecord) -> dict[str, Any]:
             what: {names[robot]: n for robot, n in notes.get(what, {}).items()}
             for what in ("late_frames", "too_late", "late_commands")
         }
-        facts["deadlines"] = {**late, "slipped_s": notes["slipped_s"]}
+        # Before runs counted it, the world was never forgiven.
+        held_up = {what: notes.get(what, 0.0) for what in ("held_up_s", "longest_held_up_s")}
+        facts["deadlines"] = {**late, "slipped_s": notes["slipped_s"], **held_up}
     return facts
 
 

@@ -129,6 +129,10 @@ def _deadlines(effort: Effort) -> Sequence[Measured]:
         Measured("commands missed", "", (float(sum(one["missed"] for one in summary["robots"].values())),), says=of),
         Measured("frames too late", "", (float(sum(late["late_frames"].values())),), says=of),
         Measured("the world fell behind by", "s, wall", (float(late["slipped_s"]),)),
+        Measured(
+            "the world was held up for", "s, wall", (float(late["held_up_s"]),), says="deadlines moved by as much"
+        ),
+        Measured("most of that in one tick", "s, wall", (float(late["longest_held_up_s"]),)),
         Measured("cores in use", "", ((_children_s() - used) / duration,), says="start and verdict included"),
     ]
 

@@ -45,6 +45,8 @@ class Net:
         self.mute: set[int] = set()
         self.connected = True
         self.ending = False
+        self.stands_still: deque[tuple[float, float]] = deque()
+        """When the whole machine stands still, and for how long, s."""
         self.wire = FleetConnection(
             KEYS,
             NAMES,
@@ -57,7 +59,15 @@ class Net:
         identity = RunIdentity(RUN, HASH, CHAIN, seat)
         self.sessions = Sessions(self.wire, identity)
 
+    @property
+    def waiting(self) -> int:
+        return sum(due <= self.time for due, *_ in self.letters)
+
     def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
+        if self.stands_still and self.stands_still[0][0] <= self.time + timeout_s:
+            since, for_s = self.stands_still.popleft()
+            self.letters = deque((due + for_s * (due > since), *letter) for due, *letter in self.letters)
+            self.time, timeout_s = max(self.time, since) + for_s, 0.0
         due = sorted(self.letters, key=lambda letter: letter[0])
         if due and due[0][0] <= self.time + timeout_s:
             self.letters.remove(due[0])

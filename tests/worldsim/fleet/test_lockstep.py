@@ -279,7 +279,8 @@ def test_the_world_keeps_to_the_clock() -> None:
         replies = fleet.phase_b(k, heard())
         assert net.time - began == pytest.approx(0.5 * (k + 1))
         assert all(reply is not None and reply.command == Velocity(float(k), 0.0) for reply in replies.values())
-    assert fleet.notes() == {"late_frames": {}, "too_late": {}, "late_commands": {}, "slipped_s": 0.0}
+    on_time = {"slipped_s": 0.0, "held_up_s": 0.0, "longest_held_up_s": 0.0}
+    assert fleet.notes() == {"late_frames": {}, "too_late": {}, "late_commands": {}, **on_time}
 
 
 def test_late_frames_are_lost_and_late_commands_count_where_they_come() -> None:

@@ -1,20 +1,28 @@
-"""At a pace: what holds up the world costs no robot a deadline, and the ticks find back to the clock."""
+"""At a pace: what holds up the world costs no robot a deadline and is counted, and the ticks find back to the clock."""
 
 from __future__ import annotations
 
 import pytest
 
-from patrol.net.messages.phases import PhaseA, PhaseB, ReplyA, ToRobot
+from patrol.exchange import Reply
+from patrol.net.messages.phases import ReplyA, ReplyB
+from patrol.pose import Velocity
 from tests.worldsim.fleet.net import NAMES, RUN, Net, heard, sensed
-from worldsim.fleet.paced import COMMAND_SHARE, HELD_UP_S, PacedFleet
+from worldsim.fleet.paced import COMMAND_SHARE, LOOK_S, WAKING_S, PacedFleet
 
 STEP_S = 0.5
 
 
-def fleet_at_a_pace() -> tuple[Net, PacedFleet]:
+def fleet_at_a_pace(step_s: float = STEP_S) -> tuple[Net, PacedFleet]:
     net = Net()
     net.gather()
-    return net, PacedFleet(net.sessions, STEP_S)
+    return net, PacedFleet(net.sessions, step_s)
+
+
+def run(fleet: PacedFleet, ticks: int) -> None:
+    for k in range(ticks):
+        fleet.phase_a(k, sensed(k))
+        fleet.phase_b(k, heard())
 
 
 def missed(fleet: PacedFleet) -> tuple[int, int]:
@@ -64,24 +72,82 @@ def test_ticks_that_began_late_find_back_to_the_clock() -> None:
     assert fleet.slipped_s == 0.0
 
 
-@pytest.mark.parametrize(("phase", "kind"), [("A", PhaseA), ("B", PhaseB)])
-def test_a_machine_that_stands_still_costs_no_robot_a_deadline(phase: str, kind: type[ToRobot]) -> None:
-    net, fleet = fleet_at_a_pace()
-    still_s = 2.0 * STEP_S
-    usual_s = {"A": 0.09, "B": 0.9 * STEP_S}[phase]
-    net.delays = {(number, 0, phase): still_s + usual_s for number in NAMES}
-    stood_still: list[float] = []
-
-    def stand_still() -> None:
-        if net.told(kind, 3) and not stood_still:
-            stood_still.append(net.time)
-            net.time += still_s
-
-    fleet.meanwhile = stand_still
-    fleet.phase_a(0, sensed(0))
-    fleet.phase_b(0, heard())
-    assert stood_still
+@pytest.mark.parametrize("step_s", [0.5, 0.05])
+@pytest.mark.parametrize("phase", ["A", "B"])
+@pytest.mark.parametrize("steps", [0.1, 0.5, 0.99])
+def test_a_machine_that_stands_still_costs_no_robot_a_deadline(phase: str, step_s: float, steps: float) -> None:
+    net, fleet = fleet_at_a_pace(step_s)
+    usual_s = {"A": 0.09, "B": 0.85}[phase] * step_s
+    net.delays = {(number, 0, phase): usual_s for number in NAMES}
+    net.stands_still.append((net.time + 0.5 * usual_s, steps * step_s))
+    run(fleet, 1)
     assert missed(fleet) == (0, 0)
+    assert fleet.held_up_s == fleet.longest_held_up_s == pytest.approx(steps * step_s, abs=LOOK_S + WAKING_S)
+    assert fleet.notes()["held_up_s"] == fleet.held_up_s
+
+
+def test_robots_have_a_step_again_at_most() -> None:
+    net, fleet = fleet_at_a_pace()
+    for _ in range(3):
+        net.stands_still.append((net.time + 0.2, 0.9 * STEP_S))
+    net.mute = {2}
+    began = net.time
+    run(fleet, 1)
+    assert fleet.held_up_s == fleet.longest_held_up_s == pytest.approx(STEP_S)
+    assert net.time - began < 4.0 * STEP_S
+
+
+def test_what_is_counted_as_held_up_is_no_usual_delay() -> None:
+    net, fleet = fleet_at_a_pace()
+    for look in range(20):
+        net.stands_still.append((net.time + 0.01 * look, 0.9 * WAKING_S))
+    run(fleet, 1)
+    assert fleet.held_up_s == 0.0
+
+
+@pytest.mark.parametrize("busy_s", [0.015, 0.025, 0.06, 0.2])
+def test_a_tick_ends_however_busy_the_world_is(busy_s: float) -> None:
+    net, fleet = fleet_at_a_pace()
+
+    def busy() -> None:
+        net.time += busy_s
+
+    fleet.meanwhile = busy
+    net.mute = {1}
+    began = net.time
+    run(fleet, 4)
+    assert net.time - began <= 4 * (STEP_S + busy_s)
+    assert missed(fleet) == (4, 4)
+    assert fleet.held_up_s == 0.0
+
+
+@pytest.mark.parametrize("aside_s", [0.04, 0.2])
+def test_what_comes_while_the_world_is_busy_is_there_in_time_and_who_is_mute_slows_nobody(aside_s: float) -> None:
+    net, fleet = fleet_at_a_pace()
+
+    def busy() -> None:
+        net.time += aside_s
+
+    fleet.aside = busy
+    net.mute = {1}
+    net.delays = {(2, k, "A"): 0.9 * max(0.1, aside_s) for k in range(20)}
+    began = net.time
+    run(fleet, 20)
+    assert net.time - began == pytest.approx(20 * STEP_S)
+    assert (fleet.late_frames, fleet.late_commands) == ({1: 20}, {1: 20})
+    assert fleet.slipped_s == fleet.held_up_s == 0.0
+
+
+def test_a_robot_that_floods_the_world_keeps_no_tick_open() -> None:
+    net, fleet = fleet_at_a_pace()
+    began = net.time
+    net.delays = {(2, 0, "B"): 1.2 * STEP_S}
+    fleet.phase_a(0, sensed(0))
+    for letter in range(1500):
+        net.deliver(1, ReplyB(1, 71, 0, RUN, Reply(Velocity(0.0, 0.0), "patrolling", None, 2.0, 0)), 0.0005 * letter)
+    fleet.phase_b(0, heard())
+    assert net.time - began < 1.1 * STEP_S
+    assert fleet.late_commands == {2: 1}
 
 
 def test_a_robot_that_alone_is_late_is_late() -> None:
@@ -92,16 +158,3 @@ def test_a_robot_that_alone_is_late_is_late() -> None:
     fleet.phase_b(0, heard())
     assert missed(fleet) == (1, 1)
     assert net.time - began == pytest.approx(STEP_S)
-
-
-def test_what_the_world_does_in_the_usual_course_of_things_is_no_hold_up() -> None:
-    net, fleet = fleet_at_a_pace()
-
-    def busy() -> None:
-        net.time += 0.9 * HELD_UP_S
-
-    fleet.aside = busy
-    net.mute = {1}
-    began = net.time
-    fleet.phase_a(0, sensed(0))
-    assert net.time - began == pytest.approx(0.1)

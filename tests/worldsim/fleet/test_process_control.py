@@ -59,6 +59,10 @@ class Stage:
             self.presence(number, True)
         self.sessions.gather(10.0, lambda _names, _s: None)
 
+    @property
+    def waiting(self) -> int:
+        return len(self.letters)
+
     def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
         due = min(self.letters, key=lambda letter: letter[0], default=None)
         if due is None or due[0] > self.time + timeout_s:

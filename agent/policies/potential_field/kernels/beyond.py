@@ -68,9 +68,10 @@ def beyond(oldest, count, side, reach, row, col, tick, straight, pull, decay, le
             for other in range(max(0, across - reach), min(cols, across + reach + 1)):
                 when = min(when, int64(least[index(other)]))
             run = max(0, across * side - col, col - (across + 1) * side + 1)
-            far = 100 * abs(run - rise) + 141 * min(run, rise)
             if straight:
-                far = int64(100.0 * math.sqrt(run * run + rise * rise) + 0.5)
+                far = int(100.0 * math.sqrt(run * run + rise * rise) + 0.5)
+            else:
+                far = 100 * abs(run - rise) + 141 * min(run, rise)
             if far > limit:
                 continue
             force = pull[index(min(tick - max(when, 0), eldest))]
