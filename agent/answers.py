@@ -58,7 +58,7 @@ def checked(intent: object, *, ours: bool = False) -> Intent:
     if not isinstance(intent.state, str) or not 0 < len(intent.state) <= MAX_STATE or not intent.state.isprintable():
         raise PolicyFailed(f"returned a state that is no printable word of at most {MAX_STATE} characters")
     figures = intent.figures
-    if not isinstance(figures, _MAPPINGS) or (figures and not all(isinstance(name, str) for name in figures)):
+    if not isinstance(figures, _MAPPINGS) or not all(isinstance(name, str) for name in figures):
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
     if _is_ready(intent, ours):
         return intent

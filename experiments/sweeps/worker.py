@@ -7,6 +7,7 @@ answers each with a JSON line. It ends when the input ends, even in the middle o
 from __future__ import annotations
 
 import gc
+import itertools
 import json
 import os
 import queue
@@ -154,10 +155,10 @@ def main() -> None:
     os.dup2(2, 1)  # other output must not mix with the answers
     tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(tasks,), daemon=True).start()
-    print(json.dumps(run_task(tasks.get()), allow_nan=False), file=out, flush=True)
-    spare_what_is_loaded()  # the first run has loaded all that later ones need
-    while True:
+    for done in itertools.count(1):
         print(json.dumps(run_task(tasks.get()), allow_nan=False), file=out, flush=True)
+        if done == 1:
+            spare_what_is_loaded()  # the first run has loaded all that later ones need
 
 
 def _read(tasks: queue.SimpleQueue[Task]) -> None:

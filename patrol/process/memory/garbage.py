@@ -12,6 +12,8 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+_spares_what_is_loaded = False
+
 
 def hold_collection() -> None:
     """Collect nothing until `begin_collection`; for a process that is about to load what it needs."""
@@ -21,13 +23,15 @@ def hold_collection() -> None:
 def begin_collection() -> None:
     """Collect from now on, but nothing that is there already; without `hold_collection` before it this does nothing."""
     if not gc.isenabled():
-        gc.freeze()
+        spare_what_is_loaded()
         gc.enable()
 
 
 def spare_what_is_loaded() -> None:
     """Collect from now on, but nothing that is there already; for a process that has collected once all is loaded."""
+    global _spares_what_is_loaded  # noqa: PLW0603 - there is one collector, and this says what has become of it
     gc.freeze()
+    _spares_what_is_loaded = True
 
 
 @contextmanager
@@ -38,7 +42,7 @@ def spared() -> Iterator[None]:
     nothing would collect it in the block. A process that spares already what it has loaded, nearly all there is, goes
     on as it is: to go through all that once more would take longer than it saves.
     """
-    if gc.get_freeze_count():
+    if _spares_what_is_loaded:
         yield
         return
     gc.collect()

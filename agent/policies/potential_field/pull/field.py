@@ -33,8 +33,7 @@ FIRST_LOOK = 20.0
 """Path length in m of the first round, whose forces determine the horizon of the second."""
 
 MARGIN = 1.02
-"""How much longer paths are followed at once than the horizon of the last tick, so that a few more do not take a second
-round."""
+"""By what factor paths are followed beyond the last tick's horizon, so that few ticks take a second round."""
 
 CLOSE_ENOUGH = 0.5
 """A place close by is worth a stop when it pulls with at least this share of the strongest force."""

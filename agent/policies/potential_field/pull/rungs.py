@@ -75,7 +75,7 @@ class Rungs:
             tick: Now.
             by_age: float64, f by age in ticks.
             decay: float64, g by length in hundredths of a point.
-            straight: Whether paths are straight lines instead of waves' ways.
+            straight: Whether paths are straight lines, through obstacles.
 
         Returns:
             The rung to begin with, which did at the last tick.

@@ -10,8 +10,9 @@ from patrol.process.memory.garbage import begin_collection, hold_collection, spa
 
 
 @pytest.fixture(autouse=True)
-def collector() -> Iterator[None]:
+def collector(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The collector as it was."""
+    monkeypatch.setattr("patrol.process.memory.garbage._spares_what_is_loaded", False)
     yield
     gc.unfreeze()
     gc.enable()

@@ -206,7 +206,7 @@ def test_robots_climb_until_no_rung_is_left() -> None:
 
 
 @pytest.mark.parametrize("body", ["holonomic", "differential", "car"])
-@pytest.mark.parametrize(("separation", "paths"), [("none", "wave"), ("claims", "wave"), ("none", "straight")])
+@pytest.mark.parametrize(("separation", "paths"), [("none", "wave"), ("claims", "wave"), ("claims", "straight")])
 def test_a_fleet_that_leaves_out_what_is_too_far_drives_as_one_that_does_not(
     body: str, separation: str, paths: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
