@@ -18,6 +18,8 @@ BEST = types.Array(types.float64, 1, "C")
 PLACES = types.Array(types.int64, 1, "C")
 int64 = types.int64
 float64 = types.float64
+index = types.uint64
+"""Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
 
 STRIP = 64
 """Columns of a strip."""
@@ -91,15 +93,21 @@ def posts_within(posts, cell, row0, col0, limit, seen, tick, least, found):
         low, high = begin, posts.shape[0]
         while low < high:
             middle = (low + high) // 2
-            if posts[middle, 2] < row0 + row or (posts[middle, 2] == row0 + row and posts[middle, 3] <= col0):
+            there = int64(posts[index(middle), 2])
+            if there < row0 + row or (there == row0 + row and posts[index(middle), 3] <= col0):
                 low = middle + 1
             else:
                 high = middle
         begin = low
-        while begin < posts.shape[0] and posts[begin, 2] == row0 + row and posts[begin, 3] < col0 + cols - 1:
-            known = int64(cell[row, posts[begin, 3] - col0])
-            if 0 < known <= most and tick - max(seen[posts[begin, 0], posts[begin, 1]], 0) >= least:
-                found[count] = posts[begin]
+        while begin < posts.shape[0]:
+            at = index(begin)
+            col = int64(posts[at, 3]) - col0
+            if posts[at, 2] != row0 + row or col >= cols - 1:
+                break
+            known = int64(cell[index(row), index(col)])
+            if 0 < known <= most and tick - max(int64(seen[index(posts[at, 0]), index(posts[at, 1])]), 0) >= least:
+                for k in range(4):
+                    found[index(count), k] = posts[at, k]
                 count += 1
             begin += 1
     return count
@@ -174,14 +182,14 @@ def hardest_of(
                 row, col, seen_row, seen_col = posts[k, 2] - row0, posts[k, 3] - col0, posts[k, 0], posts[k, 1]
             if row < 1 or row >= rows - 1 or col < 1 or col >= cols - 1:
                 continue
-            known = int64(cell[row, col])
+            known = int64(cell[index(row), index(col)])
             if known == 0 or known > most:
                 continue
-            when = max(seen[seen_row, seen_col], 0)
-            if tick - when < least or looked[seen_row, seen_col] >= tick:
+            age = tick - max(int64(seen[index(seen_row), index(seen_col)]), 0)
+            if age < least or looked[index(seen_row), index(seen_col)] >= tick:
                 continue
             far = max(known >> 1, 1)
-            force = log_pull[min(tick - when, log_pull.size - 1)] + log_decay[far]
+            force = log_pull[index(min(age, log_pull.size - 1))] + log_decay[index(far)]
             if force < best[0]:
                 continue
             nearest, matters = int64(UNKNOWN), False
