@@ -35,9 +35,10 @@ def test_a_building_is_a_map(tmp_path: Path) -> None:
     assert np.array_equal(load_terrain(scenario.terrain, scenario.point, scenario.base).passable, building.free)
 
 
-def test_no_robot_is_trapped_in_a_building(tmp_path_factory: pytest.TempPathFactory) -> None:
+@pytest.mark.parametrize("buildings", [2, pytest.param(10, marks=pytest.mark.accept)])
+def test_no_robot_is_trapped_in_a_building(buildings: int, tmp_path_factory: pytest.TempPathFactory) -> None:
     @given(SEEDS)
-    @settings(max_examples=6, phases=(Phase.explicit, Phase.generate))
+    @settings(max_examples=buildings, phases=(Phase.explicit, Phase.generate))
     def patrols(seed: int) -> None:
         findings = patrol(random_scenario(seed, tmp_path_factory.mktemp("building"), longest_s=300.0))
         assert not findings.stuck, findings

@@ -241,7 +241,7 @@ def _drives(row: RobotTick) -> bool:
     return row.decision_ms is not None and (row.c0, row.c1) != (0.0, 0.0)
 
 
-@pytest.mark.parametrize("pace", ["lockstep", 10])
+@pytest.mark.parametrize("pace", ["lockstep", pytest.param(10, marks=pytest.mark.accept)])
 def test_a_dead_world_ends_the_run_whatever_is_under_way(pace: str | float, start: Callable[..., Run]) -> None:
     faults = [{"kind": "pause", "who": "r1", "at": 3}, {"kind": "kill", "who": "r2", "at": 4}]
     run = start({**COARSE, "duration": 100_000, "pace": pace, "robots": 3 * [{}], "faults": faults})

@@ -44,8 +44,16 @@ MADE_MAP = "P2\n24 20\n255\n" + "\n".join(
 )
 
 
-@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
-@pytest.mark.parametrize("terrain", ["open", "yards", "made"])
+MODELS_ON_TERRAINS = [
+    (model, terrain) for terrain in ("open", "yards", "made") for model in ("holonomic", "differential", "car")
+]
+QUICK = ("holonomic", "open"), ("car", "yards"), ("differential", "made")
+
+
+@pytest.mark.parametrize(
+    ("model", "terrain"),
+    [pytest.param(*both, marks=() if both in QUICK else pytest.mark.accept) for both in MODELS_ON_TERRAINS],
+)
 def test_a_run_is_the_same_as_processes_and_in_one(
     model: str, terrain: str, start: Callable[..., Run], tmp_path: Path
 ) -> None:
@@ -123,7 +131,7 @@ def test_a_killed_agent_is_named_and_the_others_go_on(start: Callable[..., Run])
     assert statuses[-1] is Status.LOST
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.accept)])
 def test_an_interrupted_run_ends_everything_and_can_be_read(number: signal.Signals, start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
     run.until(lambda: run.ticks() > 20)

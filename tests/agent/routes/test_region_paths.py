@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 from pathlib import Path
 
@@ -218,9 +219,16 @@ def scenario(terrain: str, model: str, ticks: int, **patrol: object) -> Scenario
     )
 
 
-@pytest.mark.parametrize("direction", ["mode", "vector"])
-@pytest.mark.parametrize("model", ["car", "holonomic"])
-@pytest.mark.parametrize("terrain", ["yards", "clutter"])
+QUICK = ("yards", "car", "mode"), ("clutter", "holonomic", "vector")
+
+
+@pytest.mark.parametrize(
+    ("terrain", "model", "direction"),
+    [
+        pytest.param(*case, marks=() if case in QUICK else pytest.mark.accept)
+        for case in itertools.product(("yards", "clutter"), ("car", "holonomic"), ("mode", "vector"))
+    ],
+)
 def test_patrols_on_regions_see_everything(terrain: str, model: str, direction: str) -> None:
     outcome = run_in_process(scenario(terrain, model, 800, direction=direction))
     assert outcome.verdict.valid, outcome.verdict.failed
