@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.policies.potential_field.kernels.rivals import rivals_within
 from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, hardest_of, posts_within, survey
 from agent.policies.potential_field.targets.cells import NO_CELLS, Cells, Layer, around
-from agent.policies.potential_field.targets.search import least_lengths
 from agent.routes.routes import LONGEST
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class Question(NamedTuple):
 
     def beyond(self, limit: int) -> float:
         """The hardest that a point could pull whose path is longer than a limit in hundredths of a point."""
-        return float(self.pull[-1] + self.decay.of(np.array([limit]))[0])
+        return float(self.pull[-1] + self.decay.from_on(limit, limit + 1, 1)[0])
 
 
 class Nearby:
@@ -184,9 +184,10 @@ class Nearby:
 
     def _needed(self, asked: Question, force: float, least: int) -> int | None:
         """The length from which on nothing pulls as hard as a force, hundredths of a point; None without one."""
-        limits = np.arange(least, 100 * sum(asked.view.ground.terrain.shape), EVERY)
-        weaker = np.flatnonzero(asked.pull[-1] + asked.decay.of(limits) < force - ROUNDING * (1.0 + abs(force)))
-        return int(limits[weaker[0]]) if weaker.size else None
+        decay = asked.decay.from_on(least, 100 * sum(asked.view.ground.terrain.shape), EVERY)
+        weaker = asked.pull[-1] + decay < force - ROUNDING * (1.0 + abs(force))
+        first = int(weaker.argmax()) if weaker.size else 0
+        return least + first * EVERY if weaker.size and weaker[first] else None
 
     def _hardest(
         self, asked: Question, own: Surveyed, limit: int, known: int, least: float = -math.inf
@@ -244,12 +245,11 @@ class Nearby:
         """The paths of rivals to points that they may have a claim to."""
         longest, top, bottom, left, right = undecided[1:].tolist()
         limit = min(longest + self._decided, known)
-        rows, cols = asked.others[:, 0], asked.others[:, 1]
-        up, across = np.maximum(top - rows, rows - bottom).clip(0), np.maximum(left - cols, cols - right).clip(0)
-        near = least_lengths(up, across) <= limit
-        starts = [(row, col) for row, col in asked.others[near].tolist()]
-        if not starts:
+        near = np.empty_like(asked.others)
+        count = rivals_within(asked.others, limit, top, bottom, left, right, near)
+        if not count:
             return NO_CELLS
+        starts = [(row, col) for row, col in near[:count].tolist()]
         # Half of such a path is near its one end, and half of it near the other.
         ground = asked.view.ground
         box = around([(top, left), (bottom, right), *starts], limit // 200 + 2, ground.terrain.shape)

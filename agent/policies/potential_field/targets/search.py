@@ -64,6 +64,7 @@ class Decay:
         self._point = point
         self._stretch = 1.0
         self._table = np.zeros(0)
+        self._from_on: dict[tuple[int, int, int], NDArray[np.float64]] = {}
 
     def stretch(self, by: float) -> None:
         """Choose the unit of length.
@@ -73,6 +74,7 @@ class Decay:
         """
         if by != self._stretch:
             self._stretch, self._table = by, self._table[:0]
+            self._from_on.clear()
 
     def of(self, lengths: NDArray[np.int64]) -> NDArray[np.float64]:
         """By lengths above 0.
@@ -82,6 +84,22 @@ class Decay:
         """
         unit, patrol = self._point / PAPER_POINT / 100.0 / self._stretch, self._patrol
         return log_distance_force(patrol.distance, lengths.astype(np.float64) * unit, patrol.beta, patrol.length)
+
+    def from_on(self, first: int, end: int, step: int) -> NDArray[np.float64]:
+        """By some lengths at equal distances, remembered for the present unit.
+
+        Args:
+            first: The first length, above 0, in hundredths of a point; one of a few that are asked for.
+            end: Their end, exclusive.
+            step: From one to the next.
+
+        Returns:
+            float64, not to be changed.
+        """
+        asked = first, end, step
+        if asked not in self._from_on:
+            self._from_on[asked] = self.of(np.arange(first, end, step))
+        return self._from_on[asked]
 
     def table(self, longest: int) -> NDArray[np.float64]:
         """By length in hundredths of a point; 0 counts as 1.
