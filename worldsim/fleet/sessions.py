@@ -4,8 +4,8 @@ A process opens a session by answering the world's hello. From then on only that
 and instance, speaks for the robot, and another one that asks for the seat is turned away and counted. Where a launcher
 has started the processes, the world knows their instances beforehand (`patrol.net.security.seats`).
 
-A robot's liveliness token goes when its process or its link dies. It also goes, with all others, when the router does;
-so an absence counts only while the router answers, and after an outage only once clients have had time to reconnect.
+A robot's liveliness token goes when its process or its link dies, and with all others when the router does. So absence
+counts only while the router answers, and after an outage only once clients have had time to reconnect.
 
 Time is what `now` says, and messages come from a mailbox, so that all of this can be tested without a network.
 """
@@ -54,8 +54,8 @@ HELLO_S = 1.0
 GRACE_S = 0.3
 """How long a token must have been gone, the router answering, before its robot counts as gone."""
 RETURN_S = 12.0
-"""The same for one that was cut off before. Its connection breaks when the network is back, and it makes another: of
-one attempt that was under way then 10 s may be left, and the next begins half a second later."""
+"""The same for one that was cut off before, whose connection breaks when the network is back: 10 s may be left of an
+attempt to connect that was under way then, and the next begins half a second later."""
 RECOVERY_S = 5.0
 """How long clients may take to reconnect to a router that has returned."""
 DISMISSAL_S = 2.0
@@ -301,8 +301,7 @@ class Sessions:
             k: The tick that would be next.
             reason: For the processes to report.
         """
-        self._k = k
-        staying = [number for number in self._sessions if number not in self._dismissed]
+        self._k, staying = k, [number for number in self._sessions if number not in self._dismissed]
         until = self.now + (DISMISSAL_S / 4 if self._connection.ending() else DISMISSAL_S)
         sent = -HELLO_S
         while self.now < until:
